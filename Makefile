@@ -1,0 +1,73 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+.PHONY: help demo test clean
+help:
+	@echo 'make demo   set up a virtual environment and show a linkage move'
+	@echo 'make test   set up a virtual environment and run every check'
+	@echo 'make clean  remove what these made'
+	@echo 'PYTHON=python3.12 make ...  uses that Python; any from 3.10 to 3.13 will do'
+
+# The first Python that fits; one that can also make virtual environments, if there is any.
+find = $(shell for python in $(or $(PYTHON),python3 python python3.13 python3.12 python3.11 \
+	python3.10); do "$$python" -c 'import sys; [__import__(name) for name in "$(1)".split()]; \
+	sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1 \
+	&& echo "$$python" && break; done)
+BASE := $(or $(call find,venv ensurepip),$(call find))
+VERSION := $(if $(BASE),$(shell "$(BASE)" -c 'import sys; print("%d.%d" % sys.version_info[:2])'))
+
+# Where ROS 2 Jazzy is sourced, the environment takes that rclpy and must not hide it.
+JAZZY := $(and $(BASE),$(filter jazzy,$(ROS_DISTRO)),$(shell "$(BASE)" -c 'import rclpy' \
+	2>/dev/null && echo yes))
+ifdef JAZZY
+VENV := .venv-$(VERSION)-jazzy
+EXTRAS := viewer,chart
+else
+VENV := .venv-$(VERSION)
+EXTRAS := ros,viewer,chart
+# Another ROS, or one for another Python, would be mixed with the wheels of this one.
+ifdef ROS_DISTRO
+unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION
+endif
+endif
+RUN := $(VENV)/bin/python
+SETUP := setup.py setup.cfg constraints.txt
+
+# An environment whose Python has gone, say by an upgrade, is made again.
+$(if $(BASE),$(shell $(RUN) -c '' 2>/dev/null || rm -f $(VENV)/demo-ready $(VENV)/test-ready))
+
+# No build isolation: it would fetch whatever setuptools is newest, beside the constraints.
+install = $(RUN) -m pip install --quiet --disable-pip-version-check --no-build-isolation \
+	--constraint constraints.txt $(1) >>$(VENV)/pip.log 2>&1 || { \
+	if grep -qiE 'connection|network|resolution|timed out|proxy|ssl' $(VENV)/pip.log; \
+	then echo 'Set-up failed: no package index answers. Check the network, then run make again.'; \
+	else grep '^ERROR' $(VENV)/pip.log | tail -n 3; echo 'Set-up failed: see $(VENV)/pip.log'; \
+	fi >&2; exit 1; }
+
+demo: $(VENV)/demo-ready
+	@$(RUN) -m linkage_ros.demo
+
+# Plugins of a sourced ROS break today's pytest, so that only those named here are loaded.
+test: $(VENV)/test-ready
+	@$(RUN) -m ruff check --quiet
+	@$(RUN) -m ruff format --check --quiet
+	@$(RUN) -m mypy --no-error-summary
+	@PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin
+
+$(VENV)/demo-ready: $(SETUP)
+	@$(if $(BASE),,$(error $(if $(PYTHON),$(PYTHON) is no,No) Python from 3.10 to 3.13 \
+	$(if $(PYTHON),that runs here,was found). Install one, or name it: PYTHON=python3.12 make))
+	@"$(BASE)" -c 'import venv, ensurepip' 2>/dev/null || { echo 'Python $(VERSION) lacks its \
+	venv module. On Debian or Ubuntu: apt install python$(VERSION)-venv' >&2; exit 1; }
+	@echo 'Setting up $(VENV), once, in a minute or two ...'
+	@"$(BASE)" -m venv --clear $(if $(JAZZY),--system-site-packages) $(VENV)
+	@$(call install,setuptools)
+	@$(call install,--editable '.[$(EXTRAS)]')
+	@touch $@
+
+$(VENV)/test-ready: $(VENV)/demo-ready
+	@$(call install,--editable '.[test]')
+	@touch $@
+
+clean:
+	@rm -rf .venv-* build install log demo *.egg-info .hypothesis .mypy_cache .pytest_cache \
+		.ruff_cache

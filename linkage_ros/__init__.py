@@ -1,0 +1,35 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Planar linkages that move exactly: states, driving torque, ROS 2 node, log, replay and view."""
+
+__version__ = '0.1.0'
+
+from linkage_ros.errors import (
+    ConfigurationError,
+    LinkageError,
+    LogError,
+    MechanismError,
+    UnreachableError,
+    ViewerError,
+)
+from linkage_ros.mechanism import CROSSED, OPEN, Body, Coupler, FourBar, Frame
+from linkage_ros.mobility import Mobility
+from linkage_ros.solver import Solver, State
+
+__all__ = [
+    'CROSSED',
+    'OPEN',
+    'Body',
+    'ConfigurationError',
+    'Coupler',
+    'FourBar',
+    'Frame',
+    'LinkageError',
+    'LogError',
+    'MechanismError',
+    'Mobility',
+    'Solver',
+    'State',
+    'UnreachableError',
+    'ViewerError',
+]

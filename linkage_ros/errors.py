@@ -1,0 +1,45 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Every error that linkage_ros raises on purpose.
+
+A program reads the fields, a person reads the message: one line that names the value, the
+valid range and what to do.
+"""
+
+from __future__ import annotations
+
+
+class LinkageError(Exception):
+    """Base of all errors of this package."""
+
+
+class ConfigurationError(LinkageError, ValueError):
+    """A parameter, file or argument has a value that cannot be used."""
+
+
+class MechanismError(ConfigurationError):
+    """The lengths, masses or centres do not describe a mechanism."""
+
+
+class UnreachableError(LinkageError, ValueError):
+    """No state exists at this crank angle: the loop cannot close.
+
+    Attributes:
+        crank_angle: The first angle asked for that is out of reach, rad.
+        arcs: The reachable arcs of the crank, pairs (from, to) in rad; empty if there is none.
+    """
+
+    def __init__(
+        self, message: str, *, crank_angle: float, arcs: tuple[tuple[float, float], ...]
+    ) -> None:
+        super().__init__(message)
+        self.crank_angle = crank_angle
+        self.arcs = arcs
+
+
+class LogError(LinkageError):
+    """A log cannot be written or read as asked."""
+
+
+class ViewerError(LinkageError):
+    """The viewer cannot be started or reached as asked."""

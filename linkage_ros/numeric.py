@@ -1,0 +1,62 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arithmetic shared by all formulas: one spelling for floats and arrays, and exact short sums."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+
+# A float, or an array of floats: the formulas are written once for both. Any, because no type
+# of today says "float gives float, array gives array" through plain arithmetic.
+Real: TypeAlias = Any
+
+
+class Functions(Protocol):
+    """The elementary functions that a formula needs, for floats or for arrays."""
+
+    sin: Callable[[Real], Real]
+    cos: Callable[[Real], Real]
+    sqrt: Callable[[Real], Real]
+    atan2: Callable[[Real, Real], Real]
+    round: Callable[[Real], Real]
+    lowest: Callable[[Real], float]
+
+
+SCALAR: Functions = SimpleNamespace(
+    sin=math.sin, cos=math.cos, sqrt=math.sqrt, atan2=math.atan2, round=round, lowest=float
+)
+ARRAY: Functions = SimpleNamespace(
+    sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, lowest=np.min
+)
+
+# pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
+HALF_PI = (math.pi / 2, 6.123233995736766e-17)
+TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
+
+
+def wrap(angle: Real, functions: Functions) -> Real:
+    """An angle of a few turns brought into [-pi, pi], rad, without the rounding of 2 pi."""
+    turns = functions.round(angle * (1 / TWO_PI[0]))
+    return (angle - turns * TWO_PI[0]) - turns * TWO_PI[1]
+
+
+def short_sum(longest: float, *terms: float) -> float:
+    """The exact sum of link lengths, rounded once; 0 where it is below 4 ulp of the longest.
+
+    Lengths typed in decimals miss the equality that was meant: 0.2 + 0.3 - 0.1 - 0.4 is not 0
+    in binary. Four ulp cover the four roundings of the lengths themselves.
+
+    Args:
+        longest: Longest link, m.
+        *terms: Signed lengths, m.
+
+    Returns:
+        The sum, m.
+    """
+    total = math.fsum(terms)
+    return 0.0 if abs(total) < 4 * math.ulp(longest) else total

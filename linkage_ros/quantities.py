@@ -1,0 +1,203 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Dataclass fields that carry their meaning, unit and range, and check themselves.
+
+The fields of the mechanisms and of their drive are declared with `quantity`. The ROS
+parameters, their descriptors, the checks and the error messages are all read from these
+declarations, so that nothing is described twice.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import typing
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass
+from typing import Any, NamedTuple, TypeVar
+
+from linkage_ros.errors import ConfigurationError
+
+_T = TypeVar('_T')
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a field holds.
+
+    Attributes:
+        kind: 'number', 'pair', 'choice', 'text' or 'switch'.
+        meaning: One line for people.
+        unit: SI unit; empty where there is none.
+        low: Smallest valid value, inclusive (numbers and pairs).
+        high: Largest valid value, inclusive.
+        choices: The valid words of a choice.
+        live: Whether the value may be changed while the node runs.
+    """
+
+    kind: str
+    meaning: str
+    unit: str = ''
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+    live: bool = False
+
+    @property
+    def valid(self) -> str:
+        """The valid values in words."""
+        unit = f' {self.unit}' if self.unit else ''
+        return {
+            'number': f'a number from {self.low:g} to {self.high:g}{unit}',
+            'pair': f'two numbers [x, y], each from {self.low:g} to {self.high:g}{unit}',
+            'choice': 'one of ' + ', '.join(self.choices),
+            'text': 'text',
+            'switch': 'true or false',
+        }[self.kind]
+
+    def clean(self, name: str, value: object) -> object:
+        """Returns the value in its field's type.
+
+        Args:
+            name: What the error message calls the field.
+            value: Whole numbers are taken for numbers, lists for pairs.
+
+        Returns:
+            float, (float, float), str or bool.
+
+        Raises:
+            ConfigurationError: The value is of the wrong type or outside its range.
+        """
+        cleaned: object = None
+        if self.kind == 'number':
+            cleaned = self._number(value)
+        elif self.kind == 'pair':
+            cleaned = self._pair(value)
+        elif self.kind == 'switch':
+            cleaned = value if isinstance(value, bool) else None
+        elif isinstance(value, str) and (self.kind == 'text' or value in self.choices):
+            cleaned = value
+        if cleaned is None:
+            raise ConfigurationError(f'{name} = {shown(value)}: must be {self.valid}')
+        return cleaned
+
+    def _number(self, value: object) -> float | None:
+        if isinstance(value, bool) or not hasattr(value, '__float__'):
+            return None
+        try:
+            number = float(typing.cast('typing.SupportsFloat', value))
+        except (OverflowError, TypeError, ValueError):
+            return None
+        # Adding 0.0 turns -0.0 into 0.0, so that equal settings give equal bytes.
+        return number + 0.0 if self.low <= number <= self.high else None
+
+    def _pair(self, value: object) -> tuple[float, float] | None:
+        if isinstance(value, (str, bytes)) or not hasattr(value, '__iter__'):
+            return None
+        numbers = [self._number(item) for item in typing.cast('typing.Iterable[object]', value)]
+        if len(numbers) != 2 or numbers[0] is None or numbers[1] is None:
+            return None
+        return numbers[0], numbers[1]
+
+
+def shown(value: object) -> str:
+    """A value as an error message shows it: on one line and not endless."""
+    words = repr(value)
+    return words if len(words) <= 80 else words[:77] + '...'
+
+
+def quantity(
+    kind: str,
+    meaning: str,
+    unit: str = '',
+    *,
+    span: tuple[float, float] = (-math.inf, math.inf),
+    choices: tuple[str, ...] = (),
+    live: bool = False,
+    default: Any = MISSING,
+) -> Any:
+    """Declares a dataclass field that holds a `Quantity`; without default it is required."""
+    described = Quantity(kind, meaning, unit, *span, choices, live)
+    return dataclasses.field(default=default, metadata={'quantity': described})
+
+
+class Checked:
+    """Base of the frozen dataclasses whose fields are quantities: they are checked when made."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(typing.cast('Any', self)):
+            value = getattr(self, field.name)
+            described = field.metadata.get('quantity')
+            if described is not None and not (value is None and field.default is None):
+                object.__setattr__(self, field.name, described.clean(field.name, value))
+
+
+class Leaf(NamedTuple):
+    """One quantity of a dataclass or of the dataclasses nested in it.
+
+    Attributes:
+        name: Dotted path, such as 'crank.length'.
+        quantity: What it holds.
+        default: Its default; `MISSING` where it is required.
+    """
+
+    name: str
+    quantity: Quantity
+    default: object
+
+
+@functools.cache
+def leaves(cls: type) -> tuple[Leaf, ...]:
+    """All quantities of a dataclass, nested ones with dotted names, in order of declaration."""
+    return tuple(_walk(cls, ''))
+
+
+def _walk(cls: type, prefix: str) -> Iterator[Leaf]:
+    hints = typing.get_type_hints(cls)
+    for field in dataclasses.fields(cls):
+        described = field.metadata.get('quantity')
+        if described is not None:
+            yield Leaf(prefix + field.name, described, field.default)
+        else:
+            yield from _walk(hints[field.name], f'{prefix}{field.name}.')
+
+
+def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
+    """Makes a dataclass from flat dotted names, the inverse of `flatten`.
+
+    Args:
+        cls: A dataclass of quantities and of such dataclasses.
+        values: Values by dotted name; names that cls does not have are ignored.
+        prefix: Prepended to the names of cls.
+
+    Returns:
+        The object; fields that values does not name take their defaults.
+
+    Raises:
+        ConfigurationError: A value is bad; the message starts with its dotted name.
+    """
+    hints = typing.get_type_hints(cls)
+    arguments: dict[str, object] = {}
+    for field in dataclasses.fields(typing.cast('Any', cls)):
+        name = prefix + field.name
+        described = field.metadata.get('quantity')
+        if described is None:
+            arguments[field.name] = build(hints[field.name], values, name + '.')
+        elif name in values:
+            arguments[field.name] = described.clean(name, values[name])
+        elif field.default is MISSING:
+            raise ConfigurationError(f'{name} is missing: must be {described.valid}')
+    return cls(**arguments)
+
+
+def flatten(instance: object, prefix: str = '') -> dict[str, object]:
+    """The quantities of an object by dotted name; those that are None are left out."""
+    flat: dict[str, object] = {}
+    for field in dataclasses.fields(typing.cast('Any', instance)):
+        value = getattr(instance, field.name)
+        if field.metadata.get('quantity') is None:
+            flat.update(flatten(value, f'{prefix}{field.name}.'))
+        elif value is not None:
+            flat[prefix + field.name] = value
+    return flat

@@ -1,0 +1,108 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From the crank to the transmission angle: the one map behind every dyad with a crank.
+
+Let h be half the crank angle, counted from the line of the fixed pivots, and m half the angle
+at which coupler and rocker meet. By the factored closed form (docs/mechanisms.md)
+
+    cos^2 m = p + kappa^2 cos^2 h        sin^2 m = q + kappa^2 sin^2 h        p + q + kappa^2 = 1
+
+with constants of the lengths alone. The crank turns fully exactly where p >= 0 and q >= 0: then
+these are sums of terms that are never negative, and nothing cancels. Where p = 0 or q = 0, at
+change points, the root is taken with its sign, kappa cos h or kappa sin h, and motion runs
+smoothly through the point. With u = kappa cos h / cos m and v = kappa sin h / sin m
+
+    d(2m)/d(2h) = u v        d^2(2m)/d(2h)^2 = [u^2 (1 - v^2) cot m - v^2 (1 - u^2) tan m] / 2
+
+and no division by the sine of the transmission angle is left. The formulas are this project's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from linkage_ros.numeric import Functions, Real
+
+
+@dataclass(frozen=True)
+class TransmissionMap:
+    """The constants of the map.
+
+    Attributes:
+        reference: Direction of the reference line, rad, in two parts whose sum is exact to
+            twice the digits of a double.
+        kappa: Coupling, signed: negative where the reference is an odd number of turns away,
+            so that the branch named at crank angles 0 to pi from it is the one asked for.
+        p: cos^2 m at h = pi/2; negative: the crank cannot reach the far side.
+        q: sin^2 m at h = 0; negative: the crank cannot reach the near side.
+    """
+
+    reference: tuple[float, float]
+    kappa: float
+    p: float
+    q: float
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether a state exists at every crank angle."""
+        return self.p >= 0 and self.q >= 0
+
+    @property
+    def period_turns(self) -> int:
+        """Turns after which the motion repeats: 2 where one change point is passed, else 1."""
+        return 2 if (self.p == 0) != (self.q == 0) else 1
+
+    def half_angle(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
+        """Half of crank - reference, with the rounding error of that difference carried along.
+
+        Args:
+            crank: Crank angle, rad; float or array.
+            functions: SCALAR or ARRAY.
+
+        Returns:
+            sin h and cos h, right to an ulp even next to a change point.
+        """
+        high, low = self.reference
+        angle = crank - high
+        back = angle - crank
+        half_error = 0.5 * (((crank - (angle - back)) - (high + back)) - low)
+        half = 0.5 * angle
+        sin, cos = functions.sin(half), functions.cos(half)
+        return sin + half_error * cos, cos - half_error * sin
+
+    def squares(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
+        """sin^2 m and cos^2 m at a crank angle; negative where the loop cannot close."""
+        sin_h, cos_h = self.half_angle(crank, functions)
+        sine, cosine = self.kappa * sin_h, self.kappa * cos_h
+        return self.q + sine * sine, self.p + cosine * cosine
+
+    def solve(
+        self, sin_h: Real, cos_h: Real, functions: Functions
+    ) -> tuple[Real, Real, Real, Real]:
+        """The transmission angle at a half angle where the loop closes.
+
+        Args:
+            sin_h: From `half_angle`.
+            cos_h: From `half_angle`.
+            functions: SCALAR or ARRAY.
+
+        Returns:
+            sin m, cos m, d(2m)/d(2h) and d^2(2m)/d(2h)^2.
+        """
+        kappa, p, q = self.kappa, self.p, self.q
+        sine, cosine = kappa * sin_h, kappa * cos_h
+        # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
+        if p == 0.0:
+            cos, u, p_over_cube = cosine, 1.0, 0.0
+        else:
+            square = p + cosine * cosine
+            cos = functions.sqrt(square)
+            u, p_over_cube = cosine / cos, p / (square * cos)
+        if q == 0.0:
+            sin, v, q_over_cube = sine, 1.0, 0.0
+        else:
+            square = q + sine * sine
+            sin = functions.sqrt(square)
+            v, q_over_cube = sine / sin, q / (square * sin)
+        second = 0.5 * (u * u * cos * q_over_cube - v * v * sin * p_over_cube)
+        return sin, cos, u * v, second

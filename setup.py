@@ -1,0 +1,91 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The package, for colcon and for pip alike."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+package_name = 'linkage_ros'
+
+# Read, not imported: NumPy need not be there while the package is being built.
+version = re.search(
+    r"^__version__ = '(.+)'$",
+    Path(package_name, '__init__.py').read_text(encoding='utf-8'),
+    flags=re.MULTILINE,
+)[1]
+
+# Where no wheel exists an extra is empty, so that installing it succeeds all the same.
+has_ros_wheels = (
+    "sys_platform == 'linux' and platform_machine == 'x86_64' and python_version < '3.14'"
+)
+has_rerun_wheels = "sys_platform != 'darwin' or platform_machine == 'arm64'"
+
+
+def shared(folder: str, pattern: str) -> tuple[str, list[str]]:
+    """Install the files of a folder as share/linkage_ros/FOLDER."""
+    files = sorted(path.as_posix() for path in Path(folder).glob(pattern))
+    return f'share/{package_name}/{folder}', files
+
+
+setup(
+    name=package_name,
+    version=version,
+    description='Planar linkages that move exactly: states, driving torque, ROS 2 node, log, replay and view',
+    author='The linkage_ros authors',
+    author_email='maintainers@users.noreply.github.com',
+    maintainer='The linkage_ros authors',
+    maintainer_email='maintainers@users.noreply.github.com',
+    license='Apache-2.0',
+    packages=find_packages(include=[package_name, f'{package_name}.*']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        shared('config', '*.yaml'),
+        shared('launch', '*.launch.py'),
+        shared('rviz', '*.rviz'),
+    ],
+    entry_points={
+        'console_scripts': [
+            'linkage_node = linkage_ros.node:main',
+            'linkage_record = linkage_ros.record:main',
+            'linkage_replay = linkage_ros.replay:main',
+            'linkage_log = linkage_ros.log_tool:main',
+        ],
+    },
+    python_requires='>=3.10',
+    install_requires=['numpy>=1.26', 'mcap', 'PyYAML', 'tqdm'],
+    extras_require={
+        'ros': [
+            f'{name}; {has_ros_wheels}'
+            for name in (
+                'ros-rclpy[fastrtps]==7.1.6',
+                'ros-jazzy-diagnostic-msgs',
+                'ros-jazzy-geometry-msgs',
+                'ros-jazzy-rosgraph-msgs',
+                'ros-jazzy-sensor-msgs',
+                'ros-jazzy-std-msgs',
+                'ros-jazzy-trajectory-msgs',
+            )
+        ],
+        'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
+        'chart': ['matplotlib', 'scipy'],
+        'test': [
+            'colcon-common-extensions',
+            'hypothesis',
+            'mpmath',
+            'mypy',
+            'pytest',
+            'rosbags',
+            'ruff',
+            # From 80 on there is no `develop --editable`, which colcon links with.
+            'setuptools<80',
+            'types-PyYAML',
+            'types-tqdm',
+        ],
+    },
+    zip_safe=True,
+)
