@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.dynamics import MassBody, MassDistribution
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.four_bar import FourBarKinematics
 from linkage_ros.links import PerLink
 from linkage_ros.mechanism import FourBar
-from linkage_ros.mobility import assess, unreachable
+from linkage_ros.mobility import assess, refusal, unreachable
 from linkage_ros.numeric import ARRAY, SCALAR, Functions, Real
 
 # Arrays are worked through in pieces whose intermediate results stay in the processor's cache.
@@ -65,6 +65,15 @@ class Solver:
             ],
             mechanism.gravity,
         )
+
+    def require_full_turn(self) -> None:
+        """Refuses a linkage whose crank does not turn through every angle.
+
+        Raises:
+            MechanismError: With its class, what stops the crank, and where it can be.
+        """
+        if self._limited:
+            raise MechanismError(refusal(self.mobility, 'turn fully'))
 
     def state(self, crank: Real, speed: Real = 0.0, acceleration: Real = 0.0) -> State:
         """Solves positions, rates, accelerations and the driving torque.

@@ -1,0 +1,70 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the command lines share: an error is one line on stderr and exit code 2."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+
+from linkage_ros import __version__
+from linkage_ros.errors import LinkageError
+
+STOPPED_BY_USER = 130
+
+
+def make_parser(
+    name: str, purpose: str, examples: tuple[str, ...] = ()
+) -> argparse.ArgumentParser:
+    """A parser with --version and examples.
+
+    Args:
+        name: Of the executable.
+        purpose: One sentence.
+        examples: Command lines without the name.
+
+    Returns:
+        The parser.
+    """
+    shown = '\n'.join(f'  {name} {example}' for example in examples)
+    parser = argparse.ArgumentParser(
+        prog=name,
+        description=purpose,
+        epilog=f'examples:\n{shown}' if shown else None,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    return parser
+
+
+def run(name: str, command: Callable[[], int | None]) -> int:
+    """Runs a command.
+
+    Args:
+        name: Of the executable, for messages.
+        command: Does the work; returns its exit code, None for 0.
+
+    Returns:
+        The exit code: 2 for an error that the user can mend, 130 after Ctrl-C.
+    """
+    try:
+        code = command() or 0
+        sys.stdout.flush()
+    except LinkageError as error:
+        print_error(name, error)
+        return 2
+    except KeyboardInterrupt:
+        print(file=sys.stderr)
+        return STOPPED_BY_USER
+    except BrokenPipeError:
+        # The reader of our output has enough. Python would complain once more at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return code
+
+
+def print_error(name: str, error: object) -> None:
+    """Prints one line."""
+    print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)

@@ -1,0 +1,56 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ROS message types in use, as a bag has to describe them.
+
+A log is written on machines without ROS too, so the fields and the type hashes (REP 2011) stand
+here; a test compares both with the installed message packages.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+_HEADER = (
+    ('std_msgs/Header', 'builtin_interfaces/Time stamp\nstring frame_id\n'),
+    ('builtin_interfaces/Time', 'int32 sec\nuint32 nanosec\n'),
+)
+
+
+class Interface(NamedTuple):
+    """A message type.
+
+    Attributes:
+        name: Such as 'std_msgs/msg/Float64'.
+        hash: Its type hash, RIHS01.
+        definition: Its fields and, behind separators, those of the types it contains.
+    """
+
+    name: str
+    hash: str
+    definition: str
+
+
+def _interface(
+    name: str, digest: str, fields: str, contained: tuple[tuple[str, str], ...] = ()
+) -> Interface:
+    parts = [fields, *(f'MSG: {other}\n{text}' for other, text in contained)]
+    return Interface(name, f'RIHS01_{digest}', f'{"=" * 80}\n'.join(parts))
+
+
+JOINT_STATE = _interface(
+    'sensor_msgs/msg/JointState',
+    'a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e',
+    'std_msgs/Header header\n'
+    'string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n',
+    _HEADER,
+)
+FLOAT64 = _interface(
+    'std_msgs/msg/Float64',
+    '705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a',
+    'float64 data\n',
+)
+STRING = _interface(
+    'std_msgs/msg/String',
+    'df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18',
+    'string data\n',
+)

@@ -1,0 +1,96 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A configured mechanism at work: from a stamp to the bytes of its messages.
+
+The node, the recorder and the verifier all step the same machine, which is why equal
+configurations and elapsed times give equal bits in all of them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from linkage_ros.configuration import Configuration
+from linkage_ros.joints import FOUR_BAR_JOINTS, JointValues, joint_values
+from linkage_ros.messages import JointStateCodec, encode_float64, encode_string
+from linkage_ros.motion import CrankMotion
+from linkage_ros.solver import Solver
+from linkage_ros.urdf import make_urdf
+
+_NS = 10**9
+
+
+class Step(NamedTuple):
+    """One stamp's state and messages.
+
+    Attributes:
+        values: The joints.
+        joint_states: CDR bytes.
+        driving_torque: CDR bytes.
+    """
+
+    values: JointValues
+    joint_states: bytes
+    driving_torque: bytes
+
+
+class Machine:
+    """Steps one configuration.
+
+    Attributes:
+        configuration: What it was made from.
+        solver: Of its mechanism.
+        joints: Names, in the order of the messages.
+        description: robot_description message, CDR bytes.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        self.configuration = configuration
+        self.solver = Solver(configuration.mechanism)
+        self.joints = tuple(joint.name for joint in FOUR_BAR_JOINTS)
+        self.description = encode_string(make_urdf(configuration.mechanism))
+        self._codec = JointStateCodec(self.joints)
+        self._rate = configuration.session.rate_hz.as_integer_ratio()
+
+    def summary(self) -> str:
+        """What turns, in one line."""
+        kind, drive, session = (
+            self.configuration.kind, self.configuration.drive, self.configuration.session
+        )  # fmt: skip
+        return (
+            f'{kind.mechanism}, {self.configuration.mechanism.assembly}, '
+            f'{self.solver.mobility.grashof}, {drive.rpm:g} rpm at {session.rate_hz:g} Hz'
+        )
+
+    def begin(self, stamp: int) -> CrankMotion:
+        """The motion from a stamp, ns, on which t = 0 falls."""
+        return CrankMotion.begin(self.configuration.drive, stamp)
+
+    def elapsed(self, tick: int) -> int:
+        """Time from the first tick to another, ns: whole, and never off by accumulation."""
+        numerator, denominator = self._rate
+        return tick * _NS * denominator // numerator
+
+    def tick_at(self, elapsed: int) -> int:
+        """The last tick at or before an elapsed time, ns."""
+        numerator, denominator = self._rate
+        tick = elapsed * numerator // (_NS * denominator)
+        # `elapsed` rounds down, so that the next tick may already be due.
+        return tick + 1 if self.elapsed(tick + 1) <= elapsed else tick
+
+    def step(self, motion: CrankMotion, stamp: int) -> Step:
+        """Solves the state that belongs to a stamp.
+
+        Args:
+            motion: The piece of motion that the stamp lies in.
+            stamp: ns.
+
+        Returns:
+            The state and its messages.
+        """
+        crank = motion.at(stamp)
+        state = self.solver.state(crank.angle, crank.speed, crank.acceleration)
+        values = joint_values(FOUR_BAR_JOINTS, state, crank)
+        position, velocity, _, effort = values
+        joint_states = self._codec.encode(stamp, position, velocity, effort)
+        return Step(values, joint_states, encode_float64(effort[0]))

@@ -1,0 +1,169 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What every rclpy executable of the package does alike: start, spin, end, publish bytes."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+
+import rclpy
+from rclpy.exceptions import (
+    InvalidNamespaceException,
+    InvalidNodeNameException,
+    InvalidParameterTypeException,
+    InvalidTopicNameException,
+)
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.messages import Topic
+
+# What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
+# which has no public name, is a RuntimeError.
+_USER_ERRORS = (
+    RuntimeError,
+    ValueError,
+    InvalidParameterTypeException,
+    InvalidNamespaceException,
+    InvalidNodeNameException,
+    InvalidTopicNameException,
+)
+
+
+def message_class(name: str) -> type:
+    """The Python class of a message type.
+
+    Args:
+        name: Such as 'std_msgs/msg/Float64'.
+
+    Returns:
+        The class.
+    """
+    package, _, kind = name.split('/')
+    found: type = getattr(import_module(f'{package}.msg'), kind)
+    return found
+
+
+def create_publisher(node: Node, topic: Topic, name: str | None = None) -> Publisher:
+    """A publisher with the topic's quality of service; it takes messages as CDR bytes.
+
+    Args:
+        node: Its node.
+        topic: Type and quality of service.
+        name: Another name than the topic's own.
+
+    Returns:
+        The publisher.
+    """
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
+    qos = QoSProfile(
+        depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability
+    )
+    kind = message_class(topic.interface.name)
+    return node.create_publisher(kind, topic.name if name is None else name, qos)
+
+
+def start(arguments: list[str]) -> list[str]:
+    """Initialises rclpy; a bad command line or parameter file is one clear error.
+
+    Signals stay the caller's: rclpy's handlers would end the context under a running step.
+
+    Args:
+        arguments: The command line, ROS arguments included.
+
+    Returns:
+        The arguments that are not ROS's, without the program's name.
+
+    Raises:
+        ConfigurationError: rcl refuses them.
+    """
+    with _held_stderr() as release, reported_as_configuration():
+        others: list[str] = remove_ros_args(arguments)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        release()
+    return others[1:]
+
+
+@contextmanager
+def reported_as_configuration() -> Iterator[None]:
+    """Turns what rclpy raises for a user's slip into a ConfigurationError of one line.
+
+    Raises:
+        ConfigurationError: With rclpy's words, without its source lines.
+    """
+    try:
+        yield
+    except _USER_ERRORS as error:
+        text = ' '.join(str(error).split())
+        text = re.sub(r'(, at \S+:\d+)+|Error: error not set', '', text)
+        raise ConfigurationError(
+            f'{text.rstrip(" .,")}; check the ROS arguments (--ros-args -p NAME:=VALUE, '
+            '--params-file FILE, -r FROM:=TO)'
+        ) from error
+
+
+@contextmanager
+def _held_stderr() -> Iterator[Callable[[], None]]:
+    """Holds back what C code writes to stderr: rcl announces in a line of its own what it raises.
+
+    Yields:
+        Call it to let the words out after all.
+    """
+    sys.stderr.flush()
+    saved = os.dup(2)
+    with tempfile.TemporaryFile() as held:
+
+        def release() -> None:
+            held.seek(0)
+            os.write(saved, held.read())
+
+        os.dup2(held.fileno(), 2)
+        try:
+            yield release
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+
+
+class Stop:
+    """Ends a program in order on SIGINT and SIGTERM.
+
+    The main thread waits here, where Python handles signals at once; nodes are served by a
+    thread. So whatever still uses rclpy is ended before rclpy is.
+    """
+
+    def __init__(self) -> None:
+        self._event = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self._event.set())
+
+    def set(self) -> None:
+        """Asks for the end."""
+        self._event.set()
+
+    def wait(self, node: Node) -> None:
+        """Serves a node until the end is asked for.
+
+        Args:
+            node: Its callbacks run in a thread of their own.
+        """
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        thread = threading.Thread(target=executor.spin, name='executor', daemon=True)
+        thread.start()
+        self._event.wait()
+        executor.shutdown(timeout_sec=2.0)
+        thread.join(2.0)

@@ -1,0 +1,72 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The configuration as parameters of an rclpy node, each with its descriptor."""
+
+from __future__ import annotations
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from linkage_ros.configuration import Configuration, parameter_leaves
+from linkage_ros.quantities import Quantity
+
+_TYPES = {
+    'number': ParameterType.PARAMETER_DOUBLE,
+    'pair': ParameterType.PARAMETER_DOUBLE_ARRAY,
+    'choice': ParameterType.PARAMETER_STRING,
+    'text': ParameterType.PARAMETER_STRING,
+    'switch': ParameterType.PARAMETER_BOOL,
+}
+
+
+def describe(name: str, quantity: Quantity) -> ParameterDescriptor:
+    """The descriptor of a parameter: meaning, unit, range, and whether it may be set live.
+
+    Args:
+        name: Of the parameter.
+        quantity: What it holds.
+
+    Returns:
+        What `ros2 param describe` shows.
+    """
+    unit = f' [{quantity.unit}]' if quantity.unit else ''
+    span = FloatingPointRange(from_value=quantity.low, to_value=quantity.high)
+    return ParameterDescriptor(
+        name=name,
+        type=_TYPES[quantity.kind],
+        description=quantity.meaning + unit,
+        additional_constraints='' if quantity.kind in ('text', 'number') else quantity.valid,
+        read_only=not quantity.live,
+        floating_point_range=[span] if quantity.kind == 'number' else [],
+    )
+
+
+def declare(node: Node, configuration: Configuration) -> None:
+    """Declares every parameter of a configuration with the value that is in force.
+
+    Args:
+        node: The node.
+        configuration: Already checked; the node's own overrides are part of it.
+    """
+    values = configuration.parameters()
+    live = []
+    for name, quantity, _ in parameter_leaves(configuration.kind.mechanism):
+        # Values that were left out and mean "none" are not declared: ROS knows no such value.
+        if name in values:
+            # The overrides are in the configuration; rclpy would refuse 60 for 60.0.
+            node.declare_parameter(
+                name, values[name], describe(name, quantity), ignore_override=True
+            )
+        if quantity.live:
+            live.append(name)
+
+    def take_whole_numbers(parameters: list[Parameter]) -> list[Parameter]:
+        return [
+            Parameter(parameter.name, value=float(parameter.value))
+            if parameter.name in live and parameter.type_ == Parameter.Type.INTEGER
+            else parameter
+            for parameter in parameters
+        ]
+
+    node.add_pre_set_parameters_callback(take_whole_numbers)

@@ -1,0 +1,138 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Keeps time: calls for a step at each tick of a rate, at absolute deadlines, in its own thread.
+
+The tick number comes from the monotonic clock, never from counting calls: a late thread skips
+ticks, and says so, and the next state is right again. The stamp of tick n is t0 + n / rate on
+the wall clock; where somebody steps that clock, t0 moves with it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+# A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
+# the jitter of two clock readings never shows in them.
+CLOCK_STEP = 50_000_000
+# Longest uninterrupted sleep, s: how long a slow node may take to notice that it should stop.
+_NAP = 0.1
+
+
+class Ticks(Protocol):
+    """Which tick falls when, in whole ns (see `machine.Machine`)."""
+
+    def elapsed(self, tick: int) -> int:
+        """Time from tick 0 to a tick, ns."""
+
+    def tick_at(self, elapsed: int) -> int:
+        """The last tick at or before an elapsed time, ns."""
+
+
+@dataclass
+class Timekeeping:
+    """What became of the ticks so far.
+
+    Attributes:
+        kept: Ticks that were carried out.
+        missed: Ticks that were skipped because the thread was late by a period or more.
+        clock_steps: How often the wall clock was stepped.
+        latest: Greatest lateness of a tick since the start, ns.
+    """
+
+    kept: int = 0
+    missed: int = 0
+    clock_steps: int = 0
+    latest: int = 0
+
+
+class Stepper:
+    """Calls `step(stamp)` at every tick, and `restamp(old, new)` where the clock was stepped.
+
+    Attributes:
+        counts: What became of the ticks.
+        error: What a call failed with, which ended the thread; None while all is well.
+    """
+
+    def __init__(
+        self,
+        ticks: Ticks,
+        step: Callable[[int], None],
+        restamp: Callable[[int, int], None],
+        on_error: Callable[[BaseException], None],
+    ) -> None:
+        """Prepares the thread; `start` starts it.
+
+        Args:
+            ticks: The rate.
+            step: Called at each tick with its stamp, ns.
+            restamp: Called before a step whose stamp was to be `old`, ns, and will be `new`.
+            on_error: Called, from the thread, with what a call failed with.
+        """
+        self.counts = Timekeeping()
+        self.error: BaseException | None = None
+        self._ticks, self._step, self._restamp = ticks, step, restamp
+        self._on_error = on_error
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='stepper', daemon=True)
+
+    def start(self, begin: Callable[[int], None]) -> None:
+        """Starts ticking at once.
+
+        Args:
+            begin: Called, in the caller's thread, with the stamp of tick 0, ns.
+        """
+        self._origin, self._t0 = time.monotonic_ns(), time.time_ns()
+        self._offset = self._t0 - self._origin
+        begin(self._t0)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the thread after the step it is in."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            tick = 0
+            while not self._stop.is_set():
+                tick = self._await(tick)
+                if self._stop.is_set():
+                    return
+                stamp = self._stamp(tick)
+                self._step(stamp)
+                self.counts.kept += 1
+                tick += 1
+        except BaseException as error:  # noqa: BLE001, the node must learn of it, whatever it is
+            self.error = error
+            self._on_error(error)
+
+    def _await(self, tick: int) -> int:
+        """Sleeps until a tick is due; returns it, or a later one where it is too late for it."""
+        deadline = self._origin + self._ticks.elapsed(tick)
+        while (left := deadline - time.monotonic_ns()) > 0:
+            if left > 1e9 * _NAP:
+                if self._stop.wait(_NAP):
+                    return tick
+            else:
+                time.sleep(left * 1e-9)
+        due = self._ticks.tick_at(time.monotonic_ns() - self._origin)
+        self.counts.latest = max(self.counts.latest, -left)
+        self.counts.missed += due - tick
+        return due
+
+    def _stamp(self, tick: int) -> int:
+        """The stamp of a tick on the wall clock as it stands."""
+        stamp = self._t0 + self._ticks.elapsed(tick)
+        stepped = time.time_ns() - time.monotonic_ns() - self._offset
+        if abs(stepped) > CLOCK_STEP:
+            self._offset += stepped
+            self._t0 += stepped
+            self.counts.clock_steps += 1
+            self._restamp(stamp, stamp + stepped)
+            stamp += stepped
+        return stamp
