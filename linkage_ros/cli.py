@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable
 
 from linkage_ros import __version__
@@ -37,6 +39,34 @@ def make_parser(
     )
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
     return parser
+
+
+class Stop:
+    """Asks a program to end in order: set by SIGINT and SIGTERM, waited for by the main thread.
+
+    Python handles signals in the main thread, and at once only where that thread waits in
+    Python; so whatever works does so in other threads, or naps here.
+    """
+
+    def __init__(self) -> None:
+        self._event = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self._event.set())
+
+    def set(self) -> None:
+        """Asks for the end."""
+        self._event.set()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Waits.
+
+        Args:
+            timeout: Longest time, s; None: until the end is asked for.
+
+        Returns:
+            Whether the end was asked for.
+        """
+        return self._event.wait(timeout)
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:

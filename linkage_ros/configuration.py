@@ -164,10 +164,8 @@ def from_strings(strings: Mapping[str, str]) -> Configuration:
     Raises:
         ConfigurationError: A value is not JSON, or the configuration is bad.
     """
-    values = {}
-    for name, text in strings.items():
-        try:
-            values[name] = json.loads(text)
-        except ValueError as error:
-            raise ConfigurationError(f'{name} = {text!r} in the log is not JSON') from error
+    try:
+        values = {name: json.loads(text) for name, text in strings.items()}
+    except ValueError as error:
+        raise ConfigurationError(f'the logged configuration is not JSON: {error}') from error
     return configure(values)

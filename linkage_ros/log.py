@@ -8,6 +8,7 @@ import itertools
 import json
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +16,7 @@ from typing import NamedTuple, TypeAlias
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Channel, Message, Schema, Statistics
+from mcap.records import Statistics
 from mcap.writer import CompressionType, Writer
 
 from linkage_ros import __version__
@@ -176,7 +177,7 @@ class LoggedTopic(NamedTuple):
 
     name: str
     type: str
-    count: int
+    messages: int
     latched: bool
 
 
@@ -209,17 +210,15 @@ class LogReader:
             raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
         try:
             self._open()
-        except LinkageError:
-            self._stream.close()
-            raise
-        except _DAMAGE as error:
-            self._stream.close()
-            raise _damaged(self.path, error) from error
         except BaseException:
             self._stream.close()
             raise
 
     def _open(self) -> None:
+        with _damage_reported(self.path):
+            self._read_summary()
+
+    def _read_summary(self) -> None:
         self._reader = make_reader(self._stream, validate_crcs=True)
         summary = self._reader.get_summary()
         if summary is None or summary.statistics is None:
@@ -265,16 +264,10 @@ class LogReader:
         """
         wanted = None if topics is None else list(topics)
         stored = self._reader.iter_messages(topics=wanted, starting_at=start)
-        while True:
-            try:
-                item: tuple[Schema | None, Channel, Message] | None = next(stored, None)
-            except _DAMAGE as error:
-                raise _damaged(self.path, error) from error
-            if item is None:
-                return
-            schema, channel, message = item
-            kind = '' if schema is None else schema.name
-            yield LoggedMessage(channel.topic, kind, message.log_time, message.data)
+        with _damage_reported(self.path):
+            for schema, channel, message in stored:
+                kind = '' if schema is None else schema.name
+                yield LoggedMessage(channel.topic, kind, message.log_time, message.data)
 
     def close(self) -> None:
         """Closes the file."""
@@ -296,9 +289,17 @@ def _span(statistics: Statistics) -> tuple[int, int]:
     return statistics.message_start_time, statistics.message_end_time
 
 
-def _damaged(path: Path, error: Exception) -> LogError:
-    cause = ' '.join(f'{type(error).__name__}: {error}'.split())[:200]
-    return LogError(f'{path} is no readable MCAP file, or is damaged or not complete ({cause})')
+@contextmanager
+def _damage_reported(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except LinkageError:
+        raise
+    except _DAMAGE as error:
+        cause = ' '.join(f'{type(error).__name__}: {error}'.split())[:200]
+        raise LogError(
+            f'{path} is no readable MCAP file, or is damaged or not complete ({cause})'
+        ) from error
 
 
 def _motion_to_strings(motion: CrankMotion) -> dict[str, str]:

@@ -41,7 +41,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     configuration; rpm may be set at any time.
     """
 
-    def __init__(self, stop: ros.Stop) -> None:
+    def __init__(self, stop: cli.Stop) -> None:
         with ros.reported_as_configuration():
             super().__init__(_NAME)
         given = {name: p.value for name, p in self._parameter_overrides.items()}
@@ -161,8 +161,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         missed = self._stepper.counts.missed
         if missed > self._missed_before:
             self.get_logger().warning(
-                f'{missed - self._missed_before} ticks missed in the last second, {missed} so far: '
-                'the machine is too busy for this rate_hz'
+                f'{missed - self._missed_before} ticks missed in the last second, '
+                f'{missed} so far: the machine is too busy for this rate_hz'
             )
         self._missed_before = missed
 
@@ -179,14 +179,16 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
 def _check_parameter_files(arguments: list[str]) -> None:
     """Reads the files as rcl will, because our words about a slip are clearer than its own."""
-    names = [text.split(':=')[1] for text in arguments if text.startswith(('__node:=', '__name:='))]
+    names = [
+        text.split(':=')[1] for text in arguments if text.startswith(('__node:=', '__name:='))
+    ]
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
             read_parameter_file(path, names[-1] if names else _NAME)
 
 
 def _run(arguments: list[str]) -> int:
-    stop = ros.Stop()
+    stop = cli.Stop()
     parser = cli.make_parser(
         _NAME,
         'Turn the crank of a linkage on ROS 2; publishes joint_states and driving_torque.',
@@ -196,10 +198,10 @@ def _run(arguments: list[str]) -> int:
     parser.parse_args(ros.start(arguments))
     try:
         node = LinkageNode(stop)
-        node.start()
-        stop.wait(node)
-        well = node.close()
-        node.destroy_node()
+        with ros.served(node):
+            node.start()
+            stop.wait()
+            well = node.close()
     finally:
         rclpy.try_shutdown()
     return 0 if well else 1

@@ -10,7 +10,6 @@ declarations, so that nothing is described twice.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import typing
 from collections.abc import Iterator, Mapping
@@ -147,7 +146,6 @@ class Leaf(NamedTuple):
     default: object
 
 
-@functools.cache
 def leaves(cls: type) -> tuple[Leaf, ...]:
     """All quantities of a dataclass, nested ones with dotted names, in order of declaration."""
     return tuple(_walk(cls, ''))

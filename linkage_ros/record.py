@@ -70,7 +70,11 @@ def record(
 
 
 def _count(machine: Machine, duration: float | None, revolutions: int | None) -> int:
-    """How many states lie in [0, T)."""
+    """How many states lie in [0, T).
+
+    Raises:
+        ConfigurationError: T is not a positive number, or is never reached.
+    """
     if revolutions is None:
         seconds = _DEFAULT_DURATION if duration is None else duration
         if not 0 < seconds <= _LONGEST:

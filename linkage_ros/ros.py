@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import sys
 import tempfile
 import threading
@@ -108,6 +107,8 @@ def reported_as_configuration() -> Iterator[None]:
         yield
     except _USER_ERRORS as error:
         text = ' '.join(str(error).split())
+        if text.startswith('['):  # UnknownROSArgsError names them and nothing else
+            text = f'unknown ROS arguments {text}'
         text = re.sub(r'(, at \S+:\d+)+|Error: error not set', '', text)
         raise ConfigurationError(
             f'{text.rstrip(" .,")}; check the ROS arguments (--ros-args -p NAME:=VALUE, '
@@ -138,32 +139,23 @@ def _held_stderr() -> Iterator[Callable[[], None]]:
             os.close(saved)
 
 
-class Stop:
-    """Ends a program in order on SIGINT and SIGTERM.
+@contextmanager
+def served(node: Node) -> Iterator[None]:
+    """Serves a node's callbacks in a thread of their own; destroys the node at the end.
 
-    The main thread waits here, where Python handles signals at once; nodes are served by a
-    thread. So whatever still uses rclpy is ended before rclpy is.
+    Args:
+        node: The node.
+
+    Yields:
+        While it is served.
     """
-
-    def __init__(self) -> None:
-        self._event = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: self._event.set())
-
-    def set(self) -> None:
-        """Asks for the end."""
-        self._event.set()
-
-    def wait(self, node: Node) -> None:
-        """Serves a node until the end is asked for.
-
-        Args:
-            node: Its callbacks run in a thread of their own.
-        """
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        thread = threading.Thread(target=executor.spin, name='executor', daemon=True)
-        thread.start()
-        self._event.wait()
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    thread = threading.Thread(target=executor.spin, name='executor', daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
         executor.shutdown(timeout_sec=2.0)
         thread.join(2.0)
+        node.destroy_node()

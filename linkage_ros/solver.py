@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -100,10 +100,10 @@ class Solver:
                 return self._solve_chunks(*arrays)
             crank, speed, acceleration = (float(x) for x in arrays)
         if not isfinite(crank + speed + acceleration):
-            raise _not_finite(crank, speed, acceleration)
+            _refuse_not_finite(crank, speed, acceleration)
         state = self._solve(crank, speed, acceleration, SCALAR)
         if not isfinite(state.torque):
-            raise _not_finite(crank, speed, acceleration)
+            _refuse_not_finite(crank, speed, acceleration)
         return state
 
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
@@ -134,11 +134,11 @@ class Solver:
             piece = slice(start, start + _CHUNK)
             crank, speed, acceleration = (x[piece] for x in inputs)
             if not all(np.isfinite(x).all() for x in (crank, speed, acceleration)):
-                raise _not_finite(crank, speed, acceleration)
+                _refuse_not_finite(crank, speed, acceleration)
             with np.errstate(over='ignore', invalid='ignore'):
                 state = self._solve(crank, speed, acceleration, ARRAY)
             if not np.isfinite(state.torque).all():
-                raise _not_finite(crank, speed, acceleration)
+                _refuse_not_finite(crank, speed, acceleration)
             values = (*state.angle, *state.rate, *state.acceleration, state.torque)
             for row, value in zip(rows, values, strict=True):
                 row[piece] = value
@@ -146,14 +146,14 @@ class Solver:
         return State((a1, a2, a3), (r1, r2, r3), (e1, e2, e3), torque)
 
 
-def _not_finite(crank: Real, speed: Real, acceleration: Real) -> ConfigurationError:
+def _refuse_not_finite(crank: Real, speed: Real, acceleration: Real) -> NoReturn:
     named = {'crank angle': crank, 'speed': speed, 'acceleration': acceleration}
     for name, values in named.items():
         bad = np.atleast_1d(values)[~np.isfinite(np.atleast_1d(values))]
         if bad.size:
-            return ConfigurationError(f'{name} = {bad[0]}: must be a finite number')
+            raise ConfigurationError(f'{name} = {bad[0]}: must be a finite number')
     fastest, hardest = np.max(np.abs(speed)), np.max(np.abs(acceleration))
-    return ConfigurationError(
+    raise ConfigurationError(
         f'the torque overflows at a speed up to {fastest:g} rad/s and an acceleration up to '
         f'{hardest:g} rad/s^2: lower them'
     )

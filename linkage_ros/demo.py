@@ -1,0 +1,126 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The job that `make demo` runs: a four-bar turns on ROS 2 and is watched from outside.
+
+The node runs as a process of its own; this one subscribes, counts and reports. Where there is no
+rclpy, the same run is recorded without it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from linkage_ros import cli
+from linkage_ros.configuration import load
+from linkage_ros.errors import LinkageError
+from linkage_ros.record import record
+
+_NAME = 'demo'
+_FOLDER = Path('demo')
+_LOG, _VIEW = _FOLDER / 'quadrilateral.mcap', _FOLDER / 'quadrilateral.rrd'
+_SECONDS, _RPM, _RATE = 8.0, 150.0, 200.0
+
+
+class Heard:
+    """What a subscriber has received."""
+
+    def __init__(self) -> None:
+        self.stamps: list[int] = []
+        self.torques: list[float] = []
+
+    def report(self) -> str:
+        """A line for people.
+
+        Raises:
+            LinkageError: Next to nothing was received.
+        """
+        if len(self.stamps) < 2:
+            raise LinkageError(
+                f'received {len(self.stamps)} joint states; is multicast blocked on this machine, '
+                'or ROS_LOCALHOST_ONLY set for one process only?'
+            )
+        span = (self.stamps[-1] - self.stamps[0]) * 1e-9
+        gaps = [later - earlier for earlier, later in itertools.pairwise(self.stamps)]
+        return (
+            f'received {len(self.stamps)} joint states in {span:.2f} s: '
+            f'{(len(self.stamps) - 1) / span:.2f} Hz, stamps {min(gaps) * 1e-6:.3f} to '
+            f'{max(gaps) * 1e-6:.3f} ms apart, {span * _RPM / 60:.1f} turns, '
+            f'driving torque {min(self.torques):.4f} to {max(self.torques):.4f} N m'
+        )
+
+
+def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
+    """Subscribes to the node from this process."""
+    import rclpy
+    from sensor_msgs.msg import JointState
+
+    heard = Heard()
+
+    def hear(message: JointState) -> None:
+        stamp = message.header.stamp
+        heard.stamps.append(stamp.sec * 10**9 + stamp.nanosec)
+        heard.torques.append(message.effort[0])
+
+    rclpy.init()
+    try:
+        node = rclpy.create_node('demo_listener')
+        node.create_subscription(JointState, 'joint_states', hear, 10)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and process.poll() is None:
+            rclpy.spin_once(node, timeout_sec=0.1)
+        node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+    return heard
+
+
+def _live() -> None:
+    settings = {
+        'rpm': _RPM, 'rate_hz': _RATE, 'log': _LOG, 'log_overwrite': 'true', 'viewer': _VIEW,
+    }  # fmt: skip
+    arguments = [word for name, value in settings.items() for word in ('-p', f'{name}:={value}')]
+    command = [sys.executable, '-m', 'linkage_ros.node', '--ros-args', *arguments]
+    process = subprocess.Popen(command)  # noqa: S603
+    try:
+        heard = _listen(process, _SECONDS)
+    finally:
+        process.send_signal(signal.SIGINT)
+        code = process.wait(timeout=30)
+    if code != 0:
+        raise LinkageError(f'linkage_node ended with exit code {code}')
+    print(heard.report())
+
+
+def _recorded() -> None:
+    print('rclpy is not installed here: recording the run without ROS')
+    configuration = load('quadrilateral')
+    session = replace(configuration.session, rate_hz=_RATE)
+    record(replace(configuration, session=session), _LOG, duration=_SECONDS, overwrite=True)
+    command = [sys.executable, '-m', 'linkage_ros.replay', str(_LOG), '--no-ros', '--rate', '1000']
+    subprocess.run([*command, '--viewer', str(_VIEW)], check=True)  # noqa: S603
+
+
+def _run() -> None:
+    _FOLDER.mkdir(exist_ok=True)
+    _VIEW.unlink(missing_ok=True)
+    try:
+        import rclpy  # noqa: F401
+    except ModuleNotFoundError:
+        _recorded()
+    else:
+        _live()
+    python = Path(sys.executable).parent
+    shown = python.relative_to(Path.cwd()) if python.is_relative_to(Path.cwd()) else python
+    print(f'look inside:      {shown}/linkage_log info {_LOG}')
+    print(f'replay on topics: {shown}/linkage_replay {_LOG}')
+    print(f'watch it in 2-D:  {shown}/rerun {_VIEW}')
+
+
+if __name__ == '__main__':
+    sys.exit(cli.run(_NAME, _run))
