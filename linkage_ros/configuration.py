@@ -129,6 +129,19 @@ def _unknown(name: str, mechanism: str, valid: list[str]) -> str:
     return f'{name!r} is not a parameter of a {mechanism}{hint} Valid names: {known}'
 
 
+def find(source: str) -> Path:
+    """The parameter file that a path or the name of a preset stands for.
+
+    Args:
+        source: Path of a ROS 2 parameter file, or the name of a preset.
+
+    Returns:
+        The file, which need not exist where source is a path.
+    """
+    path = Path(source)
+    return path if path.suffix or path.exists() else presets.preset_path(source)
+
+
 def load(source: str) -> Configuration:
     """Reads the configuration of a parameter file or a preset.
 
@@ -141,10 +154,7 @@ def load(source: str) -> Configuration:
     Raises:
         ConfigurationError: There is no such file or preset, or it cannot be used.
     """
-    path = Path(source)
-    if not path.suffix and not path.exists():
-        path = presets.preset_path(source)
-    return configure(read_parameter_file(path))
+    return configure(read_parameter_file(find(source)))
 
 
 def to_strings(configuration: Configuration) -> dict[str, str]:

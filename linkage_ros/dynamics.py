@@ -9,8 +9,9 @@ work, m v . a, J w eps and P . v, then need the bodies only through two kinds of
     C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
 
 made once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
-through the spin of link j is sum_k A phi_k'' - B phi_k'^2, and the links' spins per unit of each
-independent speed (the partial velocities) make M, h and Q of it. No pin reaction appears.
+through the spin of link j is sum_k A phi_k'' - B phi_k'^2. Weighed with the links' spins per unit
+of each independent speed (the partial velocities), this and the weights' power make the equations
+of motion M q'' + h = Q + driving torque. No pin reaction appears.
 """
 
 from __future__ import annotations
@@ -54,50 +55,66 @@ class MassDistribution:
         weight = (complex(w).conjugate() * complex(*gravity) for w in first)
         self._weight = tuple((w.real, w.imag) for w in weight)
 
-    def equations(
-        self, links: Links, rates: PerLink, bias: PerLink
-    ) -> tuple[list[list[Real]], list[Real], list[Real]]:
-        """M, h and Q of M q'' + h = Q + driving torque, at one position and speed.
+    def balance(self, links: Links, rates: PerLink, accelerations: PerLink) -> tuple[Real, ...]:
+        """M q'' + h - Q: what has to act on each independent speed besides the weights.
+
+        It is linear in the accelerations. With those of the whole motion it is the driving
+        torque; with those that remain at q'' = 0 it is h - Q; at rest it is -Q, the weights.
 
         Args:
             links: The position.
             rates: Spin of each link, rad/s.
-            bias: Angular acceleration of each link while q'' = 0, rad/s^2.
+            accelerations: Angular acceleration of each link, rad/s^2.
 
         Returns:
-            Mass matrix M, kg m^2; inertia terms h at q'' = 0, N m; weights Q, N m: a row or
-            an entry for each independent speed, floats or arrays as in `links`.
+            N m for each speed that is an angle's; floats or arrays, as in `links`.
         """
         _, (c1, c2, c3), (s1, s2, s3), partial, _ = links
-        (w1, w2, w3), (b1, b2, b3) = rates, bias
+        (w1, w2, w3), (e1, e2, e3) = rates, accelerations
         d1, d2, d3 = self._diagonal
         (x1, y1), (x2, y2), (x3, y3) = self._weight
         c12, c13, c23 = self._coupling
-        a12 = a13 = a23 = 0.0
-        t1, t2, t3 = d1 * b1, d2 * b2, d3 * b3
+        t1, t2, t3 = (
+            d1 * e1 - (y1 * c1 - x1 * s1), d2 * e2 - (y2 * c2 - x2 * s2),
+            d3 * e3 - (y3 * c3 - x3 * s3),
+        )  # fmt: skip
         if c12:
-            a12, g = _coupled(c12, c1, s1, c2, s2)
-            t1, t2 = t1 + a12 * b2 - g * (w2 * w2), t2 + a12 * b1 + g * (w1 * w1)
+            a, b = _coupled(c12, c1, s1, c2, s2)
+            t1, t2 = t1 + a * e2 - b * (w2 * w2), t2 + a * e1 + b * (w1 * w1)
         if c13:
-            a13, g = _coupled(c13, c1, s1, c3, s3)
-            t1, t3 = t1 + a13 * b3 - g * (w3 * w3), t3 + a13 * b1 + g * (w1 * w1)
+            a, b = _coupled(c13, c1, s1, c3, s3)
+            t1, t3 = t1 + a * e3 - b * (w3 * w3), t3 + a * e1 + b * (w1 * w1)
         if c23:
-            a23, g = _coupled(c23, c2, s2, c3, s3)
-            t2, t3 = t2 + a23 * b3 - g * (w3 * w3), t3 + a23 * b2 + g * (w2 * w2)
-        f1, f2, f3 = y1 * c1 - x1 * s1, y2 * c2 - x2 * s2, y3 * c3 - x3 * s3
-        mass, inertial, force = [], [], []
-        for k1, k2, k3 in partial:
-            p1 = d1 * k1 + a12 * k2 + a13 * k3
-            p2 = a12 * k1 + d2 * k2 + a23 * k3
-            p3 = a13 * k1 + a23 * k2 + d3 * k3
-            row = []
-            for l1, l2, l3 in partial:
-                # A comprehension would cost a single float state a tenth of its time.
-                row.append(p1 * l1 + p2 * l2 + p3 * l3)
-            mass.append(row)
-            inertial.append(k1 * t1 + k2 * t2 + k3 * t3)
-            force.append(k1 * f1 + k2 * f2 + k3 * f3)
-        return mass, inertial, force
+            a, b = _coupled(c23, c2, s2, c3, s3)
+            t2, t3 = t2 + a * e3 - b * (w3 * w3), t3 + a * e2 + b * (w2 * w2)
+        return tuple([k1 * t1 + k2 * t2 + k3 * t3 for k1, k2, k3 in partial])
+
+    def matrix(self, links: Links) -> tuple[tuple[Real, ...], ...]:
+        """The mass matrix M.
+
+        Args:
+            links: The position.
+
+        Returns:
+            A row for each speed, kg m^2 between angles; floats or arrays, as in `links`.
+        """
+        _, (c1, c2, c3), (s1, s2, s3), partial, _ = links
+        d1, d2, d3 = self._diagonal
+        c12, c13, c23 = self._coupling
+        a12 = _coupled(c12, c1, s1, c2, s2)[0] if c12 else 0.0
+        a13 = _coupled(c13, c1, s1, c3, s3)[0] if c13 else 0.0
+        a23 = _coupled(c23, c2, s2, c3, s3)[0] if c23 else 0.0
+        momenta = [
+            (
+                d1 * k1 + a12 * k2 + a13 * k3,
+                a12 * k1 + d2 * k2 + a23 * k3,
+                a13 * k1 + a23 * k2 + d3 * k3,
+            )
+            for k1, k2, k3 in partial
+        ]
+        return tuple(
+            tuple(k1 * p1 + k2 * p2 + k3 * p3 for p1, p2, p3 in momenta) for k1, k2, k3 in partial
+        )
 
 
 def _coupled(

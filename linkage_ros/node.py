@@ -32,6 +32,8 @@ _NAME = 'linkage_node'
 _LOG_CAPACITY, _VIEW_CAPACITY = 120_000, 4_000
 # s between batches. With the log's flush period this bounds what a killed run loses.
 _LOG_PERIOD, _VIEW_PERIOD = 0.05, 0.03
+# s given to subscribers that are there already to find the node and to be matched with it.
+_DISCOVERY, _MATCH = 0.5, 0.1
 
 
 class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
@@ -68,10 +70,21 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     def start(self) -> None:
         """Starts turning."""
         self._description.publish(self._machine.description)
+        self._await_listeners()
         # What exists by now stays; without this, each collection would walk through all of it.
         gc.collect()
         gc.freeze()
         self._stepper.start(self._begin)
+
+    def _await_listeners(self) -> None:
+        """Lets subscribers that were there first find this node, so that they miss no state."""
+        end = time.monotonic() + _DISCOVERY
+        while time.monotonic() < end:
+            if self._states.get_subscription_count():
+                # The other side of the match may take a moment longer.
+                time.sleep(_MATCH)
+                return
+            time.sleep(0.01)
 
     def close(self) -> bool:
         """Stops turning and completes log and view.

@@ -19,6 +19,8 @@ from linkage_ros.numeric import ARRAY, SCALAR, Functions, Real
 
 # Arrays are worked through in pieces whose intermediate results stay in the processor's cache.
 _CHUNK = 4096
+# A named tuple's own constructor unpacks and repacks; at 3 us a state that would show.
+_new = tuple.__new__
 
 
 class State(NamedTuple):
@@ -113,11 +115,13 @@ class Solver:
         angle, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
         squared = speed * speed
         rate = k1 * speed, k2 * speed, k3 * speed
-        b1, b2, b3 = bias = c1 * squared, c2 * squared, c3 * squared
-        ((mass,),), (inertial,), (force,) = self._masses.equations(links, rate, bias)
-        torque = mass * acceleration + inertial - force
-        accelerations = b1 + k1 * acceleration, b2 + k2 * acceleration, b3 + k3 * acceleration
-        return State(angle, rate, accelerations, torque)
+        accelerations = (
+            c1 * squared + k1 * acceleration,
+            c2 * squared + k2 * acceleration,
+            c3 * squared + k3 * acceleration,
+        )
+        (torque,) = self._masses.balance(links, rate, accelerations)
+        return _new(State, (angle, rate, accelerations, torque))
 
     def _require_reachable(self, crank: Real, functions: Functions) -> None:
         squares = self._kinematics.map.squares(crank, functions)

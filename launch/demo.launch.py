@@ -1,0 +1,51 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The node and robot_state_publisher, for a parameter file or a preset: the linkage in tf.
+
+ros2 launch linkage_ros demo.launch.py params:=quadrilateral log:=run.mcap
+"""
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from linkage_ros.configuration import find, load
+from linkage_ros.urdf import make_urdf
+
+
+def start(context: LaunchContext) -> list[Node]:
+    """Starts both with the same description."""
+    params, log, viewer = (
+        LaunchConfiguration(name).perform(context) for name in ('params', 'log', 'viewer')
+    )
+    description = make_urdf(load(params).mechanism)
+    return [
+        Node(
+            package='linkage_ros',
+            executable='linkage_node',
+            parameters=[str(find(params)), {'log': log, 'viewer': viewer}],
+            output='screen',
+        ),
+        Node(
+            package='robot_state_publisher',
+            executable='robot_state_publisher',
+            parameters=[{'robot_description': description}],
+            # Both would publish it, latched; the node's is the one that belongs to the log.
+            remappings=[('robot_description', 'robot_state_publisher/robot_description')],
+        ),
+    ]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What `ros2 launch` asks for."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                'params', default_value='quadrilateral', description='parameter file or preset'
+            ),
+            DeclareLaunchArgument('log', default_value='', description='.mcap file to write'),
+            DeclareLaunchArgument('viewer', default_value='', description='spawn, URL or .rrd'),
+            OpaqueFunction(function=start),
+        ]
+    )

@@ -1,0 +1,110 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Real processes on real DDS for the tests: started, listened to from outside, stopped."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from linkage_ros.ros import message_class
+
+# Each test its own domain, so that leftovers of one never reach another.
+_domains = itertools.count(os.getpid() % 90)
+
+
+def fresh_domain():
+    return 10 + next(_domains) % 90
+
+
+def environment(domain):
+    return {
+        **os.environ,
+        'ROS_DOMAIN_ID': str(domain),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'PYTHONUNBUFFERED': '1',
+    }
+
+
+def command(module, *arguments):
+    return [sys.executable, '-m', f'linkage_ros.{module}', *map(str, arguments)]
+
+
+def node_arguments(**parameters):
+    words = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    return ['--ros-args', *words]
+
+
+@contextmanager
+def running(module, *arguments, domain):
+    process = subprocess.Popen(
+        command(module, *arguments),
+        env=environment(domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+class Listener:
+    """Subscribes to topics from this process and keeps the very bytes that arrive."""
+
+    def __init__(self, domain, topics):
+        self.received = {topic: [] for topic in topics}
+        self.arrived = {topic: [] for topic in topics}
+        self._context = Context()
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        rclpy.init(context=self._context, domain_id=domain)
+        self.node = Node('listener', context=self._context)
+        for topic, kind in topics.items():
+            latched = topic.endswith('robot_description')
+            durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+            self.node.create_subscription(
+                message_class(kind),
+                topic,
+                lambda data, topic=topic: self._hear(topic, data),
+                QoSProfile(depth=1 if latched else 1000, durability=durability),
+                raw=True,
+            )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        self._thread.start()
+
+    def _hear(self, topic, data):
+        self.arrived[topic].append(time.monotonic())
+        self.received[topic].append(bytes(data))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self._executor.shutdown()
+        self._thread.join()
+        self.node.destroy_node()
+        self._context.shutdown()
+
+
+def wait_for(condition, seconds=20.0):
+    """Waits until a condition holds; a test that needs it fails clearly where it never does."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f'not within {seconds} s'
+        time.sleep(0.01)

@@ -1,0 +1,318 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The real node as a process, on real DDS, watched from this one."""
+
+from __future__ import annotations
+
+import math
+import re
+import signal
+import subprocess
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from ros_harness import (
+    Listener,
+    command,
+    environment,
+    fresh_domain,
+    node_arguments,
+    running,
+    wait_for,
+)
+
+from linkage_ros.configuration import load, parameter_leaves
+from linkage_ros.log import LogReader
+from linkage_ros.machine import Machine
+from linkage_ros.messages import JointStateCodec
+
+JOINTS = ('crank', 'coupler', 'rocker')
+TYPES = {
+    '/joint_states': 'sensor_msgs/msg/JointState',
+    '/driving_torque': 'std_msgs/msg/Float64',
+    '/robot_description': 'std_msgs/msg/String',
+}
+CODEC = JointStateCodec(JOINTS)
+
+
+def decoded(messages):
+    return [CODEC.decode(data) for data in messages]
+
+
+def stop(process, number=signal.SIGINT):
+    process.send_signal(number)
+    out, err = process.communicate(timeout=20)
+    return process.returncode, out + err
+
+
+def logged(path):
+    with LogReader(path) as log:
+        messages = {topic.name: [] for topic in log.topics}
+        for message in log.messages():
+            messages[message.topic].append(message)
+        return log, messages
+
+
+def call(listener, kind, name, request):
+    client = listener.node.create_client(kind, f'/linkage_node/{name}')
+    assert client.wait_for_service(10.0)
+    future = client.call_async(request)
+    wait_for(future.done)
+    listener.node.destroy_client(client)
+    return future.result()
+
+
+def set_parameter(listener, name, **value):
+    parameter = Parameter(name=name, value=ParameterValue(**value))
+    request = SetParameters.Request(parameters=[parameter])
+    return call(listener, SetParameters, 'set_parameters', request).results[0]
+
+
+@pytest.fixture(scope='module')
+def ten_seconds(tmp_path_factory):
+    """A 10 s run at 200 Hz: what a subscriber received and what the log holds."""
+    path = tmp_path_factory.mktemp('run') / 'run.mcap'
+    domain = fresh_domain()
+    with (
+        Listener(domain, TYPES) as listener,
+        running('node', *node_arguments(log=path), domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received['/joint_states']) > 2000)
+        status = Path(f'/proc/{process.pid}/status').read_text()
+        code, output = stop(process)
+        time.sleep(0.3)
+    assert code == 0, output
+    return listener, path, output, status
+
+
+def test_every_message_arrives_in_order_with_stamps_one_period_apart(ten_seconds):
+    listener, path, output, _ = ten_seconds
+    log, messages = logged(path)
+    for topic in TYPES:
+        sent = [message.data for message in messages[topic]]
+        assert listener.received[topic] == sent, topic
+    stamps = [stamp for stamp, _ in decoded(listener.received['/joint_states'])]
+    assert len(stamps) > 2000
+    gaps = {later - earlier for earlier, later in pairwise(stamps)}
+    missed = sum(map(int, re.findall(r'(\d+) ticks missed in', output)))
+    assert gaps == {5_000_000} or (missed and gaps <= {5_000_000 * n for n in range(1, 50)})
+    session = replace(load('quadrilateral').session, log=str(path))
+    assert log.configuration == replace(load('quadrilateral'), session=session)
+
+
+def test_the_log_explains_every_state_to_the_bit(ten_seconds):
+    log, messages = logged(ten_seconds[1])
+    machine = Machine(log.configuration)
+    (motion,) = log.motions
+    for states, torque in zip(messages['/joint_states'], messages['/driving_torque'], strict=True):
+        stamp, _ = CODEC.decode(states.data)
+        step = machine.step(motion, stamp)
+        assert (step.joint_states, step.driving_torque) == (states.data, torque.data)
+
+
+def test_node_and_record_give_equal_bits_at_equal_elapsed_times(ten_seconds, tmp_path):
+    log, messages = logged(ten_seconds[1])
+    path = tmp_path / 'record.mcap'
+    subprocess.run(command('record', 'quadrilateral', path, '--duration', 10.5), check=True)
+    _, recorded = logged(path)
+    by_elapsed = dict(decoded(message.data for message in recorded['/joint_states']))
+    (motion,) = log.motions
+    live = decoded(message.data for message in messages['/joint_states'])
+    equal = [by_elapsed[stamp - motion.stamp] == numbers for stamp, numbers in live[:2000]]
+    assert all(equal)
+
+
+def test_memory_with_the_log_on_stays_below_130_mb(ten_seconds):
+    peak = int(re.search(r'VmHWM:\s+(\d+) kB', ten_seconds[3])[1])
+    assert peak < 130_000
+
+
+def test_start_line_names_the_preset_and_the_mechanism(ten_seconds):
+    assert (
+        'no mechanism given, so the quadrilateral: four_bar, open, crank-rocker'
+        in (ten_seconds[2])
+    )
+    assert 'Traceback' not in ten_seconds[2]
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_with_code_0_and_a_complete_log(tmp_path, number):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    with (
+        Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener,
+        running('node', *node_arguments(log=path, rate_hz='1000.0'), domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received['/joint_states']) > 300)
+        code, output = stop(process, number)
+    assert code == 0
+    assert 'Traceback' not in output
+    _, messages = logged(path)
+    assert len(messages['/joint_states']) >= len(listener.received['/joint_states'])
+
+
+def test_a_killed_run_loses_at_most_the_last_moments(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    with (
+        Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener,
+        running('node', *node_arguments(log=path, rate_hz='1000.0'), domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received['/joint_states']) > 1500)
+        process.kill()
+        process.wait()
+    saved = []
+    with path.open('rb') as stream, suppress(McapError, EndOfFile):
+        saved.extend(r.log_time for r in StreamReader(stream).records if isinstance(r, Message))
+    last = max(stamp for stamp, _ in decoded(listener.received['/joint_states']))
+    assert (last - max(saved)) * 1e-9 < 0.35
+    assert len(saved) > 2000
+
+
+def test_rpm_is_set_live_and_the_phase_goes_on(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = node_arguments(log=path, crank_acceleration='20.0')
+    with (
+        Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener,
+        running('node', *arguments, domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received['/joint_states']) > 100)
+        assert set_parameter(
+            listener, 'rpm', type=ParameterType.PARAMETER_INTEGER, integer_value=-60
+        ).successful
+        wait_for(lambda: decoded(listener.received['/joint_states'][-1:])[0][1][3] < -6.28)
+        assert set_parameter(
+            listener, 'rpm', type=ParameterType.PARAMETER_DOUBLE, double_value=0.5
+        ).successful
+        time.sleep(0.5)
+        assert stop(process)[0] == 0
+    log, messages = logged(path)
+    assert [motion.rpm for motion in log.motions] == [150.0, -60.0, 0.5]
+    states = decoded(message.data for message in messages['/joint_states'])
+    machine = Machine(log.configuration)
+    for stamp, numbers in states:
+        motion = [motion for motion in log.motions if motion.stamp <= stamp][-1]
+        position, velocity, _, effort = machine.step(motion, stamp).values
+        assert numbers == (*position, *velocity, *effort)
+    for (t0, a), (t1, b) in pairwise(states):
+        seconds = (t1 - t0) * 1e-9
+        mean = (a[3] + b[3]) / 2
+        # The trapezoid is exact but where a ramp ends or begins inside the gap.
+        assert b[0] - a[0] == pytest.approx(mean * seconds, abs=20.0 * seconds**2)
+
+
+def test_parameters_are_described_and_bad_values_refused():
+    domain = fresh_domain()
+    with (
+        Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener,
+        running('node', *node_arguments(), domain=domain) as process,
+    ):
+        wait_for(lambda: listener.received['/joint_states'])
+        names = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
+        leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves('four_bar')}
+        own = set(names.result.names) & set(leaves)
+        assert own == set(leaves) - {'start_rpm'}
+        request = DescribeParameters.Request(names=sorted(own))
+        described = call(listener, DescribeParameters, 'describe_parameters', request)
+        for descriptor in described.descriptors:
+            quantity = leaves[descriptor.name]
+            assert descriptor.description.startswith(quantity.meaning)
+            assert quantity.unit in descriptor.description
+            assert descriptor.read_only != quantity.live
+            if quantity.kind == 'number':
+                (span,) = descriptor.floating_point_range
+                assert (span.from_value, span.to_value) == (quantity.low, quantity.high)
+        values = call(
+            listener, GetParameters, 'get_parameters', GetParameters.Request(names=['rpm'])
+        )
+        assert values.values[0].double_value == 150.0
+        double = ParameterType.PARAMETER_DOUBLE
+        for name, value in (('rpm', math.nan), ('rpm', 1e7), ('crank.length', 0.2)):
+            refused = set_parameter(listener, name, type=double, double_value=value)
+            assert not refused.successful
+            assert refused.reason
+        text = set_parameter(
+            listener, 'rpm', type=ParameterType.PARAMETER_STRING, string_value='fast'
+        )
+        assert not text.successful
+        assert stop(process)[0] == 0
+    speeds = {numbers[3] for _, numbers in decoded(listener.received['/joint_states'])}
+    assert speeds == {5 * math.pi}
+
+
+BAD = [
+    (['-p', 'rpm:=fast'], r"rpm = 'fast': must be a number from -1e\+06 to 1e\+06 rpm"),
+    (['-p', 'rpm:=.nan'], 'rpm = nan: must be'),
+    (['-p', 'crank.length:=-1'], 'crank.length = -1: must be a number from 1e-09'),
+    (['-p', 'crank.lenght:=1.0'], 'did you mean crank.length'),
+    (['-p', 'crank.length:=0.3'], 'cannot turn fully: .* it reaches'),
+    (['-p', 'crank.length:=2.0'], 'longer than the other three'),
+    (['-p', 'mechanism:=five_bar'], 'must be one of four_bar'),
+    (['-p', 'mechanism:=four_bar'], 'frame.length is missing'),
+    (['-p', 'gravity:=[0, -9.81]'], 'same type'),
+    (['-p', 'coupler.center:=[1.0]'], 'two numbers'),
+    (['-p', 'log:='], 'override rule'),
+    (['-p', 'log:=/nowhere/run.mcap'], 'cannot be written: No such file'),
+    (['-p', 'viewer:=nonsense'], 'nonsense'),
+    (['-p', 'use_sim_time:=true'], 'use_sim_time'),
+    (['-p', 'use_sim_time:=3'], 'use_sim_time'),
+    (['-r', '__ns:=9x'], 'remap rule'),
+    (['--params-file', '/nowhere.yaml'], '/nowhere.yaml'),
+]
+
+
+def test_every_bad_start_ends_with_one_line_and_code_2():
+    def start(arguments):
+        return subprocess.run(
+            command('node', '--ros-args', *arguments),
+            env=environment(fresh_domain()),
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+
+    with ThreadPoolExecutor(2) as pool:
+        results = list(pool.map(start, [arguments for arguments, _ in BAD]))
+    for (arguments, pattern), result in zip(BAD, results, strict=True):
+        assert result.returncode == 2, (arguments, result.stderr)
+        assert re.fullmatch(r'linkage_node: [^\n]+\n', result.stderr), (arguments, result.stderr)
+        assert re.search(pattern, result.stderr), (arguments, result.stderr)
+        assert result.stdout == ''
+
+
+def test_node_and_record_refuse_a_file_in_the_same_words(tmp_path):
+    path = tmp_path / 'bad.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    gravity: [0, -9.81]\n')
+    domain = fresh_domain()
+    node, record = (
+        subprocess.run(words, env=environment(domain), capture_output=True, text=True)
+        for words in (
+            command('node', '--ros-args', '--params-file', path),
+            command('record', path, tmp_path / 'out.mcap'),
+        )
+    )
+    assert node.returncode == record.returncode == 2
+    assert node.stderr.split(': ', 1)[1] == record.stderr.split(': ', 1)[1]
+    assert not (tmp_path / 'out.mcap').exists()
+
+
+def test_a_namespace_moves_topics_and_log_alike(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = [*node_arguments(log=path), '-r', '__ns:=/left', '-r', 'driving_torque:=torque']
+    with (
+        Listener(domain, {'/left/joint_states': TYPES['/joint_states']}) as listener,
+        running('node', *arguments, domain=domain) as process,
+    ):
+        wait_for(lambda: listener.received['/left/joint_states'])
+        assert stop(process)[0] == 0
+    log, _ = logged(path)
+    names = {topic.name for topic in log.topics}
+    assert names == {'/left/joint_states', '/left/torque', '/left/robot_description'}

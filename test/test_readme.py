@@ -1,0 +1,60 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the README and the CHANGELOG say is what the code does."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from dataclasses import MISSING
+from pathlib import Path
+
+import pytest
+
+from linkage_ros.configuration import parameter_leaves
+from linkage_ros.messages import TOPICS
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / 'README.md').read_text()
+
+
+def table():
+    rows = []
+    for name, quantity, default in parameter_leaves('four_bar'):
+        unit = f', {quantity.unit}' if quantity.unit else ''
+        if default is MISSING:
+            shown = 'required'
+        elif default is None:
+            shown = '-'
+        else:
+            shown = f'`{list(default) if isinstance(default, tuple) else default!r}`'
+            shown = {'`True`': '`true`', '`False`': '`false`'}.get(shown, shown)
+        rows.append(f'| `{name}` | {quantity.kind}{unit} | {shown} | {quantity.meaning} |')
+    return '\n'.join(rows)
+
+
+def test_the_parameter_table_is_the_code_s():
+    assert table() in README, f'README.md should hold\n{table()}'
+
+
+def test_every_topic_and_executable_is_listed():
+    for topic in TOPICS:
+        package, _, kind = topic.interface.name.split('/')
+        assert f'| `{topic.name}` | {package}/{kind}' in README
+    names = re.findall(r"'(linkage_\w+) = ", (ROOT / 'setup.py').read_text())
+    assert names
+    for name in names:
+        assert f'| `{name}' in README
+
+
+def test_the_python_lines_run(capsys):
+    (block,) = re.findall(r'## In Python\n\n((?:    .*\n|\n)+)', README)
+    exec(compile(textwrap.dedent(block), 'README.md', 'exec'), {})
+    grashof, torque = capsys.readouterr().out.split()
+    assert grashof == 'crank-rocker'
+    assert -10 < float(torque) < 10
+
+
+@pytest.mark.parametrize('link', re.findall(r'\]\(([^)#]+)\)', README))
+def test_links_lead_somewhere(link):
+    assert link.startswith('https://') or (ROOT / link).exists()

@@ -1,0 +1,144 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import threading
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from linkage_ros import stepper
+from linkage_ros.configuration import configure
+from linkage_ros.machine import Machine
+from linkage_ros.stepper import CLOCK_STEP, Stepper
+
+MS = 1_000_000
+
+
+class Clock:
+    """Both clocks of a machine; sleeping moves them, and so may a step that takes long."""
+
+    def __init__(self, wall=1_700_000_000 * 10**9):
+        self.mono, self.wall, self.naps = 5_000, wall, []
+
+    def monotonic_ns(self):
+        return self.mono
+
+    def time_ns(self):
+        return self.wall
+
+    def sleep(self, seconds):
+        self.naps.append(seconds)
+        self.advance(round(seconds * 1e9))
+
+    def advance(self, ns):
+        self.mono += ns
+        self.wall += ns
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(stepper, 'time', clock)
+    return clock
+
+
+def run(clock, rate_hz, ticks, act=lambda tick: None):
+    """Steps until so many ticks were carried out; returns stamps, restamps and the stepper."""
+    machine = Machine(configure({'rate_hz': rate_hz}))
+    stamps, restamps, done = [], [], threading.Event()
+
+    def step(stamp):
+        stamps.append(stamp)
+        act(len(stamps))
+        if len(stamps) == ticks:
+            worker._stop.set()
+            done.set()
+
+    def restamp(old, new):
+        restamps.append((old, new))
+
+    errors = []
+    worker = Stepper(machine, step, restamp, lambda error: (errors.append(error), done.set()))
+    began = []
+    worker.start(began.append)
+    assert done.wait(20)
+    worker.stop()
+    return stamps, restamps, worker, began[0], errors
+
+
+def test_stamps_are_the_start_plus_whole_periods_whatever_the_lateness(clock):
+    stamps, restamps, worker, t0, _ = run(
+        clock, 30.0, 200, lambda tick: clock.advance((tick * 7919) % (20 * MS))
+    )
+    assert stamps == [t0 + n * 10**9 // 30 for n in range(200)]
+    assert (worker.counts.missed, worker.counts.kept, restamps) == (0, 200, [])
+
+
+def test_ticks_that_a_late_thread_cannot_keep_are_skipped_and_counted(clock):
+    stamps, _, worker, t0, _ = run(
+        clock, 1000.0, 50, lambda tick: clock.advance(7_300_000 if tick == 10 else 0)
+    )
+    # Tick 9 is carried out at 9 ms and lasts until 16.3 ms: 10 to 15 are lost.
+    assert stamps[:10] == [t0 + n * MS for n in range(10)]
+    assert stamps[10:] == [t0 + n * MS for n in range(16, 56)]
+    assert worker.counts.missed == 6
+
+
+def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock):
+    jump = -3_600 * 10**9
+
+    def act(tick):
+        if tick == 20:
+            clock.wall += jump
+
+    stamps, restamps, worker, t0, _ = run(clock, 100.0, 40, act)
+    assert stamps[:20] == [t0 + n * 10 * MS for n in range(20)]
+    assert stamps[20:] == [t0 + jump + n * 10 * MS for n in range(20, 40)]
+    assert restamps == [(t0 + 200 * MS, t0 + 200 * MS + jump)]
+    assert worker.counts.clock_steps == 1
+
+
+def test_a_small_difference_of_the_clocks_moves_nothing(clock):
+    def act(tick):
+        if tick == 20:
+            clock.wall += CLOCK_STEP
+
+    stamps, restamps, _, t0, _ = run(clock, 100.0, 40, act)
+    assert stamps == [t0 + n * 10 * MS for n in range(40)]
+    assert restamps == []
+
+
+def test_an_error_in_a_step_ends_the_thread_and_is_reported(clock):
+    def act(tick):
+        if tick == 3:
+            raise RuntimeError('broken')
+
+    stamps, _, worker, _, errors = run(clock, 100.0, 40, act)
+    assert len(stamps) == 3
+    assert [str(error) for error in errors] == ['broken']
+    assert worker.error is errors[0]
+
+
+def test_it_never_sleeps_longer_than_it_may_take_to_stop(monkeypatch):
+    machine = Machine(configure({'rate_hz': 0.01}))
+    first = threading.Event()
+    worker = Stepper(machine, lambda stamp: first.set(), lambda *_: None, lambda error: None)
+    worker.start(lambda stamp: None)
+    assert first.wait(5)
+    worker.stop()
+    assert worker.counts.kept == 1
+
+
+@given(
+    rate=st.one_of(st.floats(0.01, 1e5), st.sampled_from([30.0, 1 / 3, 99999.0, 0.1])),
+    tick=st.integers(0, 10**12),
+)
+def test_the_tick_at_a_time_is_the_last_one_that_has_come(rate, tick):
+    machine = Machine(configure({'rate_hz': rate}))
+    exact = Fraction(10**9) / Fraction(rate)
+    assert machine.elapsed(tick) == int(tick * exact)
+    assert machine.tick_at(machine.elapsed(tick)) == tick
+    assert machine.tick_at(machine.elapsed(tick + 1) - 1) == tick
