@@ -38,7 +38,7 @@ $(if $(BASE),$(shell $(RUN) -c '' 2>/dev/null || rm -f $(VENV)/demo-ready $(VENV
 # No build isolation: it would fetch whatever setuptools is newest, beside the constraints.
 install = $(RUN) -m pip install --quiet --disable-pip-version-check --no-build-isolation \
 	--constraint constraints.txt $(1) >>$(VENV)/pip.log 2>&1 || { \
-	if grep -qiE 'connection|network|resolution|timed out|proxy|ssl' $(VENV)/pip.log; \
+	if grep -qiE 'connection|timed out|proxyerror|sslerror|max retries' $(VENV)/pip.log; \
 	then echo 'Set-up failed: no package index answers. Check the network, then run make again.'; \
 	else grep '^ERROR' $(VENV)/pip.log | tail -n 3; echo 'Set-up failed: see $(VENV)/pip.log'; \
 	fi >&2; exit 1; }
@@ -56,8 +56,9 @@ test: $(VENV)/test-ready
 $(VENV)/demo-ready: $(SETUP)
 	@$(if $(BASE),,$(error $(if $(PYTHON),$(PYTHON) is no,No) Python from 3.10 to 3.13 \
 	$(if $(PYTHON),that runs here,was found). Install one, or name it: PYTHON=python3.12 make))
-	@"$(BASE)" -c 'import venv, ensurepip' 2>/dev/null || { echo 'Python $(VERSION) lacks its \
-	venv module. On Debian or Ubuntu: apt install python$(VERSION)-venv' >&2; exit 1; }
+	@"$(BASE)" -c 'import venv, ensurepip' 2>/dev/null || { \
+	echo 'Python $(VERSION) lacks venv. On Debian or Ubuntu: apt install python$(VERSION)-venv' \
+	>&2; exit 1; }
 	@echo 'Setting up $(VENV), once, in a minute or two ...'
 	@"$(BASE)" -m venv --clear $(if $(JAZZY),--system-site-packages) $(VENV)
 	@$(call install,setuptools)

@@ -27,14 +27,15 @@ has_rerun_wheels = "sys_platform != 'darwin' or platform_machine == 'arm64'"
 
 def shared(folder: str, pattern: str) -> tuple[str, list[str]]:
     """Install the files of a folder as share/linkage_ros/FOLDER."""
-    files = sorted(path.as_posix() for path in Path(folder).glob(pattern))
-    return f'share/{package_name}/{folder}', files
+    # A deleted file leaves a dead link behind in the build folder of --symlink-install.
+    files = [path.as_posix() for path in Path(folder).glob(pattern) if path.is_file()]
+    return f'share/{package_name}/{folder}', sorted(files)
 
 
 setup(
     name=package_name,
     version=version,
-    description='Planar linkages that move exactly: states, driving torque, ROS 2 node, log, replay and view',
+    description='Planar linkages that move exactly: ROS 2 node, log, replay and live view',
     author='The linkage_ros authors',
     author_email='maintainers@users.noreply.github.com',
     maintainer='The linkage_ros authors',

@@ -24,6 +24,10 @@ from linkage_ros.mechanism import OPEN, FourBar
 from linkage_ros.numeric import Functions, Real, short_sum
 from linkage_ros.transmission import TransmissionMap
 
+# Where |d - r| is below this part of d + r, the rates need the careful form: the plain one has an
+# error of about an ulp over the square of this.
+_CLOSE = 1 / 64
+
 
 class FourBarKinematics:
     """The constants of one four-bar linkage, and its position at a crank angle.
@@ -44,12 +48,12 @@ class FourBarKinematics:
         near = short_sum(longest, d, -r, -b, c)
         cross = short_sum(longest, d, -r, b, -c)
         sum_dr, sum_bc = math.fsum((d, r)), math.fsum((b, c))
-        difference_dr, difference_bc = math.fsum((d, -r)), math.fsum((b, -c))
+        diff_dr, diff_bc = math.fsum((d, -r)), math.fsum((b, -c))
         # Where a short sum counts as zero, the lengths obey that equality from here on.
         if near == 0 and cross == 0:
-            difference_dr = difference_bc = 0.0
+            diff_dr = diff_bc = 0.0
         elif near == 0 or cross == 0:
-            difference_bc = difference_dr if near == 0 else -difference_dr
+            diff_bc = diff_dr if near == 0 else -diff_dr
         if far == 0:
             sum_bc = sum_dr
 
@@ -61,17 +65,20 @@ class FourBarKinematics:
             kappa=math.sqrt(r * d / (b * c)) * (-1 if turns_away % 2 else 1),
             p=far * (sum_bc + sum_dr) / four_bc,
             q=near * cross / four_bc,
+            far=(sum_bc - diff_dr) * (sum_bc + diff_dr) / four_bc,
+            near=(sum_dr - diff_bc) * (sum_dr + diff_bc) / four_bc,
         )
         self._side = side
         self._axis = (math.cos(delta), math.sin(delta))
+        self._brackets = (diff_dr, sum_dr, diff_bc, side * sum_bc)
+        self._square = (diff_dr * diff_dr, 4 * r * d)
+        self._moment = side * diff_bc * sum_bc
+        self._arm = (-r * diff_dr, 2 * r * d)
         # Rhombus and kite, r = d and b = c: L vanishes with sin(theta/2), and the quotient of
         # the two triangles' brackets is +1 or -1 throughout.
-        self._concentric = difference_dr == 0 and difference_bc == 0
-        self._constants = (
-            *(difference_dr, sum_dr, difference_bc, side * sum_bc),
-            *(difference_dr * difference_dr, 4 * r * d),
-            *(difference_dr * sum_dr, side * difference_bc * sum_bc),
-        )
+        self._concentric = diff_dr == 0 and diff_bc == 0
+        self._quotient = math.copysign(side, side * self.map.kappa)
+        self._nearly_concentric = abs(diff_dr) < _CLOSE * sum_dr
 
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.
@@ -90,23 +97,32 @@ class FourBarKinematics:
         wx, wy = ax * C - ay * S, ax * S + ay * C
         crank_cos, crank_sin = wx * C - wy * S, wx * S + wy * C
         if self._concentric:
-            fx, fy = self._side * wx, self._side * wy
-            nu = nu_slope = 0.0
+            fx, fy = self._quotient * wx, self._quotient * wy
+            mean, mean_slope = 0.5, 0.0
         else:
-            diff_dr, sum_dr, diff_bc, sum_bc, nearest, growth, dr, bc = self._constants
+            diff_dr, sum_dr, diff_bc, sum_bc = self._brackets
+            nearest, growth = self._square
             x1, y1, x2, y2 = diff_dr * C, sum_dr * S, diff_bc * cos_m, sum_bc * sin_m
-            scale = 1.0 / (nearest + growth * (S * S))
+            square = nearest + growth * (S * S)
+            scale = 1.0 / square
             dot, cross = scale * (x1 * x2 + y1 * y2), scale * (x1 * y2 - y1 * x2)
             fx, fy = wx * dot - wy * cross, wx * cross + wy * dot
-            nu = scale * (dr - bc * first)
-            nu_slope = -scale * (bc * second + nu * (growth * (S * C)))
+            if self._nearly_concentric:
+                transmission = sin_m, cos_m, first, second
+                mean, mean_slope = self._careful_mean((S, C), transmission, square, functions)
+            else:
+                # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
+                half_moment, (arm, arm_growth) = 0.5 * self._moment, self._arm
+                mean = scale * (arm + arm_growth * (S * S) + half_moment * first)
+                mean_slope = scale * (
+                    (arm_growth - mean * growth) * (S * C) + half_moment * second
+                )
         side = self._side
         xc, ys, yc, xs = fx * cos_m, fy * sin_m * side, fy * cos_m, fx * sin_m * side
         coupler_cos, coupler_sin = xc + ys, yc - xs
         rocker_cos, rocker_sin = xc - ys, yc + xs
         half_side = 0.5 * side
         first, second = half_side * first, half_side * second
-        mean, mean_slope = 0.5 * (1.0 - nu), -0.5 * nu_slope
         return (
             (
                 crank,
@@ -118,6 +134,41 @@ class FourBarKinematics:
             ((1.0, mean - first, mean + first),),
             (0.0, mean_slope - second, mean_slope + second),
         )
+
+    def _careful_mean(
+        self,
+        half: tuple[Real, Real],
+        transmission: tuple[Real, Real, Real, Real],
+        square: Real,
+        functions: Functions,
+    ) -> tuple[Real, Real]:
+        """(1 - nu) / 2 and its derivative where A passes B0 closely, L much shorter than d.
+
+        There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' are alike. But
+        (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
+        """
+        S, C = half
+        sin_m, cos_m, first, second = transmission
+        p, q, kappa = self.map.p, self.map.q, self.map.kappa
+        diff_dr, sum_dr, diff_bc, _ = self._brackets
+        u, v = (kappa * C / cos_m if p else 1.0), (kappa * S / sin_m if q else 1.0)
+        # 1 - u^2 and 1 - v^2, and half the derivatives of u^2 and v^2.
+        lack_u = p / (cos_m * cos_m) if p else 0.0
+        lack_v = q / (sin_m * sin_m) if q else 0.0
+        half_u = -0.5 * u * lack_u * kappa * S / cos_m if p else 0.0
+        half_v = 0.5 * v * lack_v * kappa * C / sin_m if q else 0.0
+        dr, bc = sum_dr * sum_dr, diff_bc * diff_bc
+        g = dr * lack_v + bc * lack_u * (v * v)
+        g_slope = 2 * (bc * (lack_u * half_v - v * v * half_u) - dr * half_v)
+        a, e = diff_dr * sum_dr, self._moment * first
+        e_slope, square_slope = self._moment * second, self._square[1] * (S * C)
+        alike = a * e > 0
+        choose = functions.where
+        top, bottom = choose(alike, g, a - e), choose(alike, a + e, square)
+        top_slope = choose(alike, g_slope, -e_slope)
+        nu = top / bottom
+        nu_slope = (top_slope - nu * choose(alike, e_slope, square_slope)) / bottom
+        return 0.5 * (1.0 - nu), -0.5 * nu_slope
 
     @staticmethod
     def centers(mechanism: FourBar) -> tuple[tuple[complex, complex, complex], ...]:

@@ -292,7 +292,7 @@ def _damage_reported(path: Path) -> Iterator[None]:
         yield
     except LinkageError:
         raise
-    except Exception as error:  # noqa: BLE001, nothing bounds what damage makes a parser raise
+    except Exception as error:  # nothing bounds what damage makes a parser raise
         cause = ' '.join(f'{type(error).__name__}: {error}'.split())[:200]
         raise LogError(
             f'{path} is no readable MCAP file, or is damaged or not complete ({cause})'

@@ -24,15 +24,18 @@ class Functions(Protocol):
     sqrt: Callable[[Real], Real]
     atan2: Callable[[Real, Real], Real]
     round: Callable[[Real], Real]
+    where: Callable[[Real, Real, Real], Real]
     lowest: Callable[[Real], float]
 
 
 SCALAR: Functions = SimpleNamespace(
-    sin=math.sin, cos=math.cos, sqrt=math.sqrt, atan2=math.atan2, round=round, lowest=float
-)
+    sin=math.sin, cos=math.cos, sqrt=math.sqrt, atan2=math.atan2, round=round, lowest=float,
+    where=lambda condition, then, otherwise: then if condition else otherwise,
+)  # fmt: skip
 ARRAY: Functions = SimpleNamespace(
-    sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, lowest=np.min
-)
+    sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, lowest=np.min,
+    where=np.where,
+)  # fmt: skip
 
 # pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)

@@ -124,11 +124,10 @@ class Solver:
         return _new(State, (angle, rate, accelerations, torque))
 
     def _require_reachable(self, crank: Real, functions: Functions) -> None:
-        squares = self._kinematics.map.squares(crank, functions)
-        if not min(functions.lowest(square) for square in squares) > 0:
-            squares = np.minimum(*squares)
-            worst = np.atleast_1d(crank)[np.atleast_1d(~(squares > 0))][0]
-            raise unreachable(self.mobility, float(worst))
+        for margin in self._kinematics.map.margins(crank, functions):
+            if not functions.lowest(margin) > 0:
+                worst = np.atleast_1d(crank)[np.atleast_1d(margin) <= 0][0]
+                raise unreachable(self.mobility, float(worst))
 
     def _solve_chunks(self, crank: Real, speed: Real, acceleration: Real) -> State:
         shape = crank.shape
@@ -139,7 +138,7 @@ class Solver:
             crank, speed, acceleration = (x[piece] for x in inputs)
             if not all(np.isfinite(x).all() for x in (crank, speed, acceleration)):
                 _refuse_not_finite(crank, speed, acceleration)
-            with np.errstate(over='ignore', invalid='ignore'):
+            with np.errstate(over='ignore', invalid='ignore', under='ignore'):
                 state = self._solve(crank, speed, acceleration, ARRAY)
             if not np.isfinite(state.torque).all():
                 _refuse_not_finite(crank, speed, acceleration)

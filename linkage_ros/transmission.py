@@ -35,12 +35,16 @@ class TransmissionMap:
             so that the branch named at crank angles 0 to pi from it is the one asked for.
         p: cos^2 m at h = pi/2; negative: the crank cannot reach the far side.
         q: sin^2 m at h = 0; negative: the crank cannot reach the near side.
+        far: cos^2 m at h = 0: 1 - q without its rounding.
+        near: sin^2 m at h = pi/2: 1 - p without its rounding.
     """
 
     reference: tuple[float, float]
     kappa: float
     p: float
     q: float
+    far: float
+    near: float
 
     @property
     def turns_fully(self) -> bool:
@@ -70,11 +74,35 @@ class TransmissionMap:
         sin, cos = functions.sin(half), functions.cos(half)
         return sin + half_error * cos, cos - half_error * sin
 
-    def squares(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
-        """sin^2 m and cos^2 m at a crank angle; negative where the loop cannot close."""
+    def margins(self, crank: Real, functions: Functions) -> list[Real]:
+        """Those of sin^2 m and cos^2 m that limit the crank.
+
+        Args:
+            crank: Crank angle, rad; float or array.
+            functions: SCALAR or ARRAY.
+
+        Returns:
+            Positive inside the reach, 0 at its ends, negative where the loop cannot close;
+            empty where the crank turns fully.
+        """
         sin_h, cos_h = self.half_angle(crank, functions)
         sine, cosine = self.kappa * sin_h, self.kappa * cos_h
-        return self.q + sine * sine, self.p + cosine * cosine
+        return [
+            square
+            for limit, square in zip((self.p, self.q), self._squares(sine, cosine), strict=True)
+            if limit < 0
+        ]
+
+    def _squares(self, sine: Real, cosine: Real) -> tuple[Real, Real]:
+        """cos^2 m and sin^2 m from kappa sin h and kappa cos h.
+
+        Where p or q is negative something has to cancel; the form with the smaller terms then
+        loses less, by far for a long crank that swings a little.
+        """
+        p, q, far, near = self.p, self.q, self.far, self.near
+        cos_square = far - sine * sine if p < 0.0 and far < -p else p + cosine * cosine
+        sin_square = near - cosine * cosine if q < 0.0 and near < -q else q + sine * sine
+        return cos_square, sin_square
 
     def solve(
         self, sin_h: Real, cos_h: Real, functions: Functions
@@ -91,18 +119,17 @@ class TransmissionMap:
         """
         kappa, p, q = self.kappa, self.p, self.q
         sine, cosine = kappa * sin_h, kappa * cos_h
+        cos_square, sin_square = self._squares(sine, cosine)
         # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
         if p == 0.0:
             cos, u, p_over_cube = cosine, 1.0, 0.0
         else:
-            square = p + cosine * cosine
-            cos = functions.sqrt(square)
-            u, p_over_cube = cosine / cos, p / (square * cos)
+            cos = functions.sqrt(cos_square)
+            u, p_over_cube = cosine / cos, p / (cos_square * cos)
         if q == 0.0:
             sin, v, q_over_cube = sine, 1.0, 0.0
         else:
-            square = q + sine * sine
-            sin = functions.sqrt(square)
-            v, q_over_cube = sine / sin, q / (square * sin)
+            sin = functions.sqrt(sin_square)
+            v, q_over_cube = sine / sin, q / (sin_square * sin)
         second = 0.5 * (u * u * cos * q_over_cube - v * v * sin * p_over_cube)
         return sin, cos, u * v, second

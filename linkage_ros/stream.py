@@ -1,0 +1,310 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The live view: a run as Rerun shows it, in a window, in a viewer elsewhere or in a file.
+
+Left to itself, the Rerun SDK waits for ever for a viewer that has stopped reading: in calls that
+log, in disconnect, and in an exit handler. Therefore a batch is sent only once the one before
+has left, which `flush` tells with a timeout; the handler is removed; and disconnecting is left
+to a thread that can be abandoned.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from linkage_ros.configuration import Configuration
+from linkage_ros.drawing import COLORS, GREY, Array, FourBarDrawing
+from linkage_ros.errors import ViewerError
+from linkage_ros.joints import FOUR_BAR_JOINTS
+from linkage_ros.solver import Solver
+from linkage_ros.viewer import SPAWN, Window, create_file, find_viewer, free_address, viewer_url
+
+# Rerun costs 60 MB and most of a second: it is imported where it is used, which is in a View.
+if TYPE_CHECKING:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+Stamps: TypeAlias = npt.NDArray[np.int64]
+
+# The names that Rerun's MCAP importer makes of a topic joint_states: one layout serves the live
+# view, a replay and a log that is opened directly.
+TIMELINE = 'ros2_timestamp'
+QUANTITIES = ('position', 'velocity', 'effort')
+_JOINTS = tuple(joint.name for joint in FOUR_BAR_JOINTS)
+
+_DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
+_WALL_CLOCK = 10**18  # ns; a stamp before September 2001 counts from the start of something
+_SERVED = '64MB'  # of the past, for windows that connect late
+_SEND_SECONDS = 0.25  # for which a viewer may hold up a batch
+_WRITE_SECONDS = 5.0  # likewise a disk
+_CLOSE_SECONDS = 2.5
+_PLOTTED_TURNS = 4
+
+
+class Sample(NamedTuple):
+    """The joints at one stamp, in the order of the tree.
+
+    Attributes:
+        stamp: ns.
+        position: The crank's unwrapped, the coupler's from the crank, the rocker's, rad.
+        velocity: rad/s.
+        effort: N m.
+    """
+
+    stamp: int
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    effort: tuple[float, ...]
+
+
+class View:
+    """Shows one run; made in one thread, it may then be used by one other.
+
+    'spawn' serves the data and opens a viewer window on it. As usual with Rerun, the window
+    stays open with all it has got when the run ends, and closing it does not disturb the run.
+    A URL is that of a viewer that is running already.
+    A file keeps all but the last batch however the run ends. It has no index, which would be
+    collected in memory all the time; `rerun rrd optimize` adds one.
+
+    Stamps are times of day; where the first is none, they are durations: a record from 0 is
+    marked 0 s, 1 s, 2 s and not with dates in 1970.
+
+    Attributes:
+        url: Where windows connect; None: nothing is served here.
+        exposed: Whether other machines can read what is served.
+        dropped: Samples left out because the viewer lagged.
+    """
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        target: str,
+        bind: str = '127.0.0.1',
+        *,
+        overwrite: bool = False,
+    ) -> None:
+        """Opens the view.
+
+        Args:
+            configuration: Of the run.
+            target: 'spawn', 'rerun+http://HOST:PORT/proxy' or the path of an .rrd file.
+            bind: Address on which the data for a spawned window is served.
+            overwrite: Whether to replace an existing file.
+
+        Raises:
+            ViewerError: The target is none of these or cannot be opened, or Rerun is missing.
+        """
+        _import_rerun()
+        self.url: str | None = None
+        self.exposed = False
+        self.dropped = 0
+        self._target, self._patience = target, _SEND_SECONDS
+        self._drawing = FourBarDrawing(configuration.mechanism)
+        self._last_frame = -1
+        self._wall_clock: bool | None = None
+        program = find_viewer() if target == SPAWN else None
+        self._recording = self._open(bind, overwrite)
+        self._describe(configuration)
+        self._window = Window(program, self.url) if program and self.url else None
+
+    def consume(self, samples: Sequence[Sample]) -> None:
+        """Shows what has come since the last call; may be nothing.
+
+        Args:
+            samples: In the order of their stamps.
+
+        Raises:
+            ViewerError: The window could not open, the viewer is gone or the disk is full.
+        """
+        import rerun as rr
+
+        if self._window:
+            self._window.check()
+        if not self._has_left():
+            self.dropped += len(samples)
+            return
+        if not samples:
+            return
+        stamps, *rows = (np.array(column) for column in zip(*samples, strict=True))
+        for quantity, row in zip(QUANTITIES, rows, strict=True):
+            self._send(f'joint_states/{quantity}', stamps, rr.Scalars.columns(scalars=row))
+        frames = stamps // _DRAWING_NS
+        due = np.diff(frames, prepend=self._last_frame) != 0
+        self._last_frame = frames[-1]
+        if due.any():
+            self._draw(stamps[due], rows[0][due])
+
+    def close(self) -> None:
+        """Sends what is left and lets the viewer go: in 2.5 s at most, even if it is stuck."""
+        if self._window:
+            self._window.let_go()
+            self._window = None
+        thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
+        thread.start()
+        thread.join(_CLOSE_SECONDS)
+
+    def _disconnect(self) -> None:
+        with contextlib.suppress(RuntimeError):
+            self._recording.flush(timeout_sec=_CLOSE_SECONDS / 2)
+        self._recording.disconnect()
+
+    def _open(self, bind: str, overwrite: bool) -> rr.RecordingStream:
+        import rerun as rr
+
+        sink: rr.GrpcServerSink | rr.GrpcSink | rr.FileSink
+        if self._target == SPAWN:
+            host, port, self.exposed = free_address(bind)
+            sink = rr.GrpcServerSink(host, port, server_memory_limit=_SERVED)
+            self.url = f'rerun+http://{host}:{port}/proxy'
+        elif url := viewer_url(self._target):
+            sink = rr.GrpcSink(url)
+        else:
+            create_file(self._target, overwrite=overwrite)
+            sink = rr.FileSink(self._target, write_footer=False)
+            self._patience = _WRITE_SECONDS
+        recording = rr.RecordingStream('linkage_ros')
+        recording.set_sinks(sink)
+        return recording
+
+    def _describe(self, configuration: Configuration) -> None:
+        """Sends what does not change: layout, colours, names, paths and ground."""
+        import rerun as rr
+
+        drawing, lines = self._drawing, rr.LineStrips2D
+        thin, thick, dot = (rr.Radius.ui_points(size) for size in (1.0, 3.5, 5.0))
+        fixed: dict[str, rr.AsComponents] = {
+            'linkage': rr.Transform3D(scale=[1, -1, 1]),  # y is down in Rerun's 2-D views
+            'linkage/ground': lines(drawing.ground, colors=GREY, radii=thin),
+            'linkage/pivots': rr.Points2D(drawing.pivots, colors=GREY, radii=dot),
+            'linkage/pins': rr.Points2D.from_fields(colors=GREY, radii=dot),
+        }
+        for link, path in drawing.paths.items():
+            strip = path.astype(np.float32)
+            fixed[f'linkage/paths/{link}'] = lines(strip, colors=COLORS[link], radii=thin)
+        for joint in _JOINTS:
+            fixed[f'linkage/{joint}'] = lines.from_fields(colors=COLORS[joint], radii=thick)
+        for quantity in QUANTITIES:
+            fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=_JOINTS)
+        self._recording.send_blueprint(_layout(configuration, drawing.bounds))
+        for entity, components in fixed.items():
+            self._recording.log(entity, components, static=True, strict=True)
+
+    def _has_left(self) -> bool:
+        """Whether all that was sent has left this process.
+
+        Raises:
+            ViewerError: It never will.
+        """
+        try:
+            self._recording.flush(timeout_sec=self._patience)
+        except RuntimeError as error:
+            if self._patience == _WRITE_SECONDS:
+                raise ViewerError(f'{self._target} takes no more: is the disk full?') from error
+            if 'severed' in str(error):
+                raise ViewerError(f'the viewer at {self._target} is gone') from error
+            return False
+        return True
+
+    def _draw(self, stamps: Stamps, position: Array) -> None:
+        import rerun as rr
+
+        points = self._drawing.points(position)
+        self._send('linkage/pins', stamps, rr.Points2D.columns(positions=points))
+        for link, lines in self._drawing.links(points).items():
+            strips = lines.astype(np.float32)
+            self._send(f'linkage/{link}', stamps, rr.LineStrips2D.columns(strips=strips))
+
+    def _send(self, entity: str, stamps: Stamps, columns: rr.ComponentColumnList) -> None:
+        import rerun as rr
+
+        if self._wall_clock is None:
+            self._wall_clock = bool(stamps[0] >= _WALL_CLOCK)
+        if self._wall_clock:
+            times = rr.TimeColumn(TIMELINE, timestamp=stamps.astype('datetime64[ns]'))
+        else:
+            times = rr.TimeColumn(TIMELINE, duration=stamps.astype('timedelta64[ns]'))
+        self._recording.send_columns(entity, [times], columns, strict=True)
+
+
+def _import_rerun() -> None:
+    # At every start the SDK would warn that files get no index, which is meant.
+    quiet = 'RUST_LOG' not in os.environ
+    if quiet:
+        os.environ['RUST_LOG'] = 'warn,re_log_encoding=error'
+    try:
+        import rerun as rr
+
+        rr.GrpcServerSink  # noqa: B018, missing in old versions
+    except (ImportError, AttributeError) as error:
+        raise ViewerError(
+            'the viewer needs rerun-sdk, which is missing or too old: '
+            "pip install --upgrade 'linkage_ros[viewer]'"
+        ) from error
+    finally:
+        if quiet:
+            del os.environ['RUST_LOG']
+    rr.unregister_shutdown()
+
+
+def _layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    (left, low), (right, high) = bounds.tolist()
+    linkage = rrb.Spatial2DView(
+        name='Linkage, m',
+        contents='/linkage/**',
+        visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
+    )
+    rpm = configuration.drive.rpm
+    # A few turns, but no less than eyes can follow and no more than anyone waits for.
+    seconds = min(max(2.0, _PLOTTED_TURNS * 60 / abs(rpm)), 60.0) if rpm else 10.0
+    until_now = rr.TimeRange(
+        start=rr.TimeRangeBoundary.cursor_relative(seconds=-seconds),
+        end=rr.TimeRangeBoundary.cursor_relative(),
+    )
+
+    def plot(name: str, quantity: str, *joints: str) -> rrb.TimeSeriesView:
+        entity = f'/joint_states/{quantity}'
+        series = rr.SeriesLines(
+            names=_JOINTS,
+            colors=[COLORS[joint] for joint in _JOINTS],
+            widths=[2.0] * len(_JOINTS),
+            visible_series=[joint in joints for joint in _JOINTS],
+        )
+        return rrb.TimeSeriesView(
+            name=name,
+            origin=entity,
+            contents=entity,
+            overrides={entity: series},
+            axis_x=rrb.archetypes.TimeAxis(view_range=until_now),
+            plot_legend=rrb.PlotLegend(corner='LeftTop', visible=len(joints) > 1),
+        )
+
+    crank, *others = _JOINTS
+    # The crank's angle is unwrapped: beside it the other angles would soon be straight lines.
+    angles = rrb.Tabs(
+        plot('Joint angles, rad', 'position', *others), plot('Crank angle, rad', 'position', crank)
+    )
+    rates = plot('Joint rates, rad/s', 'velocity', *_JOINTS)
+    # Passive joints have none. The viewer may find room for a single number at its axis.
+    torque = (
+        Solver(configuration.mechanism)
+        .state(np.linspace(0, 4 * np.pi, 1441), rpm * np.pi / 30)
+        .torque
+    )
+    span = f'{torque.min():.3g} to {torque.max():.3g} at {rpm:g} rpm'
+    effort = plot(f'Driving torque, N m ({span})', 'effort', crank)
+    return rrb.Blueprint(
+        rrb.Horizontal(linkage, rrb.Vertical(angles, rates, effort, row_shares=[2, 2, 3])),
+        rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
+        rrb.SelectionPanel(state='collapsed'),
+        rrb.BlueprintPanel(state='collapsed'),
+    )

@@ -1,0 +1,290 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Builds the package as users do, with colcon and with pip, and looks at what arrives."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+from email.message import Message
+from email.parser import Parser
+from pathlib import Path
+from xml.etree import ElementTree as ET
+from zipfile import ZipFile
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+import linkage_ros
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.presets import preset_names, preset_path
+
+ROOT = Path(__file__).resolve().parents[1]
+EXECUTABLES = ('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log')
+ROS_SHARE = Path('share', 'linkage_ros')
+SHARED = (
+    'share/ament_index/resource_index/packages/linkage_ros',
+    'share/linkage_ros/package.xml',
+    'share/linkage_ros/config/quadrilateral.yaml',
+)
+LOOK = """
+import json, linkage_ros, linkage_ros.presets as presets
+names = presets.preset_names()
+path = presets.preset_path('quadrilateral')
+print(json.dumps([linkage_ros.__file__, names, str(path), path.read_text()]))
+"""
+LOOK_NAMES = 'import linkage_ros.presets as presets; print(presets.preset_names())'
+
+
+def copy_tree(folder: Path) -> Path:
+    """Copy the checkout, without what builds and tools left in it."""
+    junk = ('.*', '__pycache__', '*.egg-info', 'build', 'install', 'log', 'demo')
+    return Path(shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*junk)))
+
+
+def run(*command: str | Path, cwd: Path, **variables: str) -> str:
+    """Run a command apart from any sourced workspace and give what it prints."""
+    environment = {
+        key: value
+        for key, value in os.environ.items()
+        if not key.startswith(('AMENT_', 'COLCON_', 'PIP_', 'PYTHONPATH'))
+    }
+    result = subprocess.run(
+        command, cwd=cwd, env=environment | variables, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def colcon_build(tree: Path, workspace: Path, *options: str) -> None:
+    """Build as a user does in a workspace, but for popping up a notification."""
+    command = (sys.executable, '-m', 'colcon', 'build', '--base-paths', str(tree), *options)
+    quiet = ('--event-handlers', 'desktop_notification-')
+    run(*command, *quiet, cwd=workspace, COLCON_HOME=str(workspace))
+
+
+def run_sourced(workspace: Path, *command: str) -> str:
+    """Run a command as in a shell that sourced the built package."""
+    # Not the workspace's local_setup.bash, which a space in the path of this Python breaks.
+    sourced = '. install/linkage_ros/share/linkage_ros/package.bash && exec "$@"'
+    return run('bash', '-c', sourced, 'bash', *command, cwd=workspace)
+
+
+def build_wheel(tree: Path, folder: Path) -> Path:
+    options = ('--quiet', '--no-deps', '--no-build-isolation', '--no-index')
+    run(sys.executable, '-m', 'pip', 'wheel', *options, '-w', folder, tree, cwd=tree)
+    (wheel,) = folder.glob('*.whl')
+    return wheel
+
+
+def missing(prefix: Path, tree: Path, executables: str) -> list[str]:
+    """List what an installation owes: executables, the ament index, every shared file."""
+    owed = [f'{executables}/{name}' for name in EXECUTABLES]
+    owed += SHARED
+    for kind in ('config/*.yaml', 'launch/*.launch.py', 'rviz/*.rviz'):
+        owed += [str(ROS_SHARE / path.relative_to(tree)) for path in tree.glob(kind)]
+    return sorted(path for path in set(owed) if not (prefix / path).is_file())
+
+
+def check_executables(folder: Path) -> None:
+    assert {path.name for path in folder.glob('linkage_*')} == set(EXECUTABLES)
+    for name in EXECUTABLES:
+        assert os.access(folder / name, os.X_OK)
+
+
+def check_look(printed: str, *, module_in: Path, preset_in: Path) -> None:
+    """Check which module and which preset LOOK found."""
+    module, names, preset, text = json.loads(printed)
+    assert Path(module).resolve().is_relative_to(module_in.resolve())
+    assert Path(preset) == preset_in / 'quadrilateral.yaml'
+    assert names == sorted(path.stem for path in (ROOT / 'config').glob('*.yaml'))
+    assert text == (ROOT / 'config' / 'quadrilateral.yaml').read_text()
+
+
+@pytest.fixture(scope='module')
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return copy_tree(tmp_path_factory.mktemp('source') / 'linkage_ros')
+
+
+@pytest.fixture(scope='module')
+def wheel(tree: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_wheel(tree, tmp_path_factory.mktemp('wheel'))
+
+
+@pytest.fixture(scope='module')
+def metadata(wheel: Path) -> Message:
+    """The metadata that setup.py gives, as pip reads them."""
+    with ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith('.dist-info/METADATA'))
+        return Parser().parsestr(archive.read(name).decode())
+
+
+@pytest.mark.parametrize('options', [(), ('--symlink-install',)])
+def test_colcon_build_gives_a_package_that_ros2_run_finds(
+    options: tuple[str, ...], tree: Path, tmp_path: Path
+) -> None:
+    colcon_build(tree, tmp_path, *options)
+
+    prefix = tmp_path / 'install' / 'linkage_ros'
+    assert missing(prefix, tree, 'lib/linkage_ros') == []
+    check_executables(prefix / 'lib' / 'linkage_ros')
+    linked = (prefix / SHARED[-1]).is_symlink()
+    assert linked == bool(options)
+
+    printed = run_sourced(tmp_path, sys.executable, '-c', LOOK)
+    code, config = tree if linked else prefix, prefix / ROS_SHARE / 'config'
+    check_look(printed, module_in=code, preset_in=config)
+    # Not sourced, the code still finds the presets of its own installation.
+    lib = tmp_path / 'build' / 'linkage_ros' if linked else site_packages(prefix)
+    printed = run(sys.executable, '-c', LOOK, cwd=tmp_path, PYTHONPATH=str(lib))
+    check_look(printed, module_in=code, preset_in=tree / 'config' if linked else config)
+
+
+def test_a_linked_build_survives_that_a_preset_is_deleted(tmp_path: Path) -> None:
+    tree = copy_tree(tmp_path / 'source')
+    old = tree / 'config' / 'old.yaml'
+    old.touch()
+    colcon_build(tree, tmp_path, '--symlink-install')
+    assert "'old'" in run_sourced(tmp_path, sys.executable, '-c', LOOK_NAMES)
+    old.unlink()
+    colcon_build(tree, tmp_path, '--symlink-install')
+    assert "'old'" not in run_sourced(tmp_path, sys.executable, '-c', LOOK_NAMES)
+
+
+@pytest.mark.parametrize('option', ['--prefix', '--target'])
+def test_pip_install_gives_executables_and_presets(
+    option: str, wheel: Path, tree: Path, tmp_path: Path
+) -> None:
+    pip = (sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--no-index')
+    run(*pip, '--ignore-installed', option, tmp_path / 'prefix', wheel, cwd=tmp_path)
+
+    prefix = tmp_path / 'prefix'
+    assert missing(prefix, tree, 'bin') == []
+    check_executables(prefix / 'bin')
+    lib = prefix if option == '--target' else site_packages(prefix)
+    printed = run(sys.executable, '-c', LOOK, cwd=tmp_path, PYTHONPATH=str(lib))
+    check_look(printed, module_in=lib, preset_in=prefix / ROS_SHARE / 'config')
+
+
+def test_a_preset_missing_from_data_files_is_noticed(tmp_path: Path) -> None:
+    tree = copy_tree(tmp_path / 'source')
+    setup = tree / 'setup.py'
+    text = setup.read_text()
+    assert "shared('config', '*.yaml')" in text
+    setup.write_text(text.replace("shared('config', '*.yaml')", "shared('config', 'none')"))
+
+    with ZipFile(build_wheel(tree, tmp_path / 'wheel')) as archive:
+        archive.extractall(tmp_path / 'unpacked')
+    prefix = tmp_path / 'unpacked' / f'linkage_ros-{linkage_ros.__version__}.data' / 'data'
+
+    presets = [f'{ROS_SHARE}/config/{path.name}' for path in (ROOT / 'config').glob('*.yaml')]
+    assert [path for path in missing(prefix, tree, 'bin') if 'share' in path] == sorted(presets)
+
+
+def site_packages(prefix: Path) -> Path:
+    """Find the folder that an installation prefix adds to the module search path."""
+    (module,) = prefix.glob('**/linkage_ros/presets.py')
+    return module.parents[1]
+
+
+def test_each_executable_names_a_function(wheel: Path) -> None:
+    with ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith('/entry_points.txt'))
+        lines = archive.read(name).decode().split()
+    targets = dict(zip(lines[1::3], lines[3::3], strict=True))
+    assert set(targets) == set(EXECUTABLES)
+    for target in targets.values():
+        module, _, function = target.partition(':')
+        source = (ROOT / module.replace('.', '/')).with_suffix('.py').read_text()
+        defined = [node.name for node in ast.parse(source).body if hasattr(node, 'name')]
+        assert function in defined
+
+
+def test_every_version_is_the_same(metadata: Message) -> None:
+    manifest = ET.parse(ROOT / 'package.xml').getroot()
+    assert manifest.tag == 'package'
+    assert manifest.get('format') == '3'
+    assert manifest.findtext('export/build_type') == 'ament_python'
+    assert manifest.findtext('name') == metadata['Name'].replace('-', '_')
+    assert manifest.findtext('version') == metadata['Version'] == linkage_ros.__version__
+    assert manifest.findtext('description') == metadata['Summary']
+    assert manifest.findtext('license') == 'Apache-2.0'
+
+
+def test_package_xml_depends_on_all_that_the_ros_extra_brings(metadata: Message) -> None:
+    manifest = ET.parse(ROOT / 'package.xml').getroot()
+    packages = {element.text for element in manifest.iter('exec_depend')}
+    for line in metadata.get_all('Requires-Dist', []):
+        name = canonicalize_name(Requirement(line).name).removeprefix('ros-')
+        if 'extra == "ros"' in line.replace("'", '"'):
+            assert name.removeprefix('jazzy-').replace('-', '_') in packages
+
+
+def test_constraints_pin_what_the_metadata_ask_for(metadata: Message) -> None:
+    pinned = set()
+    for line in (ROOT / 'constraints.txt').read_text().splitlines():
+        if not line.startswith('#'):
+            pin = Requirement(line)
+            assert [mark.operator for mark in pin.specifier] == ['=='], line
+            assert pin.url is None, line
+            pinned.add(canonicalize_name(pin.name))
+    asked = {
+        canonicalize_name(Requirement(line).name) for line in metadata.get_all('Requires-Dist', [])
+    }
+    assert asked <= pinned
+
+
+def preset(folder: Path, name: str = 'quadrilateral') -> Path:
+    """Write a preset into a folder, which is made."""
+    folder.mkdir(parents=True)
+    path = folder / f'{name}.yaml'
+    path.touch()
+    return path
+
+
+def test_presets_of_a_sourced_workspace_come_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    overlay, underlay = tmp_path / 'overlay', tmp_path / 'underlay'
+    first = preset(overlay / ROS_SHARE / 'config')
+    preset(underlay / ROS_SHARE / 'config')
+    other = preset(tmp_path / 'third' / ROS_SHARE / 'config', 'other')
+    prefixes = (str(overlay), '', str(underlay), str(tmp_path / 'none'), str(tmp_path / 'third'))
+    monkeypatch.setenv('AMENT_PREFIX_PATH', os.pathsep.join(prefixes))
+    assert preset_path('quadrilateral') == first
+    assert preset_path('other') == other
+    assert 'other' in preset_names()
+
+
+def test_presets_of_the_source_tree_come_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+    monkeypatch.setattr(sys, 'prefix', str(tmp_path))
+    assert preset_path('quadrilateral') == ROOT / 'config' / 'quadrilateral.yaml'
+    installed = preset(tmp_path / ROS_SHARE / 'config')
+    assert preset_path('quadrilateral') == installed
+
+
+def test_a_link_to_a_deleted_workspace_is_no_preset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gone = preset(tmp_path / ROS_SHARE / 'config')
+    gone.unlink()
+    gone.symlink_to(tmp_path / 'gone.yaml')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    assert preset_path('quadrilateral') != gone
+
+
+@pytest.mark.parametrize('name', ['', 'quadrilatera', '../config/quadrilateral', '*'])
+def test_an_unknown_preset_is_an_error_that_lists_the_others(name: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        preset_path(name)
+    assert repr(name) in str(error.value)
+    assert ', '.join(preset_names()) in str(error.value)
+    assert '\n' not in str(error.value)

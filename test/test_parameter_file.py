@@ -1,0 +1,540 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The parameter file reader, against the real rcl where rclpy is installed."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from linkage_ros import ConfigurationError, parameter_file
+from linkage_ros.parameter_file import read_parameter_file
+
+LOADERS = sorted({parameter_file._LOADER, yaml.SafeLoader}, key=lambda loader: loader.__name__)
+
+# Reads every file as a node does. One line of JSON each, so that a crash shows where it was;
+# into a file, because the middleware writes to stdout when it likes.
+RCL = """
+import json, sys
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+
+answers = open(sys.argv[1], 'w')
+for path in sys.argv[2:]:
+    context = Context()
+    try:
+        rclpy.init(args=['--ros-args', '--params-file', path], context=context)
+        node = Node('linkage_node', context=context, enable_rosout=False)
+        answer = {name: repr(p.value) for name, p in node._parameter_overrides.items()}
+        node.destroy_node()
+    except Exception as error:
+        answer = str(error)
+    if context.ok():
+        context.shutdown()
+    print(json.dumps(answer), file=answers, flush=True)
+"""
+
+
+def own(parameters: str, node: str = 'linkage_node') -> str:
+    lines = ''.join(f'    {line}\n' for line in parameters.split('\n'))
+    return f'{node}:\n  ros__parameters:\n{lines}'
+
+
+SCALARS = """
+    y Y yes Yes YES true True TRUE on On ON n N no No NO false False FALSE off Off OFF
+    tRUE yEs oN nO oFF t f T F null Null ~x None
+    0 1 -3 +5 -0 +0 007 010 -010 08 09 0o7 0b11 0x1F 0X1f -0x10 +0xA 0x 0xg 0x1G 1_000 --1 +-1
+    9223372036854775807 -9223372036854775808 9223372036854775808 -9223372036854775809
+    0x7FFFFFFFFFFFFFFF 0x8000000000000000 0777777777777777777777777 99999999999999999999999999
+    1.5 -1.5 1. .5 -.5 . +. 1e2 1E2 1e+2 1e-2 .5e1 5.e1 1e 1e+ e1 1.5.2 1,5 1f 1.0f 0.1 -0.0 0e5
+    0x1p3 0x.8 0x1. 0x. 0x1.8p-2 0x1p 0x1p99999 0x0p99999 1e308 1e309 -1e400 1e-400 0e-999
+    .inf .Inf .INF +.inf -.inf -.INF .iNF inf INF -inf +Infinity infinit .nan .NaN .NAN .Nan +.nan
+    -.nan nan NaN -nan nan() nan(12) nan(a_b) nan(-) ..inf
+    x é 🙂 ٣ \uff11 1٣ 12:30 2001-01-01 <<x a/b =x 1.2.3 -x
+    "1" '1' "" '' "true" '.nan' "a\\u00e9" 'it''s'
+"""
+NODES = """
+    linkage_node /linkage_node /** /* "**" "*" /**/linkage_node /*/linkage_node /**/* /*/** /**/**
+    /*/* "**/linkage_node" other /other /**/other ns/linkage_node /ns/** /**/ns/* //linkage_node /
+    "/**/" linkage_node/ "link*" "*_node" "***" 1node a-b é "a.b" ? "" LINKAGE_NODE linkage_node2
+"""
+
+# What rcl and the reader have to agree about: the same values of the same types, or a refusal.
+AGREED = {
+    **{f'scalar {text}': own(f'a: {text}') for text in SCALARS.split()},
+    **{
+        f'tag {text}': own(f'a: {text}')
+        for text in [
+            '!!str 1',
+            '!!str true',
+            '!!str "x"',
+            '!!str ""',
+            '!!str',
+            '!<tag:yaml.org,2002:str> 1.5',
+            '!!float 1',
+            '!!float x',
+            '!!int "1"',
+            '!!int 1.5',
+            '!!bool on',
+            '!!bool "on"',
+            '!!null x',
+            '! 1',
+            '!own 1',
+            '!unknown!x 1',
+            '[!!str 1, x]',
+            '[!!str 1, 1]',
+            '!!seq [1]',
+            '!!set {b: 1}',
+        ]
+    },
+    **{
+        f'list {text}': own(f'a: {text}')
+        for text in [
+            '[1, 2]',
+            '[1.0, 2e0]',
+            '[on, false]',
+            '[x, "1", \'true\', ""]',
+            '[0, -9.81]',
+            '[-9.81, 0]',
+            '[1, x]',
+            '[x, 1]',
+            '[true, 1]',
+            '[1, "1"]',
+            '[1, ]',
+            '[1, , 2]',
+            '[1 2]',
+            '[[1], [2]]',
+            '[~, ~]',
+            '[null]',
+            '[.nan, .inf, 1e400]',
+            '[1e400, x]',
+            '[1',
+            '1]',
+            '[9223372036854775808, 1.5]',
+            '[9223372036854775808, 1]',
+        ]
+    },
+    'list block': own('a:\n- 1\n- 2'),
+    'list block indented': own('a:\n  - 1.5\n  - 2.5'),
+    'list block with an empty item': own('a:\n- 1\n-'),
+    'text literal': own('a: |\n  1'),
+    'text literal stripped': own('a: |-\n  1'),
+    'text folded stripped': own('a: >-\n  true'),
+    'text literal with leading space': own('a: |2-\n   1'),
+    'text literal with leading space and a float': own('a: |2-\n   1.5'),
+    'text literal with leading space and a word': own('a: |2-\n   true'),
+    'text literal with leading space and .inf': own('a: |2-\n   .inf'),
+    'text literal with trailing space': own('a: |-\n  1 '),
+    'text literal empty': own('a: |'),
+    'text over two lines': own('a: 1\n  2'),
+    'text quoted over two lines': own('a: "x\n\n  y"'),
+    'text with escapes': own(r'a: "\t\n\x41\U0001F642"'),
+    'text with a bad escape': own(r'a: "\q"'),
+    'text with a surrogate': own(r'a: "\ud800"'),
+    'text beyond Unicode': own(r'a: "\U00110000"'),
+    'text far beyond Unicode': own(r'a: "\UFFFFFFFF"'),
+    'text not closed': own('a: "x'),
+    'value missing': own('a:'),
+    'value missing before another': own('a:\nb: 1'),
+    'value a comment': own('a: # 1'),
+    'value with a comment': own('a: 1 # 2'),
+    'value ~': own('a: ~'),
+    'key quoted': own('"a": 1\n\'b\': 2'),
+    'key a number': own('1: 1\n1.5: 2\ntrue: 3'),
+    'key explicit': own('? a\n: 1'),
+    'key without value': own('? a'),
+    'key empty': own('"": 1'),
+    'key missing': own(': 1'),
+    'key a list': own('[a]: 1'),
+    'key a mapping': own('{a: 1}: 2'),
+    'key merge': own('<<: {a: 1}'),
+    'key with a space': own('a b: 1'),
+    'key tagged': own('!!int a: 1'),
+    'keys in flow': own('{a: 1, b: 2}'),
+    'group': own('a:\n  b: 1\n  c:\n    d: 2\n  e: 3'),
+    'group in flow': own('a: {b: 1, c: {d: 2}, e: 3}'),
+    'group dotted': own('a.b: 1\na.c.d: 2'),
+    'group dotted within another': own('a: {b.c: 1, d: 2}'),
+    'group dotted holding another': own('a.b: {c: {d: 1}, e: 2}\nf: 3'),
+    'group dotted, where rcl misnames what follows': own('a: {b.c: {d: 1}, e: 2}\nf: 3'),
+    'group dotted thrice': own('a: {b.c.d: {e: 1}, f: {g: 1}, h: 2}\ni: 3'),
+    'group named with dots only': own('a: {.: {b: 1}, c: 1}\n..: {d: 1}'),
+    'group then value': own('a: {b: 1}\na: 2'),
+    'group empty before another': own('a: {}\nb: 1'),
+    'many parameters': own('\n'.join(f'p{i}: {i}' for i in range(300))),
+    'twice, same type': own('a: 1\na: 2'),
+    'twice, same type of list': own('a: [1, 2]\na: [3]'),
+    'twice, in a group': own('a: {b: 1, b: 2}'),
+    'twice, group repeated': own('a: {b: 1}\na: {c: 2}'),
+    'twice, dotted then grouped': own('a.b: 1\na: {b: 2}'),
+    'anchor': own('a: &x 1'),
+    'anchor and alias': own('a: &x 1\nb: *x'),
+    'alias unknown': own('a: *x'),
+    'alias as key': own('a: &x b\n*x : 1'),
+    'alias merged': own('a: &x {b: 1}\nc: {<<: *x}'),
+    **{f'section {node}': own('a: 1', node) for node in NODES.split()},
+    'section of 255 letters': own('a: 1', 'x' * 239),
+    'section of 256 letters': own('a: 1', 'x' * 256),
+    'section in a long name space': own('a: 1', '/' + 'x' * 200 + '/y'),
+    'section in a name space too long': own('a: 1', '/' + 'x' * 245 + '/y'),
+    'section in a name space': '/**:\n  linkage_node:\n    ros__parameters:\n      a: 1\n',
+    'section in the root': '/: {linkage_node: {ros__parameters: {a: 1}}}',
+    'section in the root, with another': (
+        '/: {other: {ros__parameters: {a: 1}}, linkage_node: {ros__parameters: {b: 1}}}'
+    ),
+    'section in a name space, then its own': (
+        '/**: {other: {ros__parameters: {a: 1}}, ros__parameters: {b: 1}}'
+    ),
+    'section whose name rcl mistakes': (
+        '/**: {a/b: {ros__parameters: {a: 1}}, linkage_node: {ros__parameters: {b: 1}}}\n'
+        '/*: {a/b: {c: {}, d: {}}, linkage_node: {ros__parameters: {c: 1}}}'
+    ),
+    'sections in order': own('a: 1\nb: 1', '/**') + own('a: 2') + own('b: 3', '/*'),
+    'sections in the other order': own('a: 2') + own('a: 1\nb: 1', '/**'),
+    'sections in the order of their first mention': own('a: 1') + own('a: 2', '/*') + own('a: 3'),
+    'sections with two types': own('a: 1', '/**') + own('a: x'),
+    'section repeated': own('a: 1') + own('b: 2') + own('a: 3'),
+    'section of another node with an empty list': own('a: []', 'other') + own('a: 1'),
+    'section of another node with two types': own('a: 1\na: x', 'other') + own('a: 1'),
+    'section of another node that is wrong': own('a: [1, x]', 'other') + own('a: 1'),
+    'section empty': 'linkage_node: {ros__parameters: {}}',
+    'section empty, then another': 'linkage_node: {ros__parameters: {}}\n' + own('a: 1', '/**'),
+    'section without ros__parameters': 'linkage_node: {}\n',
+    'section with nothing': 'linkage_node:\n',
+    'section with values only': 'linkage_node: {a: 1}',
+    'section with groups only': 'linkage_node: {a: {b: 1}}',
+    'section with a list': 'linkage_node: [1]',
+    'section twice ros__parameters': (
+        'linkage_node:\n  ros__parameters: {a: 1}\n  ros__parameters: {b: 1}'
+    ),
+    'section followed by another in it': (
+        'linkage_node:\n  ros__parameters: {a: 1}\n  x: {ros__parameters: {b: 1}}'
+    ),
+    'ros__parameters first': 'ros__parameters:\n  a: 1\n',
+    'ros__parameters longer': 'linkage_node: {ros__parameters_x: {a: 1}}',
+    'ros__parameters misspelt': 'linkage_node: {ros_parameters: {a: 1}}',
+    'ros__parameters in itself': own('ros__parameters: {a: 1}'),
+    'ros__parameters with nothing': 'linkage_node:\n  ros__parameters:\n',
+    'ros__parameters with a value': 'linkage_node: {ros__parameters: 1}',
+    'ros__parameters with a list': 'linkage_node: {ros__parameters: [1]}',
+    'many sections': ''.join(own('a: 1', f'n{i}') for i in range(200)) + own('a: 2'),
+    'file empty': '',
+    'file of comments': '# a: 1\n\n',
+    'file of one mapping, empty': '{}',
+    'file of a list': '- 1\n',
+    'file of a list in flow': '[]',
+    'document empty': '---\n',
+    'document ended': own('a: 1') + '...\n',
+    'documents two': own('a: 1') + '---\n' + own('a: 2\nb: 2'),
+    'documents two, one empty': own('a: 1') + '---\n',
+    'documents two, one wrong': own('a: 1') + '---\n' + own('a: [1, x]'),
+    'directive': '%YAML 1.1\n---\n' + own('a: 1'),
+    'directive of another version': '%YAML 2.0\n---\n' + own('a: 1'),
+    'directive of a tag': '%TAG !y! tag:yaml.org,2002:\n---\n' + own('a: !y!str 1'),
+    'tab before a key': own('\ta: 1'),
+    'tab before a value': own('a:\t1'),
+    'tab for indentation': 'linkage_node:\n\tros__parameters:\n\t\ta: 1\n',
+    'indentation wrong': own('a: 1\n  b: 2'),
+    'colon without space': own('a:1'),
+    'colon in a value': own('a: b: c'),
+    'percent': own('a: %x'),
+    'at sign': own('a: @x'),
+    'bracket wrong': own('a: {b: 1]'),
+    'line ends of Windows': own('a: 1\nb: x').replace('\n', '\r\n'),
+    'line ends of old Mac': own('a: 1\nb: x').replace('\n', '\r'),
+    'byte order mark': '\ufeff' + own('a: é'),
+    'UTF-16': own('a: é').encode('utf-16'),
+    'UTF-32': own('a: é').encode('utf-32'),
+    'Latin-1': own('a: é').encode('latin-1'),
+    'control character': own('a: \x01'),
+    'NUL byte': own('a: \0'),
+}
+
+# Where the reader refuses what rcl takes, and why.
+STRICTER = {
+    'empty list': (own('a: []'), 'rcl makes a parameter without type or value of it'),
+    'empty list after a value': (own('a: [1]\na: []'), 'rcl keeps the value before'),
+    'empty group': (own('a: {}'), 'rcl makes a parameter without value of it'),
+    'list in a list': (own('a: [[1, 2]]'), 'rcl drops the inner brackets'),
+    'list in a list after a value': (own('a: [1, [2]]'), 'rcl drops the value'),
+    'value after a list in a list': (own('a: [[1], b]'), 'rcl makes a parameter b of it'),
+    'mapping in a list': (own('a: [{b: 1}]'), 'rcl makes a list a.b of it'),
+    'two types': (own('a: x\na: 1'), 'rcl keeps the integer, bool before integer'),
+    'two types in a group': (own('a: {b: 1, b: x}'), 'rcl keeps the last, unlike elsewhere'),
+    'two spellings': (own('a: {b: 1}\na: {b: 2}\na.b: 3'), 'rcl keeps the second'),
+    'dotted twice': (own('a.b: 1\na.b: 2'), 'the same rule, although rcl keeps the last here'),
+    'value then group': (own('a: 1\na: {b: 2}'), 'rcl loses the value'),
+    'value then group, dotted': (own('a: {b: 1, b.c: {d: 2}, e: 3}'), 'rcl loses the value'),
+    'subnormal': (own('a: 1e-310'), 'rcl reads 1e-310 as text, and 0x1p-1074 as a float'),
+    'subnormal in another section': (own('a: 1e-310', 'other'), 'in a list it decides the type'),
+    'NUL in a value': (own(r'a: "x\0y"'), 'rcl cuts the text there'),
+    'NUL in a key': (own(r'"a\0b": 1'), 'rcl cuts the name there'),
+    'long name': (own('a' * 256 + ': 1'), 'bounds time and memory'),
+    'long name of a section': (own('a: 1', '/' + 'x' * 244 + '/y'), 'bounds the recursion'),
+    'deep group': (own('a: ' + '{a: ' * 2000 + '1' + '}' * 2000), 'bounds the recursion'),
+    'large file': ('#' * (1 << 20) + '\n' + own('a: 1'), 'bounds time and memory'),
+    'ros__parameters with an empty list': (
+        'linkage_node: {ros__parameters: []}',
+        'rcl loses its place',
+    ),
+    'ros__parameters with a value, later': (
+        own('a: 1') + 'linkage_node: {ros__parameters: 5}',
+        'rcl sets the last parameter to it',
+    ),
+    'name after ros__parameters': (
+        'linkage_node: {ros__parameters: {a: 1}, b: {}}',
+        'rcl no longer knows whose name it is',
+    ),
+    'file of one word': ('hello', 'rcl takes it for the name of a node'),
+    'document of one word': (own('a: 1') + '--- hello\n', 'likewise'),
+}
+
+# What rcl reads, but the node cannot use: not for the reader to say.
+LOOSER = {
+    'use_sim_time': own('use_sim_time: 5'),
+    'start_type_description_service': own('start_type_description_service: x'),
+}
+
+# Where PyYAML without libyaml refuses a little more yet.
+PURE = {'tab before a value'}
+
+
+def outcome(path):
+    """The values and their types, as text; or the error message."""
+    try:
+        return {name: repr(value) for name, value in read_parameter_file(path).items()}
+    except ConfigurationError as error:
+        return str(error)
+
+
+@pytest.fixture(scope='module')
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('parameters')
+    texts = AGREED | LOOSER | {case: text for case, (text, _) in STRICTER.items()}
+    paths = {}
+    for number, (case, text) in enumerate(texts.items()):
+        paths[case] = folder / f'{number}.yaml'
+        paths[case].write_bytes(text if isinstance(text, bytes) else text.encode())
+    paths['directory'] = folder
+    paths['missing'] = folder / 'missing.yaml'
+    return paths
+
+
+@pytest.fixture(scope='module')
+def answers(files, tmp_path_factory):
+    """What rcl makes of each file: its values, or why it refuses them."""
+    pytest.importorskip('rclpy')
+    folder = tmp_path_factory.mktemp('rcl')
+    script = folder / 'read.py'
+    script.write_text(RCL)
+    todo, answers = list(files), {}
+    while todo:
+        run = subprocess.run(
+            [sys.executable, script, folder / 'answers', *(files[case] for case in todo)],
+            # No shared memory: a test beside this one may hold its locks.
+            env=os.environ | {'ROS_LOG_DIR': str(folder), 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'},
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        lines = (folder / 'answers').read_text().splitlines()
+        answers.update(zip(todo, map(json.loads, lines), strict=False))
+        if len(lines) < len(todo):
+            assert run.returncode < 0, run.stderr
+            answers[todo[len(lines)]] = f'rcl crashes with signal {-run.returncode}'
+        todo = todo[len(lines) + 1 :]
+    return answers
+
+
+@pytest.fixture(params=LOADERS, ids=lambda loader: loader.__name__)
+def loader(request, monkeypatch):
+    """Each of the two parsers that PyYAML may have."""
+    monkeypatch.setattr(parameter_file, '_LOADER', request.param)
+    return request.param
+
+
+@pytest.mark.parametrize('case', [*AGREED, 'directory', 'missing'])
+def test_agrees_with_rcl(case, files, answers, loader):
+    refused = isinstance(answers[case], str) or (loader is yaml.SafeLoader and case in PURE)
+    mine = outcome(files[case])
+    assert isinstance(mine, str) if refused else mine == answers[case]
+
+
+@pytest.mark.parametrize('case', STRICTER)
+def test_refuses_what_rcl_takes(case, files, answers, loader):
+    assert isinstance(answers[case], dict), 'no exception any more: rcl refuses it too'
+    assert isinstance(outcome(files[case]), str)
+
+
+@pytest.mark.parametrize('case', LOOSER)
+def test_takes_what_only_the_node_refuses(case, files, answers):
+    assert case in answers[case]
+    assert 'params file' not in answers[case]
+    assert set(outcome(files[case])) == {case}
+
+
+def test_the_table_holds_both(answers):
+    taken = sum(isinstance(answers[case], dict) for case in AGREED)
+    assert taken > 60
+    assert len(AGREED) - taken > 60
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / 'mine.yaml'
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def test_reads_every_type(write):
+    text = own('a: on\nb: 010\nc: 1e2\nd: "1"\ne: [true]\nf: [1]\ng: {h: [1.0], i: [x]}', '/**')
+    values = read_parameter_file(str(write(text)))
+    assert values == {
+        'a': True,
+        'b': 8,
+        'c': 100.0,
+        'd': '1',
+        'e': [True],
+        'f': [1],
+        'g.h': [1.0],
+        'g.i': ['x'],
+    }
+    assert type(values['c']) is float
+
+
+def test_reads_for_another_node(write):
+    path = write(own('a: 1') + own('a: 2', 'other') + own('b: 3', '/*'))
+    assert read_parameter_file(path, 'other') == {'a': 2, 'b': 3}
+
+
+MESSAGES = {
+    'a: []': "line 3: 'a' is an empty list; write a bool, integer",
+    'a: 1\na: x': "line 4: 'a' is set twice, in two ways; remove one",
+    'a: 1\na: {b: 2}': "line 4: 'a' is a value and a group; rename one",
+    'a: {}': "line 3: 'a' is an empty group; remove it",
+    'a: [0, -9.81]': r"line 3: 'a' mixes types, 0 and -9\.81; give one, as in \[0\.0, -9\.81\]",
+    'a: {b: [1, "x"]}': r"'a\.b' mixes types, 1 and 'x'; give one",
+    'a: [[1]]': "'a' holds a list; write a bool",
+    'a: [{b: 1}]': "'a' holds a mapping; write a bool",
+    'a:\nb: 1': "'a' has no value; write a bool",
+    'a: [1, ~, ]': "mixes types, 1 and '~'; give one",
+    'a: 1e-310': "'a' is 1e-310, too near to 0 for ROS; write 0.0",
+    '[a]: 1': 'a list is no name; write "name: value"',
+    '"": 1': "'' is no name; write",
+    'a: &x 1\nb: *x': r'line 4: ROS takes no alias \(\*x\); write the value',
+    r'a: "x\0"': r"'x\\x00' holds a NUL or half a character; remove it",
+    'a' * 256 + ': 1': "'a{79} makes a name of over 255; shorten it",
+    'a: b: c': r'line 3: no YAML in UTF-8 \(mapping values are not allowed.*\); correct the file',
+    'a: "x': r'no YAML in UTF-8 \(found unexpected end of stream\); correct',
+    'a: \x01': r'no YAML in UTF-8 \(.*\); correct the file there',
+}  # fmt: skip
+LAYOUT = {
+    'hello': "line 1: 'hello' where a mapping belongs; lay the file out as node name, ros__",
+    '- 1': 'line 1: a list where a mapping belongs; lay',
+    'linkage_node: {a: 1}': "'1' where a mapping belongs; lay",
+    'linkage_node:': "'' where a mapping belongs; lay",
+    'linkage_node: {ros__parameters: [1]}': 'a list where a mapping belongs; lay',
+    'ros__parameters: {a: 1}': "'' before ros__parameters is no node; lay",
+    'a-b: {ros__parameters: {a: 1}}': "'a-b' before ros__parameters is no node; lay",
+    'x: {ros__parameters: {a: 1}, y: {}}': "'y' follows ros__parameters; move it before",
+}
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'), [*((own(text), m) for text, m in MESSAGES.items()), *LAYOUT.items()]
+)
+def test_says_what_is_wrong(text, message, write, loader):
+    path = write(text)
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        read_parameter_file(path)
+    assert str(caught.value).startswith(f'{path}, line ')
+    assert '\n' not in str(caught.value)
+    assert len(str(caught.value)) < len(str(path)) + 200
+
+
+@pytest.mark.parametrize(
+    ('name', 'message'),
+    [
+        ('missing.yaml', r'missing\.yaml: No such file or directory; give the path'),
+        ('', r': Is a directory; give the path'),
+        ('a\0b', r'embedded null byte; give the path of a parameter file'),
+        ('a\nb', r'a\\nb.: No such file'),
+        ('\udcff', r'udcff.: No such file'),
+    ],
+)
+def test_says_which_file_cannot_be_read(name, message, tmp_path):
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        read_parameter_file(tmp_path / name)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('wrong', [b'\xe9', b'\x01'])
+def test_names_the_line_of_a_wrong_byte(wrong, write, loader):
+    path = write(b'\n' * 5000 + own('a: 1\nb: ').encode().rstrip(b'\n') + wrong + b'\n')
+    with pytest.raises(ConfigurationError, match=r', line 5004: no YAML in UTF-8 \(.*\); correct'):
+        read_parameter_file(path)
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        own('a: ' + '[' * 100_000),
+        own('a: ' + '{a: ' * 100_000),
+        '{a: ' * 100_000,
+        '{/: ' * 100_000,
+        own(''.join(f'a{i}: &a{i} [{f"*a{i - 1}, " * 9}]\n' for i in range(1, 20))),
+        own('{' + ''.join(f'{"n" * 120}{i}: 1, ' for i in range(7000)) + '}'),
+        own('{' + '? ' + 'n' * 500_000 + ': {' + 'a: 1, ' * 50_000 + '}}'),
+        own('a: ' + '1' * 900_000 + 'x'),
+        own('a: 0x' + '1' * 900_000),
+        own('a: ' + '-' * 900_000),
+        '#' * (1 << 20) + '\n',
+    ],
+    ids=lambda text: text[-20:],
+)
+def test_is_bounded(text, write, loader):
+    start = time.perf_counter()
+    assert len(outcome(write(text))) < 50_001
+    assert time.perf_counter() - start < 5
+
+
+def test_reads_no_endless_file():
+    with pytest.raises(ConfigurationError, match='/dev/zero: over 1048576 bytes; give a param'):
+        read_parameter_file('/dev/zero')
+
+
+PIECES = st.sampled_from(
+    [*'abc:,[]{}&*!|>?%@#"\'-.~\\/ \t\n\r\0', '\n  ', '\n    ', '\n      ', ': ', '- ', '---\n',
+     'ros__parameters', 'linkage_node', '/**', '1', '1e2', '0x', '"\\U', '"\\u', 'FFFFFFFF',
+     '!!str ', '%YAML 1.1\n---\n', '\ud7ff', '\ufeff', '\x85', '<<', 'é', '9' * 30, 'a: 1\n    ',
+     'linkage_node:\n  ros__parameters:\n    ']
+)  # fmt: skip
+TEXTS = st.lists(PIECES, max_size=40).map(''.join)
+
+
+@settings(max_examples=400, deadline=None, database=None, derandomize=True)
+@given(st.one_of(TEXTS, TEXTS.map(own), st.text(), st.binary()))
+@pytest.mark.parametrize('loader', LOADERS, ids=lambda loader: loader.__name__)
+def test_any_text_ends_well(loader, tmp_path_factory, text):
+    path = tmp_path_factory.getbasetemp() / 'any.yaml'
+    path.write_bytes(text if isinstance(text, bytes) else text.encode('utf-8', 'surrogatepass'))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parameter_file, '_LOADER', loader)
+        mine = outcome(path)
+    if isinstance(mine, str):
+        assert re.fullmatch(r'.*any\.yaml, line \d+: .+; .+', mine)
+    else:
+        assert '[]' not in mine.values()
