@@ -57,6 +57,10 @@ class Stop:
         """Asks for the end."""
         self._event.set()
 
+    def is_set(self) -> bool:
+        """Whether the end was asked for."""
+        return self._event.is_set()
+
     def wait(self, timeout: float | None = None) -> bool:
         """Waits.
 

@@ -15,7 +15,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism import MECHANISMS, FourBar
 from linkage_ros.motion import SpeedDrive
 from linkage_ros.parameter_file import read_parameter_file
-from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity
+from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 from linkage_ros.solver import Solver
 
 DEFAULT_PRESET = 'quadrilateral'
@@ -122,11 +122,16 @@ def configure(values: Mapping[str, object]) -> Configuration:
     return Configuration(kind, mechanism, build(SpeedDrive, given), build(Session, given))
 
 
+def preset_note(values: Mapping[str, object]) -> str:
+    """What to tell a user whose parameters name no mechanism; empty where they do."""
+    return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
+
+
 def _unknown(name: str, mechanism: str, valid: list[str]) -> str:
     near = difflib.get_close_matches(name, valid, n=1)
-    hint = f'; did you mean {near[0]}?' if near else ''
+    hint = f'; did you mean {near[0]}?' if near else '.'
     known = ', '.join(valid)
-    return f'{name!r} is not a parameter of a {mechanism}{hint} Valid names: {known}'
+    return f'{shown(name)} is not a parameter of a {mechanism}{hint} Valid names: {known}'
 
 
 def find(source: str) -> Path:
@@ -176,6 +181,8 @@ def from_strings(strings: Mapping[str, str]) -> Configuration:
     """
     try:
         values = {name: json.loads(text) for name, text in strings.items()}
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigurationError(f'the logged configuration is not JSON: {error}') from error
+    if 'mechanism' not in values:
+        raise ConfigurationError('mechanism is missing from the logged configuration')
     return configure(values)

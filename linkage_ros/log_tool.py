@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from datetime import datetime, timezone
 
 from linkage_ros import cli
-from linkage_ros.log import LogReader
+from linkage_ros.log_reader import LogReader
 from linkage_ros.machine import Machine
 
 _NAME = 'linkage_log'

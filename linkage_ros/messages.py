@@ -99,14 +99,19 @@ class JointStateCodec:
         Raises:
             ValueError: The bytes are no such message.
         """
-        same_names = data[12 : self._head] == self._buffer[12 : self._head]
-        if len(data) != len(self._buffer) or not same_names:
+        fixed = len(data) == len(self._buffer) and all(
+            data[part] == self._buffer[part] for part in (slice(4), slice(12, self._head))
+        )
+        numbers = self._numbers.unpack_from(data, self._head) if fixed else ()
+        count = len(self.names)
+        if numbers[:: count + 1] != (count,) * 3:
             raise ValueError(f'not a JointState of the joints {", ".join(self.names)}')
         seconds, nanoseconds = struct.unpack_from('<iI', data, 4)
-        numbers = self._numbers.unpack_from(data, self._head)
-        count = len(self.names) + 1
-        rows = (numbers[1:count], numbers[count + 1 : 2 * count], numbers[2 * count + 1 :])
-        return seconds * _NS + nanoseconds, sum(rows, ())
+        rows = (
+            numbers[start + 1 : start + 1 + count]
+            for start in range(0, 3 * (count + 1), count + 1)
+        )
+        return seconds * _NS + nanoseconds, tuple(value for row in rows for value in row)
 
 
 def encode_float64(value: float) -> bytes:

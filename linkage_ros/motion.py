@@ -9,8 +9,8 @@ reduced by whole turns, and only then rounded to a float, once.
 
 from __future__ import annotations
 
-import bisect
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
@@ -93,7 +93,8 @@ class CrankMotion:
         self._phase, self._target = round(phase * _GRID), round(Fraction(rpm) * _GRID)
         self._speed = round(speed * _GRID) if acceleration else self._target
         gap = self._target - self._speed
-        self._rate = round(Fraction(acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
+        rate = round(Fraction(acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
+        self._rate = max(rate, 1)  # an acceleration next to nothing still is none "at once"
         self._ramp_ns = Fraction(abs(gap) * 10**9, self._rate) if gap else Fraction(0)
         self._rate = self._rate if gap > 0 else -self._rate
         # Once settled, the crank is where it would be had it always turned at its final speed,
@@ -177,15 +178,18 @@ class CrankMotion:
             return abs(self.phase(self.stamp + elapsed) * _GRID - self._phase) >= goal
 
         reversal = self._speed * 10**9 // -self._rate if self._speed * self._rate < 0 else 0
-        if reversal and reached(reversal):
-            return bisect.bisect_left(range(reversal), True, key=reached)
-        if self._target == 0 and not reached(math.ceil(self._ramp_ns)):
+        # The farthest point before it may lie on either side of the moment of reversal.
+        for turning in (reversal, reversal + 1):
+            if reversal and reached(turning):
+                return _first(reached, 0, turning)
+        end = math.ceil(self._ramp_ns)
+        if self._target == 0 and not reached(end):
             return None
         # From the reversal on the distance grows, after it has perhaps passed the start.
-        late = max(reversal, math.ceil(self._ramp_ns)) + 1
+        late = max(reversal, end) + 1
         while not reached(late):
             late *= 2
-        return reversal + bisect.bisect_left(range(reversal, late), True, key=reached)
+        return _first(reached, reversal, late)
 
     def phase(self, stamp: int) -> Fraction:
         """Turns at a stamp, unwrapped."""
@@ -201,6 +205,17 @@ class CrankMotion:
         if elapsed >= self._ramp_ns:
             return Fraction(self._target, _GRID)
         return Fraction(self._speed * 10**9 + self._rate * elapsed, _GRID * 10**9)
+
+
+def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
+    """The first number from low to high for which a condition, once true, stays true.
+
+    bisect cannot: its ranges end at 2^63, ours do not.
+    """
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if reached(middle) else (middle + 1, high)
+    return low
 
 
 def _radians(numerator: int, turn: int) -> float:

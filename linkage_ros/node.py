@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from linkage_ros import cli, ros
-from linkage_ros.configuration import DEFAULT_PRESET, Configuration, check_live, configure
+from linkage_ros.configuration import Configuration, check_live, configure, preset_note
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log import LogItem, LogWriter
 from linkage_ros.machine import Machine
@@ -64,8 +64,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.create_timer(1.0, self._report)
-        preset = '' if 'mechanism' in given else f'no mechanism given, so the {DEFAULT_PRESET}: '
-        self.get_logger().info(preset + self._machine.summary())
+        self.get_logger().info(preset_note(given) + self._machine.summary())
 
     def start(self) -> None:
         """Starts turning."""

@@ -102,7 +102,10 @@ class Quantity:
 
 def shown(value: object) -> str:
     """A value as an error message shows it: on one line and not endless."""
-    words = repr(value)
+    try:
+        words = repr(value)
+    except ValueError:  # Python writes no whole number of thousands of digits
+        return 'a number of thousands of digits'
     return words if len(words) <= 80 else words[:77] + '...'
 
 

@@ -7,18 +7,20 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 from tqdm import tqdm
 
 from linkage_ros import cli
-from linkage_ros.configuration import Configuration, load
+from linkage_ros.configuration import Configuration, configure, find, preset_note
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log import LogWriter
 from linkage_ros.machine import Machine
 from linkage_ros.messages import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
+from linkage_ros.parameter_file import read_parameter_file
 
 _NAME = 'linkage_record'
 _DEFAULT_DURATION = 10.0
@@ -33,6 +35,7 @@ def record(
     revolutions: int | None = None,
     overwrite: bool = False,
     progress: bool = False,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> int:
     """Writes the states from t = 0 up to, but not including, the end; log times are stamps.
 
@@ -43,9 +46,10 @@ def record(
         revolutions: Turns of the crank, either way, instead of a duration.
         overwrite: Whether to replace an existing file.
         progress: Whether to show a bar on stderr.
+        stopped: Asked before each state; ends the record early.
 
     Returns:
-        The number of states.
+        The number of states written.
 
     Raises:
         ConfigurationError: The end is not a positive number, or is never reached.
@@ -62,6 +66,8 @@ def record(
         log.write_motion(motion)
         log.write(description, 0, machine.description)
         for tick in _shown(count, progress):
+            if stopped():
+                return tick
             stamp = machine.elapsed(tick)
             step = machine.step(motion, stamp)
             log.write(states, stamp, step.joint_states)
@@ -81,7 +87,8 @@ def _count(machine: Machine, duration: float | None, revolutions: int | None) ->
             raise ConfigurationError(
                 f'duration = {seconds!r}: must be a number above 0 up to {_LONGEST:g} s'
             )
-        end = math.ceil(seconds * 10**9)
+        # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
+        end = math.ceil(Fraction(repr(seconds)) * 10**9)
     else:
         if not 0 < revolutions <= _LONGEST:
             raise ConfigurationError(
@@ -92,6 +99,11 @@ def _count(machine: Machine, duration: float | None, revolutions: int | None) ->
             raise ConfigurationError(
                 f'the crank comes to rest before {revolutions} revolutions: '
                 'give a --duration, or an rpm other than 0'
+            )
+        if turned > _LONGEST * 10**9:
+            raise ConfigurationError(
+                f'{revolutions} revolutions take longer than {_LONGEST:g} s: '
+                'give fewer, or a higher rpm'
             )
         end = turned
     return machine.tick_at(end - 1) + 1
@@ -122,8 +134,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _record(options: argparse.Namespace) -> None:
-    configuration = load(options.params)
+def _record(options: argparse.Namespace) -> int:
+    stop = cli.Stop()
+    values = read_parameter_file(find(options.params))
+    configuration = configure(values)
     if options.rate is not None:
         session = replace(configuration.session, rate_hz=options.rate)
         configuration = replace(configuration, session=session)
@@ -134,9 +148,16 @@ def _record(options: argparse.Namespace) -> None:
         revolutions=options.revolutions,
         overwrite=options.overwrite or configuration.session.log_overwrite,
         progress=True,
+        stopped=stop.is_set,
     )
+    if note := preset_note(values):
+        print(note + Machine(configuration).summary())
+    if stop.is_set():
+        print(f'{options.out}: stopped; the first {count} states are kept')
+        return cli.STOPPED_BY_USER
     seconds = count / configuration.session.rate_hz
     print(f'{options.out}: {count} states, {seconds:g} s; linkage_replay {options.out} shows it')
+    return 0
 
 
 def main() -> int:

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, LinkageError, LogError
-from linkage_ros.log import LoggedMessage, LogReader
+from linkage_ros.log_reader import LoggedMessage, LogReader
 from linkage_ros.machine import Machine
 from linkage_ros.messages import JOINT_STATES, TOPICS, JointStateCodec, Topic
 from linkage_ros.stream import Sample, View

@@ -278,6 +278,7 @@ def _layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
             colors=[COLORS[joint] for joint in _JOINTS],
             widths=[2.0] * len(_JOINTS),
             visible_series=[joint in joints for joint in _JOINTS],
+            aggregation_policy='MinMax',  # no peak is averaged away
         )
         return rrb.TimeSeriesView(
             name=name,

@@ -1,0 +1,194 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the MCAP logs of this package, and says in one line what else a file is."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, NamedTuple
+
+from mcap.reader import McapReader, make_reader
+from mcap.records import Channel, Schema, Statistics
+
+from linkage_ros.errors import LogError
+from linkage_ros.records import (
+    CONFIGURATION_RECORD,
+    MOTION_RECORD,
+    read_configuration,
+    read_motion,
+)
+
+_MAGIC_SIZE, _FOOTER_SIZE = 8, 9 + 20
+
+
+class LoggedMessage(NamedTuple):
+    """A message as it was logged.
+
+    Attributes:
+        topic: Fully qualified name.
+        type: Message type, such as 'std_msgs/msg/Float64'.
+        time: Log time, ns.
+        data: CDR bytes.
+    """
+
+    topic: str
+    type: str
+    time: int
+    data: bytes
+
+
+class LoggedTopic(NamedTuple):
+    """A channel of a log: its fully qualified name, message type, number of messages, latching."""
+
+    name: str
+    type: str
+    messages: int
+    latched: bool
+
+
+class LogReader:
+    """Reads a complete log of this package.
+
+    Attributes:
+        path: The file.
+        configuration: Of the run.
+        version: Of linkage_ros that wrote it.
+        motions: The pieces of motion, in order.
+        topics: The channels.
+        start: Time of the first message, ns.
+        end: Time of the last message, ns.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """Opens a log.
+
+        Args:
+            path: The file.
+
+        Raises:
+            LogError: It is no complete log of linkage_ros; says what it is.
+        """
+        self.path = Path(path)
+        try:
+            self._stream = self.path.open('rb')
+        except OSError as error:
+            raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
+        try:
+            with _damage_reported(self.path):
+                self._open()
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def _open(self) -> None:
+        self._reader: McapReader = make_reader(self._stream, validate_crcs=True)
+        summary = self._reader.get_summary()
+        if summary is None or summary.statistics is None:
+            raise LogError('it is not complete: its run was killed before the end')
+        _check_summary(self._stream)
+        records = list(self._reader.iter_metadata())
+        # The index is under the summary's checksum, the records' names are under none.
+        if [record.name for record in records] != [i.name for i in summary.metadata_indexes]:
+            raise LogError('it is damaged: its metadata records are not those of its index')
+        about, motions = [], []
+        for record in records:
+            if record.name == CONFIGURATION_RECORD:
+                about.append(read_configuration(record.metadata))
+            elif record.name == MOTION_RECORD:
+                motions.append(read_motion(record.metadata))
+        if not about:
+            raise LogError('it is no log of linkage_ros: it has no configuration record')
+        self.version, self.configuration = about[0]
+        self.motions = tuple(motions)
+        statistics: Statistics = summary.statistics
+        self.topics = tuple(
+            _topic(channel, summary.schemas, statistics) for channel in summary.channels.values()
+        )
+        self.start, self.end = statistics.message_start_time, statistics.message_end_time
+
+    def messages(
+        self, topics: Iterable[str] | None = None, start: int | None = None
+    ) -> Iterator[LoggedMessage]:
+        """Reads messages in the order of their log times.
+
+        Args:
+            topics: Fully qualified names; None: all.
+            start: First log time, ns; None: from the beginning.
+
+        Yields:
+            The messages.
+
+        Raises:
+            LogError: The file is damaged.
+        """
+        wanted = None if topics is None else list(topics)
+        stored = self._reader.iter_messages(topics=wanted, starting_at=start)
+        with _damage_reported(self.path):
+            for schema, channel, message in stored:
+                kind = '' if schema is None else schema.name
+                yield LoggedMessage(channel.topic, kind, message.log_time, message.data)
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._stream.close()
+
+    def __enter__(self) -> LogReader:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
+    return LoggedTopic(
+        channel.topic,
+        schemas[channel.schema_id].name,
+        statistics.channel_message_counts.get(channel.id, 0),
+        'transient_local' in channel.metadata.get('offered_qos_profiles', ''),
+    )
+
+
+def _check_summary(stream: BinaryIO) -> None:
+    """Compares the summary's checksum, which the mcap reader does not look at.
+
+    Args:
+        stream: The file; its position is moved.
+
+    Raises:
+        LogError: The summary is damaged.
+    """
+    footer = stream.seek(-(_FOOTER_SIZE + _MAGIC_SIZE), os.SEEK_END)
+    _, _, start, _, expected = struct.unpack('<BQQQI', stream.read(_FOOTER_SIZE))
+    stream.seek(start)
+    # The checksum covers the summary and the footer up to the checksum itself.
+    if expected and zlib.crc32(stream.read(footer + _FOOTER_SIZE - 4 - start)) != expected:
+        raise LogError('it is damaged: the checksum of its summary is wrong')
+
+
+@contextmanager
+def _damage_reported(path: Path) -> Iterator[None]:
+    """Turns whatever damage makes a parser raise into one line that names the file.
+
+    Raises:
+        LogError: The file is damaged or none of ours.
+    """
+    try:
+        yield
+    except LogError as error:
+        raise LogError(f'{path} cannot be used: {error}') from error
+    except Exception as error:  # nothing bounds what damage makes a parser raise
+        cause = ' '.join(f'{type(error).__name__}: {error}'.split())[:200]
+        raise LogError(
+            f'{path} is no readable MCAP file, or is damaged or not complete ({cause})'
+        ) from error
