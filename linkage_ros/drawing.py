@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture of a linkage consists of: lines, points and colours, whatever shows them.
+"""What a picture of a linkage consists of: lines and points, whatever shows them.
 
 All coordinates are m in base_link, x to the right and y up.
 """
@@ -17,16 +17,6 @@ from linkage_ros.mechanism import FourBar
 from linkage_ros.solver import Solver
 
 Array: TypeAlias = npt.NDArray[np.float64]
-Color: TypeAlias = tuple[int, int, int]
-
-# From the palette of Okabe and Ito, which colour-blind people can tell apart: those three that
-# stand out from black and from white alike. A link and its curves have the same colour.
-COLORS: dict[str, Color] = {
-    'crank': (213, 94, 0),
-    'coupler': (0, 114, 178),
-    'rocker': (0, 158, 115),
-}
-GREY: Color = (150, 150, 150)
 
 _STEPS_PER_TURN = 360
 _MARGIN = 0.06

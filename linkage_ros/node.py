@@ -122,6 +122,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if not session.viewer:
             return None
         view = View(configuration, session.viewer, session.viewer_bind)
+        if view.exposed:
+            self.get_logger().warning(
+                f'the view is served at {view.url} to whoever reaches it; viewer_bind = '
+                '127.0.0.1 keeps it on this machine'
+            )
         return Worker(
             'view', view, capacity=_VIEW_CAPACITY, period=_VIEW_PERIOD, on_error=self._view_failed
         )

@@ -20,32 +20,26 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.configuration import Configuration
-from linkage_ros.drawing import COLORS, GREY, Array, FourBarDrawing
+from linkage_ros.drawing import Array, FourBarDrawing
 from linkage_ros.errors import ViewerError
 from linkage_ros.joints import FOUR_BAR_JOINTS
+from linkage_ros.palette import COLORS, GREY
 from linkage_ros.solver import Solver
 from linkage_ros.viewer import SPAWN, Window, create_file, find_viewer, free_address, viewer_url
 
 # Rerun costs 60 MB and most of a second: it is imported where it is used, which is in a View.
 if TYPE_CHECKING:
     import rerun as rr
-    import rerun.blueprint as rrb
 
 Stamps: TypeAlias = npt.NDArray[np.int64]
-
-# The names that Rerun's MCAP importer makes of a topic joint_states: one layout serves the live
-# view, a replay and a log that is opened directly.
-TIMELINE = 'ros2_timestamp'
-QUANTITIES = ('position', 'velocity', 'effort')
-_JOINTS = tuple(joint.name for joint in FOUR_BAR_JOINTS)
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
 _WALL_CLOCK = 10**18  # ns; a stamp before September 2001 counts from the start of something
 _SERVED = '64MB'  # of the past, for windows that connect late
-_SEND_SECONDS = 0.25  # for which a viewer may hold up a batch
-_WRITE_SECONDS = 5.0  # likewise a disk
+_BATCH = 20_000  # samples sent at once, however many have come
+_SEND_SECONDS = 2.0  # for which a batch may hold up the next one
+_LAGGING_SECONDS = 0.05  # likewise once it has done so
 _CLOSE_SECONDS = 2.5
-_PLOTTED_TURNS = 4
 
 
 class Sample(NamedTuple):
@@ -105,13 +99,16 @@ class View:
         self.url: str | None = None
         self.exposed = False
         self.dropped = 0
-        self._target, self._patience = target, _SEND_SECONDS
+        self._target = target
+        self._is_file = self._lags = False
         self._drawing = FourBarDrawing(configuration.mechanism)
         self._last_frame = -1
         self._wall_clock: bool | None = None
         program = find_viewer() if target == SPAWN else None
         self._recording = self._open(bind, overwrite)
-        self._describe(configuration)
+        self._recording.send_blueprint(layout(configuration, self._drawing.bounds))
+        for entity, components in fixed_components(self._drawing).items():
+            self._recording.log(entity, components, static=True, strict=True)
         self._window = Window(program, self.url) if program and self.url else None
 
     def consume(self, samples: Sequence[Sample]) -> None:
@@ -123,23 +120,14 @@ class View:
         Raises:
             ViewerError: The window could not open, the viewer is gone or the disk is full.
         """
-        import rerun as rr
-
         if self._window:
             self._window.check()
-        if not self._has_left():
-            self.dropped += len(samples)
-            return
-        if not samples:
-            return
-        stamps, *rows = (np.array(column) for column in zip(*samples, strict=True))
-        for quantity, row in zip(QUANTITIES, rows, strict=True):
-            self._send(f'joint_states/{quantity}', stamps, rr.Scalars.columns(scalars=row))
-        frames = stamps // _DRAWING_NS
-        due = np.diff(frames, prepend=self._last_frame) != 0
-        self._last_frame = frames[-1]
-        if due.any():
-            self._draw(stamps[due], rows[0][due])
+        for start in range(0, len(samples), _BATCH):
+            batch = samples[start : start + _BATCH]
+            if self._has_left():
+                self._show(batch)
+            else:
+                self.dropped += len(batch)
 
     def close(self) -> None:
         """Sends what is left and lets the viewer go: in 2.5 s at most, even if it is stuck."""
@@ -168,33 +156,10 @@ class View:
         else:
             create_file(self._target, overwrite=overwrite)
             sink = rr.FileSink(self._target, write_footer=False)
-            self._patience = _WRITE_SECONDS
+            self._is_file = True
         recording = rr.RecordingStream('linkage_ros')
         recording.set_sinks(sink)
         return recording
-
-    def _describe(self, configuration: Configuration) -> None:
-        """Sends what does not change: layout, colours, names, paths and ground."""
-        import rerun as rr
-
-        drawing, lines = self._drawing, rr.LineStrips2D
-        thin, thick, dot = (rr.Radius.ui_points(size) for size in (1.0, 3.5, 5.0))
-        fixed: dict[str, rr.AsComponents] = {
-            'linkage': rr.Transform3D(scale=[1, -1, 1]),  # y is down in Rerun's 2-D views
-            'linkage/ground': lines(drawing.ground, colors=GREY, radii=thin),
-            'linkage/pivots': rr.Points2D(drawing.pivots, colors=GREY, radii=dot),
-            'linkage/pins': rr.Points2D.from_fields(colors=GREY, radii=dot),
-        }
-        for link, path in drawing.paths.items():
-            strip = path.astype(np.float32)
-            fixed[f'linkage/paths/{link}'] = lines(strip, colors=COLORS[link], radii=thin)
-        for joint in _JOINTS:
-            fixed[f'linkage/{joint}'] = lines.from_fields(colors=COLORS[joint], radii=thick)
-        for quantity in QUANTITIES:
-            fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=_JOINTS)
-        self._recording.send_blueprint(_layout(configuration, drawing.bounds))
-        for entity, components in fixed.items():
-            self._recording.log(entity, components, static=True, strict=True)
 
     def _has_left(self) -> bool:
         """Whether all that was sent has left this process.
@@ -203,14 +168,28 @@ class View:
             ViewerError: It never will.
         """
         try:
-            self._recording.flush(timeout_sec=self._patience)
+            self._recording.flush(timeout_sec=_LAGGING_SECONDS if self._lags else _SEND_SECONDS)
         except RuntimeError as error:
-            if self._patience == _WRITE_SECONDS:
+            if self._is_file:
                 raise ViewerError(f'{self._target} takes no more: is the disk full?') from error
             if 'severed' in str(error):
                 raise ViewerError(f'the viewer at {self._target} is gone') from error
-            return False
-        return True
+            self._lags = True
+        else:
+            self._lags = False
+        return not self._lags
+
+    def _show(self, samples: Sequence[Sample]) -> None:
+        import rerun as rr
+
+        stamps, *rows = (np.array(column) for column in zip(*samples, strict=True))
+        for quantity, row in zip(QUANTITIES, rows, strict=True):
+            self._send(f'joint_states/{quantity}', stamps, rr.Scalars.columns(scalars=row))
+        frames = stamps // _DRAWING_NS
+        due = np.diff(frames, prepend=self._last_frame) != 0
+        self._last_frame = frames[-1]
+        if due.any():
+            self._draw(stamps[due], rows[0][due])
 
     def _draw(self, stamps: Stamps, position: Array) -> None:
         import rerun as rr
@@ -251,61 +230,3 @@ def _import_rerun() -> None:
         if quiet:
             del os.environ['RUST_LOG']
     rr.unregister_shutdown()
-
-
-def _layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
-    import rerun as rr
-    import rerun.blueprint as rrb
-
-    (left, low), (right, high) = bounds.tolist()
-    linkage = rrb.Spatial2DView(
-        name='Linkage, m',
-        contents='/linkage/**',
-        visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
-    )
-    rpm = configuration.drive.rpm
-    # A few turns, but no less than eyes can follow and no more than anyone waits for.
-    seconds = min(max(2.0, _PLOTTED_TURNS * 60 / abs(rpm)), 60.0) if rpm else 10.0
-    until_now = rr.TimeRange(
-        start=rr.TimeRangeBoundary.cursor_relative(seconds=-seconds),
-        end=rr.TimeRangeBoundary.cursor_relative(),
-    )
-
-    def plot(name: str, quantity: str, *joints: str) -> rrb.TimeSeriesView:
-        entity = f'/joint_states/{quantity}'
-        series = rr.SeriesLines(
-            names=_JOINTS,
-            colors=[COLORS[joint] for joint in _JOINTS],
-            widths=[2.0] * len(_JOINTS),
-            visible_series=[joint in joints for joint in _JOINTS],
-            aggregation_policy='MinMax',  # no peak is averaged away
-        )
-        return rrb.TimeSeriesView(
-            name=name,
-            origin=entity,
-            contents=entity,
-            overrides={entity: series},
-            axis_x=rrb.archetypes.TimeAxis(view_range=until_now),
-            plot_legend=rrb.PlotLegend(corner='LeftTop', visible=len(joints) > 1),
-        )
-
-    crank, *others = _JOINTS
-    # The crank's angle is unwrapped: beside it the other angles would soon be straight lines.
-    angles = rrb.Tabs(
-        plot('Joint angles, rad', 'position', *others), plot('Crank angle, rad', 'position', crank)
-    )
-    rates = plot('Joint rates, rad/s', 'velocity', *_JOINTS)
-    # Passive joints have none. The viewer may find room for a single number at its axis.
-    torque = (
-        Solver(configuration.mechanism)
-        .state(np.linspace(0, 4 * np.pi, 1441), rpm * np.pi / 30)
-        .torque
-    )
-    span = f'{torque.min():.3g} to {torque.max():.3g} at {rpm:g} rpm'
-    effort = plot(f'Driving torque, N m ({span})', 'effort', crank)
-    return rrb.Blueprint(
-        rrb.Horizontal(linkage, rrb.Vertical(angles, rates, effort, row_shares=[2, 2, 3])),
-        rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
-        rrb.SelectionPanel(state='collapsed'),
-        rrb.BlueprintPanel(state='collapsed'),
-    )

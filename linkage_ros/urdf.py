@@ -9,13 +9,7 @@ from xml.etree import ElementTree as ET
 
 from linkage_ros.mechanism import Body, FourBar
 from linkage_ros.messages import ROOT_FRAME
-
-# Okabe and Ito's palette, told apart by colour-blind people too: blue, orange, green.
-COLOURS = {
-    'crank': (0.0, 0.447, 0.698),
-    'coupler': (0.902, 0.624, 0.0),
-    'rocker': (0.0, 0.620, 0.451),
-}
+from linkage_ros.palette import COLORS
 
 
 def make_urdf(mechanism: FourBar) -> str:
@@ -58,8 +52,8 @@ def _add_link(robot: ET.Element, name: str, body: Body, width: float, layer: int
     _add_origin(visual, body.length / 2, 0.0, layer * width)
     box = ET.SubElement(ET.SubElement(visual, 'geometry'), 'box')
     box.set('size', f'{body.length!r} {width!r} {width!r}')
-    colour = ' '.join(map(str, COLOURS[name]))
-    ET.SubElement(ET.SubElement(visual, 'material', name=name), 'color', rgba=f'{colour} 1')
+    color = ' '.join(f'{part / 255:.3f}' for part in COLORS[name])
+    ET.SubElement(ET.SubElement(visual, 'material', name=name), 'color', rgba=f'{color} 1')
     if body.mass or body.inertia:
         inertial = ET.SubElement(link, 'inertial')
         _add_origin(inertial, *body.center)

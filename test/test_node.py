@@ -32,7 +32,7 @@ from ros_harness import (
 )
 
 from linkage_ros.configuration import load, parameter_leaves
-from linkage_ros.log import LogReader
+from linkage_ros.log_reader import LogReader
 from linkage_ros.machine import Machine
 from linkage_ros.messages import JointStateCodec
 

@@ -14,7 +14,7 @@ import pytest
 from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
 
 from linkage_ros.configuration import configure
-from linkage_ros.log import LogReader
+from linkage_ros.log_reader import LogReader
 from linkage_ros.record import record
 
 TYPES = {
