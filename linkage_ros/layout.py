@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkage_ros.configuration import Configuration
-from linkage_ros.drawing import COLORS, GREY, Array, FourBarDrawing
+from linkage_ros.drawing import Array, FourBarDrawing
 from linkage_ros.joints import FOUR_BAR_JOINTS
+from linkage_ros.palette import COLORS, GREY
 from linkage_ros.solver import Solver
 
 if TYPE_CHECKING:

@@ -88,7 +88,7 @@ def _count(machine: Machine, duration: float | None, revolutions: int | None) ->
                 f'duration = {seconds!r}: must be a number above 0 up to {_LONGEST:g} s'
             )
         # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
-        end = math.ceil(Fraction(repr(seconds)) * 10**9)
+        end = math.ceil(Fraction(repr(float(seconds))) * 10**9)
     else:
         if not 0 < revolutions <= _LONGEST:
             raise ConfigurationError(

@@ -22,9 +22,7 @@ import numpy.typing as npt
 from linkage_ros.configuration import Configuration
 from linkage_ros.drawing import Array, FourBarDrawing
 from linkage_ros.errors import ViewerError
-from linkage_ros.joints import FOUR_BAR_JOINTS
-from linkage_ros.palette import COLORS, GREY
-from linkage_ros.solver import Solver
+from linkage_ros.layout import QUANTITIES, TIMELINE, fixed_components, layout
 from linkage_ros.viewer import SPAWN, Window, create_file, find_viewer, free_address, viewer_url
 
 # Rerun costs 60 MB and most of a second: it is imported where it is used, which is in a View.
@@ -37,9 +35,11 @@ _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
 _WALL_CLOCK = 10**18  # ns; a stamp before September 2001 counts from the start of something
 _SERVED = '64MB'  # of the past, for windows that connect late
 _BATCH = 20_000  # samples sent at once, however many have come
-_SEND_SECONDS = 2.0  # for which a batch may hold up the next one
+_SEND_SECONDS = 2.0  # for which a viewer may hold up a batch
 _LAGGING_SECONDS = 0.05  # likewise once it has done so
+_WRITE_SECONDS = 5.0  # for which a disk may do so
 _CLOSE_SECONDS = 2.5
+_LAST_SECONDS = 0.5  # of these, for a viewer that has not kept up
 
 
 class Sample(NamedTuple):
@@ -136,11 +136,11 @@ class View:
             self._window = None
         thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
         thread.start()
-        thread.join(_CLOSE_SECONDS)
+        thread.join(_LAST_SECONDS if self._lags else _CLOSE_SECONDS)
 
     def _disconnect(self) -> None:
         with contextlib.suppress(RuntimeError):
-            self._recording.flush(timeout_sec=_CLOSE_SECONDS / 2)
+            self._recording.flush(timeout_sec=_CLOSE_SECONDS - _LAST_SECONDS)
         self._recording.disconnect()
 
     def _open(self, bind: str, overwrite: bool) -> rr.RecordingStream:
@@ -158,7 +158,10 @@ class View:
             sink = rr.FileSink(self._target, write_footer=False)
             self._is_file = True
         recording = rr.RecordingStream('linkage_ros')
-        recording.set_sinks(sink)
+        try:
+            recording.set_sinks(sink)
+        except RuntimeError as error:
+            raise ViewerError(f'{self._target} cannot be opened: {error}') from error
         return recording
 
     def _has_left(self) -> bool:
@@ -167,14 +170,17 @@ class View:
         Raises:
             ViewerError: It never will.
         """
+        patience = _WRITE_SECONDS if self._is_file else _SEND_SECONDS
         try:
-            self._recording.flush(timeout_sec=_LAGGING_SECONDS if self._lags else _SEND_SECONDS)
+            self._recording.flush(timeout_sec=_LAGGING_SECONDS if self._lags else patience)
         except RuntimeError as error:
+            self._lags = True
             if self._is_file:
                 raise ViewerError(f'{self._target} takes no more: is the disk full?') from error
             if 'severed' in str(error):
-                raise ViewerError(f'the viewer at {self._target} is gone') from error
-            self._lags = True
+                raise ViewerError(
+                    f'the viewer at {self._target} has ended, or something else listens there'
+                ) from error
         else:
             self._lags = False
         return not self._lags

@@ -103,8 +103,8 @@ class Worker(Generic[_T]):
         items = []
         # popleft is atomic, a copy followed by clear is not.
         while self._queue:
+            self._taken += 1  # first, so that `dropped` never counts an item on its way
             items.append(self._queue.popleft())
-        self._taken += len(items)
         return items
 
     def _fail(self, error: Exception) -> None:

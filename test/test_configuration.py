@@ -1,0 +1,515 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From parameters to a configuration and back, and what is refused on the way."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import FrozenInstanceError
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from linkage_ros import ConfigurationError, MechanismError, Solver
+from linkage_ros.configuration import (
+    DEFAULT_PRESET,
+    check_live,
+    configure,
+    from_strings,
+    load,
+    parameter_leaves,
+    to_strings,
+)
+from linkage_ros.mechanism import MECHANISMS
+from linkage_ros.presets import preset_names
+from linkage_ros.quantities import MISSING
+
+CONFIG = Path(__file__).resolve().parents[1] / 'config'
+LEAVES = {leaf.name: leaf for leaf in parameter_leaves('four_bar')}
+NUMBERS = [name for name, leaf in LEAVES.items() if leaf.quantity.kind == 'number']
+PAIRS = [name for name, leaf in LEAVES.items() if leaf.quantity.kind == 'pair']
+REQUIRED = {
+    'mechanism': 'four_bar',
+    'frame.length': 0.425,
+    'crank.length': 0.1,
+    'coupler.length': 0.315,
+    'rocker.length': 0.5,
+    'rpm': 150.0,
+}
+# What the design says of document 1's linkage; the preset has to say the same.
+QUADRILATERAL = {
+    'mechanism': 'four_bar',
+    'drive': 'speed',
+    'assembly': 'open',
+    'rpm': 150.0,
+    'crank_acceleration': 0.0,
+    'crank_angle': 0.0,
+    'rate_hz': 200.0,
+    'gravity': (0.0, -9.81),
+    'frame.length': 0.425,
+    'frame.angle': 5.497787143782138,
+    'crank.length': 0.1,
+    'crank.mass': 0.0,
+    'crank.inertia': 0.0245,
+    'crank.center': (0.0, 0.0),
+    'coupler.length': 0.315,
+    'coupler.mass': 2.0,
+    'coupler.inertia': 0.016,
+    'coupler.center': (0.1575, 0.0),
+    'coupler.point': (0.1575, 0.05),
+    'rocker.length': 0.5,
+    'rocker.mass': 3.5,
+    'rocker.inertia': 0.066,
+    'rocker.center': (0.25, 0.0),
+    'log': '',
+    'log_overwrite': False,
+    'viewer': '',
+    'viewer_bind': '127.0.0.1',
+}
+
+
+def clean(name, value):
+    return LEAVES[name].quantity.clean(name, value)
+
+
+# ---------------------------------------------------------------- defaults and presets
+
+
+def test_without_a_mechanism_the_preset_runs():
+    assert configure({}).parameters() == QUADRILATERAL
+    assert configure({}) == load(DEFAULT_PRESET)
+
+
+def test_without_a_mechanism_values_change_the_preset():
+    changed = configure({'rpm': 60.0, 'rocker.mass': 1.0}).parameters()
+    assert changed == {**QUADRILATERAL, 'rpm': 60.0, 'rocker.mass': 1.0}
+
+
+def test_with_a_mechanism_nothing_comes_from_the_preset():
+    got = configure(REQUIRED).parameters()
+    assert got == {
+        'drive': 'speed',
+        'assembly': 'open',
+        'gravity': (0.0, -9.81),
+        'frame.angle': 0.0,
+        **{
+            f'{body}.{what}': 0.0
+            for body in ('crank', 'coupler', 'rocker')
+            for what in ('mass', 'inertia')
+        },
+        **{f'{body}.center': (0.0, 0.0) for body in ('crank', 'coupler', 'rocker')},
+        'crank_acceleration': 0.0,
+        'crank_angle': 0.0,
+        'rate_hz': 200.0,
+        'log': '',
+        'log_overwrite': False,
+        'viewer': '',
+        'viewer_bind': '127.0.0.1',
+        **REQUIRED,
+    }
+    configuration = configure(REQUIRED)
+    assert configuration.drive.start_rpm is None
+    assert configuration.mechanism.coupler.point is None
+
+
+@pytest.mark.parametrize('name', sorted(set(REQUIRED) - {'mechanism'}))
+def test_a_missing_value_is_named_with_its_range(name):
+    given_ = {key: value for key, value in REQUIRED.items() if key != name}
+    with pytest.raises(ConfigurationError, match=rf'^{re.escape(name)} is missing: must be a num'):
+        configure(given_)
+
+
+def test_preset_files_are_the_presets():
+    assert [path.stem for path in sorted(CONFIG.glob('*.yaml'))] == preset_names()
+    assert DEFAULT_PRESET in preset_names()
+
+
+@pytest.mark.parametrize('path', sorted(CONFIG.glob('*.yaml')), ids=lambda path: path.stem)
+def test_every_preset_loads_by_name_and_by_path_and_turns(path):
+    configuration = load(str(path))
+    assert load(path.stem) == configuration
+    solver = Solver(configuration.mechanism)
+    assert solver.mobility.turns_fully
+    crank = np.linspace(0, 4 * math.pi, 100)
+    assert np.isfinite(solver.state(crank, 15.0, 3.0).torque).all()
+    # A preset says everything that has a number, so that it can be copied and changed.
+    assert set(REQUIRED) <= set(configuration.parameters())
+
+
+def test_an_unknown_preset_is_refused_with_the_known_ones():
+    with pytest.raises(
+        ConfigurationError, match=r"No preset 'pentagon': choose one of .*quadrila"
+    ):
+        load('pentagon')
+
+
+# ---------------------------------------------------------------- names
+
+
+@pytest.mark.parametrize(
+    ('name', 'near'),
+    [
+        ('crank.lenght', 'crank.length'),
+        ('rmp', 'rpm'),
+        ('rate', 'rate_hz'),
+        ('coupler.centre', 'coupler.center'),
+        ('Crank.length', 'crank.length'),
+        ('log_overwrite ', 'log_overwrite'),
+    ],
+)
+def test_an_unknown_name_gets_a_hint_and_the_valid_names(name, near):
+    with pytest.raises(ConfigurationError, match=rf'did you mean {re.escape(near)}\? ') as caught:
+        configure({**REQUIRED, name: 1.0})
+    words = str(caught.value)
+    assert words.startswith(f'{name!r} is not a parameter of a four_bar; did you mean')
+    assert words.endswith('Valid names: ' + ', '.join(LEAVES))
+    assert '\n' not in words
+
+
+@pytest.mark.parametrize('name', ['zzzzzzzz', '', 'ß', 'crank.length.x' * 3])
+def test_an_unknown_name_that_is_like_none_gets_the_valid_names(name):
+    with pytest.raises(
+        ConfigurationError, match=r'is not a parameter of a four_bar[.;:] '
+    ) as caught:
+        configure({**REQUIRED, name: 1.0})
+    assert str(caught.value).endswith('Valid names: ' + ', '.join(LEAVES))
+
+
+def test_unknown_names_are_refused_beside_the_preset_too():
+    with pytest.raises(ConfigurationError, match="'rmp' is not a parameter"):
+        configure({'rmp': 60.0})
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'use_sim_time',
+        'start_type_description_service',
+        'qos_overrides./joint_states.publisher.depth',
+    ],
+)
+def test_the_parameters_of_every_node_pass(name):
+    assert configure({**REQUIRED, name: True}) == configure(REQUIRED)
+
+
+@pytest.mark.parametrize('name', ['use_sim_times', 'qos_override', 'x.use_sim_time'])
+def test_names_like_those_do_not_pass(name):
+    with pytest.raises(ConfigurationError, match='is not a parameter of a four_bar'):
+        configure({**REQUIRED, name: True})
+
+
+# ---------------------------------------------------------------- what the leaves say
+
+
+@pytest.mark.parametrize('mechanism', MECHANISMS)
+def test_every_parameter_says_what_it_is(mechanism):
+    found = parameter_leaves(mechanism)
+    names = [leaf.name for leaf in found]
+    assert len(set(names)) == len(names)
+    units = {'m', 'kg', 'kg m^2', 'rad', 'rpm', 'rad/s^2', 'm/s^2', 'Hz'}
+    for name, quantity, default in found:
+        assert re.fullmatch(r'[a-z]+(_[a-z]+)*(\.[a-z]+)?', name)
+        assert 4 <= len(quantity.meaning) <= 80, name
+        assert '\n' not in quantity.meaning
+        assert quantity.kind in {'number', 'pair', 'choice', 'text', 'switch'}
+        if quantity.kind in {'number', 'pair'}:
+            assert quantity.unit in units, name
+            assert -math.inf < quantity.low < quantity.high < math.inf, name
+            assert f'{quantity.low:g} to {quantity.high:g} {quantity.unit}' in quantity.valid
+        else:
+            assert quantity.unit == ''
+        if quantity.kind == 'choice':
+            assert len(quantity.choices) > 0
+            assert all(choice in quantity.valid for choice in quantity.choices)
+        if default is not MISSING and default is not None:
+            assert quantity.clean(name, default) == default
+
+
+def test_only_the_speed_may_be_changed_while_running():
+    assert [name for name, leaf in LEAVES.items() if leaf.quantity.live] == ['rpm']
+
+
+def test_parameters_are_leaves():
+    assert set(configure({}).parameters()) <= set(LEAVES)
+    everything = configure({'start_rpm': 0.0})
+    assert set(everything.parameters()) == set(LEAVES)
+
+
+# ---------------------------------------------------------------- values
+
+
+@pytest.mark.parametrize('name', NUMBERS)
+@pytest.mark.parametrize('kind', [int, float, np.float64, np.int64, np.float32, Fraction, Decimal])
+def test_whole_numbers_of_any_kind_are_taken_for_numbers(name, kind):
+    number = max(1, math.ceil(LEAVES[name].quantity.low))
+    got = clean(name, kind(number))
+    assert type(got) is float
+    assert got == number
+
+
+def test_whole_numbers_give_the_same_configuration_as_floats():
+    whole = {
+        'frame.length': 2,
+        'crank.length': 1,
+        'coupler.length': 3,
+        'rocker.length': 3,
+        'rpm': 150,
+        'crank_angle': -1,
+        'rate_hz': 100,
+        'rocker.mass': 0,
+    }
+    real = {name: float(value) for name, value in whole.items()}
+    first = configure({**REQUIRED, **whole, 'gravity': [0, -10]})
+    second = configure({**REQUIRED, **real, 'gravity': (0.0, -10.0)})
+    assert first == second
+    assert to_strings(first) == to_strings(second)
+
+
+@pytest.mark.parametrize('name', NUMBERS)
+def test_limits_are_inclusive(name):
+    low, high = LEAVES[name].quantity.low, LEAVES[name].quantity.high
+    assert (clean(name, low), clean(name, high)) == (low, high)
+    for outside in (math.nextafter(low, -math.inf), math.nextafter(high, math.inf)):
+        with pytest.raises(
+            ConfigurationError, match=rf'^{re.escape(name)} = .*must be a number fr'
+        ):
+            clean(name, outside)
+
+
+@pytest.mark.parametrize('name', PAIRS)
+def test_limits_of_pairs_are_inclusive(name):
+    low, high = LEAVES[name].quantity.low, LEAVES[name].quantity.high
+    assert clean(name, [low, high]) == (low, high)
+    outside = math.nextafter(high, math.inf)
+    for pair in ([outside, 0.0], [0.0, outside], [-outside, 0.0], [0.0, -outside]):
+        with pytest.raises(
+            ConfigurationError, match=rf'^{re.escape(name)} = .*must be two numbers'
+        ):
+            clean(name, pair)
+
+
+@pytest.mark.parametrize(
+    'value',
+    [
+        *(math.nan, math.inf, -math.inf, None, True, False, '1.0', b'1', [], [1.0], {}, 1j),
+        *(10**400, -(10**400), object(), float, Decimal('NaN'), Decimal('1e400')),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize('name', ['rpm', 'crank.length', 'rate_hz'])
+def test_what_is_no_number_in_range_is_refused(name, value):
+    with pytest.raises(
+        ConfigurationError, match=rf'^{re.escape(name)} = .*: must be a numb'
+    ) as caught:
+        configure({**REQUIRED, name: value})
+    assert '\n' not in str(caught.value)
+    assert len(str(caught.value)) < 200
+
+
+def test_a_number_too_long_to_print_is_refused_too():
+    with pytest.raises(ConfigurationError, match=r'^rpm = .*: must be a number from'):
+        configure({**REQUIRED, 'rpm': 10**5_000})
+
+
+@pytest.mark.parametrize(
+    'value',
+    [
+        *([], [1.0], [1.0, 2.0, 3.0], 0.0, 'xy', b'xy', None, [1.0, math.nan], [math.inf, 0.0]),
+        *([True, False], ['0', '0'], [[0.0, 1.0], [0.0, 1.0]], [None, None], [10**400, 0]),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize('name', PAIRS)
+def test_what_is_no_pair_in_range_is_refused(name, value):
+    with pytest.raises(
+        ConfigurationError, match=rf'^{re.escape(name)} = .*: must be two numbers \[x'
+    ):
+        configure({**REQUIRED, name: value})
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'words'),
+    [
+        ('mechanism', 'five_bar', "mechanism = 'five_bar': must be one of four_bar"),
+        ('mechanism', 4, 'mechanism = 4: must be one of four_bar'),
+        ('drive', 'torque', "drive = 'torque': must be one of speed"),
+        ('assembly', 'Open', "assembly = 'Open': must be one of open, crossed"),
+        ('assembly', ['open'], r"assembly = \['open'\]: must be one of open, crossed"),
+        ('log', 5, 'log = 5: must be text'),
+        ('log', None, 'log = None: must be text'),
+        ('viewer', True, 'viewer = True: must be text'),
+        ('log_overwrite', 'true', "log_overwrite = 'true': must be true or false"),
+        ('log_overwrite', 1, 'log_overwrite = 1: must be true or false'),
+        ('log', ['x' * 1_000], r"log = \['x+\.\.\.: must be text"),
+    ],
+)
+def test_words_and_switches_are_checked(name, value, words):
+    with pytest.raises(ConfigurationError, match=f'^{words}'):
+        configure({**REQUIRED, name: value})
+
+
+@pytest.mark.parametrize('name', ['rpm', 'crank_angle', 'frame.angle', 'crank.mass', 'start_rpm'])
+def test_minus_zero_becomes_zero(name):
+    value = configure({**REQUIRED, name: -0.0}).parameters()[name]
+    assert math.copysign(1.0, value) == 1.0
+    assert to_strings(configure({**REQUIRED, name: -0.0}))[name] == '0.0'
+
+
+def test_minus_zero_in_a_pair_becomes_zero():
+    gravity = configure({**REQUIRED, 'gravity': [-0.0, -0.0]}).mechanism.gravity
+    assert [math.copysign(1.0, value) for value in gravity] == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ('lengths', 'words'),
+    [
+        (
+            (9.0, 1.0, 1.0, 1.0),
+            'the longest link, 9 m, is longer than the other three together, 3 m',
+        ),
+        ((2.0, 2.0, 2.0, 1.9), None),
+        ((1.9, 2.0, 2.0, 2.0), None),
+        ((1.0, 2.5, 3.0, 1.5), None),  # a change point at theta = pi, 1 + 3 = 2.5 + 1.5
+        (
+            (2.0, 1.9, 2.0, 2.5),
+            'crank of this triple-rocker linkage cannot turn .* reaches .* deg',
+        ),
+        (
+            (2.5, 1.0, 2.2, 2.0),
+            'crank of this double-rocker linkage cannot turn .* reaches .* deg',
+        ),
+        ((2.5, 2.2, 1.0, 2.0), 'crank of this rocker-crank linkage cannot turn .* reaches .* deg'),
+    ],
+)
+def test_a_crank_that_cannot_turn_is_refused(lengths, words):
+    names = ('crank.length', 'coupler.length', 'rocker.length', 'frame.length')
+    values = {**REQUIRED, **dict(zip(names, lengths, strict=True))}
+    if words is None:
+        assert configure(values).mechanism.crank.length == lengths[0]
+    else:
+        with pytest.raises(MechanismError, match=words):
+            configure(values)
+
+
+def test_a_configuration_cannot_be_changed():
+    configuration = configure({})
+    with pytest.raises(FrozenInstanceError, match="cannot assign to field 'rpm'"):
+        configuration.drive.rpm = 1.0
+    with pytest.raises(FrozenInstanceError, match="cannot assign to field 'drive'"):
+        configuration.drive = None
+
+
+def test_a_live_change_is_checked():
+    check_live('rpm', 60)
+    check_live('rpm', -1e6)
+    check_live('use_sim_time', True)
+    for value in (math.nan, 'fast', True, 1e7, None):
+        with pytest.raises(ConfigurationError, match=r'^rpm = .*must be a number from'):
+            check_live('rpm', value)
+
+
+# ---------------------------------------------------------------- as text
+
+
+def within(name):
+    quantity = LEAVES[name].quantity
+    return st.floats(quantity.low, quantity.high)
+
+
+masses = st.one_of(st.floats(0.0, 1e12), st.just(0.0), st.floats(0.0, 10.0))
+pairs = st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
+# Crank and coupler and rocker and frame that turn, whatever their size.
+sizes = st.floats(1e-8, 1e8)
+configurations = st.builds(
+    lambda size, optional, required: {
+        'mechanism': 'four_bar',
+        'frame.length': 2 * size,
+        'crank.length': size,
+        'coupler.length': 2.5 * size,
+        'rocker.length': 3 * size,
+        **required,
+        **optional,
+    },
+    sizes,
+    st.fixed_dictionaries(
+        {},
+        optional={
+            **{f'{body}.mass': masses for body in ('crank', 'coupler', 'rocker')},
+            **{f'{body}.inertia': masses for body in ('crank', 'coupler', 'rocker')},
+            **{f'{body}.center': pairs for body in ('crank', 'coupler', 'rocker')},
+            'coupler.point': pairs,
+            'gravity': pairs,
+            'assembly': st.sampled_from(['open', 'crossed']),
+            'drive': st.just('speed'),
+            **{n: within(n) for n in ('frame.angle', 'start_rpm', 'crank_acceleration')},
+            **{n: within(n) for n in ('crank_angle', 'rate_hz')},
+            **{n: st.text() for n in ('log', 'viewer', 'viewer_bind')},
+            'log_overwrite': st.booleans(),
+        },
+    ),
+    st.fixed_dictionaries({'rpm': within('rpm')}),
+)
+
+
+@settings(max_examples=120, deadline=None)
+@given(configurations)
+def test_text_loses_nothing(values):
+    configuration = configure(values)
+    strings = to_strings(configuration)
+    assert all(type(text) is str for item in strings.items() for text in item)
+    assert from_strings(strings) == configuration
+    assert to_strings(from_strings(strings)) == strings
+    parameters = configuration.parameters()
+    assert set(strings) == set(parameters)
+    assert set(values) <= set(parameters)
+    for name, text in strings.items():
+        value = json.loads(text)
+        assert (tuple(value) if isinstance(value, list) else value) == parameters[name]
+        assert text.isascii()
+
+
+@settings(max_examples=60, deadline=None)
+@given(configurations, st.sampled_from(sorted(set(REQUIRED) - {'mechanism'})))
+def test_a_setting_that_differs_in_its_last_place_has_other_text(values, name):
+    changed = {**values, name: math.nextafter(values[name], 0.0 if values[name] else 1.0)}
+    assert to_strings(configure(changed)) != to_strings(configure(values))
+
+
+@pytest.mark.parametrize('text', ['', '150 rpm', '{', "'open'", 'nan', '1' * 5_000])
+def test_text_that_is_not_json_is_refused(text):
+    strings = {**to_strings(configure({})), 'rpm': text}
+    with pytest.raises(ConfigurationError, match='configuration is not JSON: ') as caught:
+        from_strings(strings)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('name', 'text', 'words'),
+    [
+        ('rpm', 'NaN', 'rpm = nan: must be a number'),
+        ('rpm', '1e400', 'rpm = inf: must be a number'),
+        ('rpm', '"150"', "rpm = '150': must be a number"),
+        ('gravity', '[0.0]', r'gravity = \[0.0\]: must be two numbers'),
+        ('crank.color', '1.0', "'crank.color' is not a parameter of a four_bar"),
+        ('crank.length', '9.0', 'the longest link, 9 m'),
+    ],
+)
+def test_text_of_a_bad_value_is_refused(name, text, words):
+    with pytest.raises(ConfigurationError, match=words):
+        from_strings({**to_strings(configure({})), name: text})
+
+
+@pytest.mark.parametrize('name', ['mechanism', 'rpm', 'frame.length', 'rocker.length'])
+def test_text_that_lacks_a_required_setting_is_refused(name):
+    """A log is read by itself: nothing in it may come from the preset of the day."""
+    strings = to_strings(configure({'rpm': 60.0}))
+    del strings[name]
+    with pytest.raises(ConfigurationError, match=f'{re.escape(name)} is missing|names no {name}'):
+        from_strings(strings)

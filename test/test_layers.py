@@ -1,0 +1,230 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Imports go one way, and each foreign library is known to one room: read from the source."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'linkage_ros'
+FILES = sorted(PACKAGE.glob('*.py'))
+MODULES = {path.stem for path in FILES} - {'__init__'}
+
+CORE = {
+    *('errors', 'quantities', 'numeric', 'mechanism', 'links', 'transmission', 'four_bar'),
+    *('mobility', 'dynamics', 'solver'),
+}
+# Which files may import what, at their top and within functions.
+ROS = {'ros', 'ros_parameters', 'node'}
+ROOMS = {
+    'mcap': ({'log', 'log_reader'}, {'log', 'log_reader'}),
+    'rerun': ({'stream', 'layout'}, {'stream', 'layout'}),
+    'matplotlib': ({'chart'}, {'chart'}),
+    'scipy': ({'chart'}, {'chart'}),
+    'mpmath': ({'chart'}, {'chart'}),
+    'yaml': ({'parameter_file'}, {'parameter_file'}),
+    'tqdm': ({'record', 'replay'}, {'record', 'replay'}),
+    'rclpy': (ROS, {*ROS, 'replay', 'demo'}),
+    'rcl_interfaces': (ROS, ROS),
+    'sensor_msgs': (ROS, {*ROS, 'demo'}),
+    'std_msgs': (ROS, {*ROS, 'demo'}),
+}
+# What a shell starts: nothing of the package is built on these, but the demo on the recorder.
+EDGES = {'node', 'record', 'replay', 'log_tool', 'demo'}
+
+
+def imports(path):
+    """(module, whether at the top of the file), for all imports that are carried out."""
+    found = []
+
+    def visit(node, is_top):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.If) and ast.unparse(child.test) == 'TYPE_CHECKING':
+                names = [name for part in child.body for name in named(part)]
+                found.extend((name, is_top) for name in names)
+            elif isinstance(child, (ast.Import, ast.ImportFrom)):
+                found.extend((name, is_top) for name in named(child))
+            else:
+                inside = isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
+                visit(child, is_top and not inside)
+
+    def named(node):
+        if isinstance(node, ast.Import):
+            return [alias.name for alias in node.names]
+        if not isinstance(node, ast.ImportFrom):
+            return []
+        assert node.level == 0, f'{path.name} imports relatively'
+        if node.module == 'linkage_ros':
+            own = [alias.name for alias in node.names]
+            return [f'linkage_ros.{name}' if name in MODULES else 'linkage_ros' for name in own]
+        return [node.module]
+
+    visit(ast.parse(path.read_text()), is_top=True)
+    return found
+
+
+IMPORTS = {path.stem: imports(path) for path in FILES}
+
+
+def graph(only_top=False):
+    """Which modules of the package each of them imports; '__init__' is the package itself."""
+    edges = {name: set() for name in IMPORTS}
+    for name, found in IMPORTS.items():
+        for module, is_top in found:
+            top, _, rest = module.partition('.')
+            if top == 'linkage_ros' and (is_top or not only_top):
+                edges[name].add(rest or '__init__')
+    return edges
+
+
+def foreign(name, *, top):
+    """The libraries that a module imports at its top, or within its functions."""
+    found = {module.partition('.')[0] for module, is_top in IMPORTS[name] if is_top == top}
+    return found - {'linkage_ros'} - set(sys.stdlib_module_names)
+
+
+# ---------------------------------------------------------------- direction
+
+
+def test_the_modules_are_all_found():
+    assert CORE | EDGES | ROS <= MODULES
+    assert len(MODULES) > 25
+    assert not [path for path in PACKAGE.iterdir() if path.is_dir() and path.name != '__pycache__']
+
+
+def test_no_module_reaches_itself():
+    try:
+        order = list(TopologicalSorter(graph()).static_order())
+    except CycleError as error:
+        pytest.fail(f'these import each other: {" -> ".join(error.args[1])}')
+    assert order.index('errors') < order.index('mechanism') < order.index('solver')
+    assert order.index('solver') < order.index('machine') < order.index('node')
+
+
+def test_a_cycle_would_be_found():
+    edges = graph()
+    edges['errors'].add('solver')
+    with pytest.raises(CycleError, match='nodes are in a cycle'):
+        list(TopologicalSorter(edges).static_order())
+
+
+def test_nothing_is_built_on_what_a_shell_starts():
+    users = {(name, module) for name, modules in graph().items() for module in modules & EDGES}
+    assert users <= {('demo', 'record')}
+
+
+@pytest.mark.parametrize('name', sorted(CORE))
+def test_the_core_imports_numpy_the_standard_library_and_itself(name):
+    assert graph()[name] <= CORE
+    assert foreign(name, top=True) <= {'numpy'}
+    assert foreign(name, top=False) == set()
+
+
+def test_the_package_itself_offers_the_core_alone():
+    assert graph()['__init__'] <= CORE
+
+
+# ---------------------------------------------------------------- rooms
+
+
+@pytest.mark.parametrize('library', ROOMS)
+def test_each_library_is_known_to_its_room_alone(library):
+    at_top, anywhere = ROOMS[library]
+    users = {name for name in IMPORTS if library in foreign(name, top=True)}
+    assert users <= at_top
+    users |= {name for name in IMPORTS if library in foreign(name, top=False)}
+    assert users <= anywhere
+
+
+@pytest.mark.parametrize('name', sorted(IMPORTS))
+def test_every_library_has_a_room(name):
+    found = foreign(name, top=True) | foreign(name, top=False)
+    assert found <= {*ROOMS, 'numpy'}
+
+
+def test_an_import_out_of_its_room_would_be_found(tmp_path):
+    path = tmp_path / 'stray.py'
+    path.write_text(
+        'import numpy as np\n'
+        'if True:\n    import mcap.reader\n'
+        'try:\n    from rerun import blueprint\nexcept ImportError:\n    pass\n'
+        'class A:\n    import yaml\n    def f(self):\n        import rclpy.node\n'
+        'def g():\n    from linkage_ros import ros, Solver\n'
+    )
+    assert imports(path) == [
+        *(('numpy', True), ('mcap.reader', True), ('rerun', True), ('yaml', True)),
+        *(('rclpy.node', False), ('linkage_ros.ros', False), ('linkage_ros', False)),
+    ]
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+def test_files_stay_short_enough_to_read(path):
+    lines = path.read_text().count('\n')
+    assert lines < 300
+
+
+# ---------------------------------------------------------------- really imported
+
+BLOCK = """
+import sys
+
+class Blocked:
+    names = set(sys.argv[1].split(','))
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in self.names:
+            raise ModuleNotFoundError(f'{name} is blocked here', name=name)
+
+sys.meta_path.insert(0, Blocked())
+"""
+SOLVE = """
+import math
+from linkage_ros import Body, Coupler, FourBar, Frame, Solver
+
+# Norton's table: links 2, 7, 9 and frame 6, crank at 30 deg.
+for assembly, coupler, rocker in (('open', 88.84, 117.29), ('crossed', -115.21, -143.66)):
+    linkage = FourBar(Frame(6), Body(2), Coupler(7), Body(9), assembly)
+    state = Solver(linkage).state(math.radians(30))
+    got = [math.degrees(angle) for angle in state.angle]
+    assert abs(got[1] - coupler) < 0.006 and abs(got[2] - rocker) < 0.006, got
+print(sorted({name.partition('.')[0] for name in sys.modules} & Blocked.names))
+"""
+OPTIONAL = 'rclpy,rcl_interfaces,sensor_msgs,std_msgs,rerun,rerun_bindings,matplotlib,scipy,mpmath'
+EVERYTHING = f'{OPTIONAL},mcap,yaml,tqdm'
+
+
+def run(code, blocked):
+    path = os.pathsep.join((str(ROOT), os.environ.get('PYTHONPATH', '')))
+    return subprocess.run(
+        [sys.executable, '-c', BLOCK + code, blocked], env={**os.environ, 'PYTHONPATH': path},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_the_core_works_with_all_libraries_but_numpy_absent():
+    done = run(SOLVE, EVERYTHING)
+    assert (done.returncode, done.stdout) == (0, '[]\n'), done.stderr
+
+
+@pytest.mark.parametrize(
+    ('module', 'library'),
+    [('log', 'mcap'), ('parameter_file', 'yaml'), ('record', 'tqdm'), ('node', 'rclpy')],
+)
+def test_the_block_keeps_a_library_out(module, library):
+    done = run(f'import linkage_ros.{module}', library)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(f'ModuleNotFoundError: {library}')
+
+
+def test_all_but_the_ros_modules_are_imported_without_ros_viewer_and_charts():
+    names = ', '.join(f'linkage_ros.{name}' for name in sorted(MODULES - ROS))
+    done = run(f'import {names}\nprint("all")', OPTIONAL)
+    assert (done.returncode, done.stdout) == (0, 'all\n'), done.stderr

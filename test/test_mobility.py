@@ -1,0 +1,282 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a four-bar's crank can do: classes, reach, period, and the words of the errors."""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mpmath import mp
+from oracle import Oracle
+
+from linkage_ros import Body, Coupler, FourBar, Frame, MechanismError, Solver, UnreachableError
+
+TURN = 2 * math.pi
+
+
+def four_bar(lengths, angle=0.0, assembly='open'):
+    r, b, c, d = (float(x) for x in lengths)
+    return FourBar(Frame(d, angle), Body(r), Coupler(b), Body(c), assembly)
+
+
+def mobility(lengths, angle=0.0):
+    return Solver(four_bar(lengths, angle)).mobility
+
+
+# Crank, coupler, rocker, frame; what each link is, read off a textbook's definition.
+@pytest.mark.parametrize(
+    ('lengths', 'grashof', 'turns_fully', 'arcs'),
+    [
+        ((1, 3, 2.5, 2.2), 'crank-rocker', True, 1),
+        ((0.1, 0.315, 0.5, 0.425), 'crank-rocker', True, 1),
+        ((3, 2.5, 2.2, 1), 'double-crank', True, 1),
+        ((3, 1, 2.5, 2.2), 'double-rocker', False, 2),
+        ((3, 2.5, 1, 2.2), 'rocker-crank', False, 2),
+        ((2.2, 3, 1, 2.5), 'rocker-crank', False, 2),
+        ((2, 2.1, 2.2, 4), 'triple-rocker', False, 1),
+        ((4, 2.1, 2.2, 2), 'triple-rocker', False, 1),
+        ((2, 4, 2.1, 2.2), 'triple-rocker', False, 1),
+        ((2, 2.1, 4, 2.2), 'triple-rocker', False, 1),
+        ((1, 2, 1, 2), 'change-point', True, 1),
+        ((1, 1, 1, 1), 'change-point', True, 1),
+        ((1, 2, 2, 1), 'change-point', True, 1),
+        ((1, 2.5, 1.5, 3), 'change-point', True, 1),
+        ((2, 4, 1, 3), 'change-point', False, 1),
+        ((2, 2, 1, 3), 'change-point', False, 1),
+    ],
+)
+def test_grashof_class_and_reach(lengths, grashof, turns_fully, arcs):
+    found = mobility(lengths, 0.7)
+    assert (found.grashof, found.turns_fully, len(found.arcs)) == (grashof, turns_fully, arcs)
+    assert bool(found.limits) != turns_fully
+    if turns_fully:
+        assert found.arcs == ((0.0, TURN),)
+
+
+any_lengths = st.tuples(*[st.integers(1, 40)] * 4).filter(lambda x: 2 * max(x) < sum(x))
+
+
+@given(any_lengths)
+def test_class_follows_from_shortest_and_longest_link(lengths):
+    """Grashof's rule on whole numbers, where it is exact; every order of the links."""
+    r, b, c, d = lengths
+    excess = 2 * (min(lengths) + max(lengths)) - sum(lengths)
+    found = mobility(lengths)
+    if excess == 0:
+        assert found.grashof == 'change-point'
+    elif excess > 0:
+        assert found.grashof == 'triple-rocker'
+        assert not found.turns_fully
+    else:
+        shortest = min(lengths)
+        assert found.grashof in {
+            name
+            for name, length in (
+                ('crank-rocker', r), ('double-rocker', b), ('rocker-crank', c), ('double-crank', d)
+            )
+            if length == shortest
+        }  # fmt: skip
+        assert found.turns_fully == (shortest in (r, d))
+
+
+@given(any_lengths, st.floats(-7, 7))
+def test_crank_reaches_just_where_the_loop_closes(lengths, angle):
+    """The crank's circle, 48 angles of it, against the reach in closed form."""
+    solver = Solver(four_bar(lengths, angle))
+    oracle = Oracle(solver.mechanism)
+    for i in range(48):
+        crank = i * TURN / 48 + 0.01
+        inside = any(
+            start < crank + turn < end for start, end in solver.mobility.arcs for turn in (0, TURN)
+        )
+        near_an_end = any(
+            abs(math.remainder(crank - end, TURN)) < 1e-9
+            for arc in solver.mobility.arcs
+            for end in arc
+        )
+        if solver.mobility.turns_fully or not near_an_end:
+            assert oracle.closes(crank) == inside
+            if inside:
+                solver.state(crank)
+            else:
+                with pytest.raises(UnreachableError, match='cannot move at'):
+                    solver.state(crank)
+
+
+def end_by_bisection(oracle, inside, outside):
+    """Where the loop just closes between two angles, by nothing but trying."""
+    assert oracle.closes(inside)
+    assert not oracle.closes(outside)
+    with mp.workdps(50):
+        inside, outside = mp.mpf(inside), mp.mpf(outside)
+        for _ in range(100):
+            middle = (inside + outside) / 2
+            if oracle.closes(middle):
+                inside = middle
+            else:
+                outside = middle
+        return inside
+
+
+LIMITED = (
+    (3, 1, 2.5, 2.2), (3, 2.5, 1, 2.2), (2, 2.1, 2.2, 4), (4, 2.1, 2.2, 2), (2, 4, 2.1, 2.2),
+    (2, 2.1, 4, 2.2), (2, 4, 1, 3), (2, 2, 1, 3), (2, 1, 1.5, 2), (1, 1e-3, 2e-3, 1.0005),
+    (0.3, 0.7, 0.5, 1.4999), (3.0, 7.0, 4.0, 0.01),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.3, -2.5, 5.5, 100.0])
+@pytest.mark.parametrize('lengths', LIMITED)
+def test_ends_of_the_reach_are_where_the_loop_just_closes(lengths, angle):
+    solver = Solver(four_bar(lengths, angle))
+    oracle = Oracle(solver.mechanism)
+    assert not solver.mobility.turns_fully
+    for start, end in solver.mobility.arcs:
+        assert 0 <= start < TURN
+        assert start < end < start + TURN
+        step = 0.1 * min(end - start, TURN - (end - start))
+        for limit, out in ((start, -step), (end, step)):
+            exact = end_by_bisection(oracle, limit - out, limit + out)
+            # Besides the rounding of the angles: the limit is where L = |b - c| or b + c, and
+            # d(theta)/dL = L/(r d sin theta) carries an ulp or two of the lengths into it.
+            r, _, _, d = lengths
+            theta = oracle.theta(exact)
+            L = math.sqrt(r * r + d * d - 2 * r * d * math.cos(theta))
+            slope = L / (r * d * abs(math.sin(theta)))
+            rounding = math.ulp(TURN) + 2 * math.ulp(angle) + 2 * slope * math.ulp(max(lengths))
+            assert abs(exact - mp.mpf(limit)) <= rounding
+
+
+def test_arcs_are_symmetric_about_the_frame():
+    angle = 0.3
+    (first, second) = mobility((2, 1, 1.5, 2), angle).arcs
+    assert first[0] - angle == pytest.approx(TURN + angle - second[1], abs=1e-15)
+    assert first[1] - angle == pytest.approx(TURN + angle - second[0], abs=1e-15)
+
+
+# Equalities.
+
+
+@pytest.mark.parametrize('angle', [0.3, 5.5])
+@pytest.mark.parametrize(
+    ('lengths', 'turns'),
+    [
+        ((1, 2, 1, 2), 1), ((1, 1, 2, 2), 1), ((1, 1, 1, 1), 1), ((1, 3, 2.5, 2.2), 1),
+        ((1, 2.5, 1.5, 3), 2), ((2.5, 2, 1.5, 1), 2), ((1, 3.5, 2.5, 2), 2), ((3, 2.5, 1.5, 1), 2),
+        ((1, 2, 2, 1), 2),
+    ],
+)  # fmt: skip
+def test_period_is_the_fewest_turns_after_which_the_motion_repeats(lengths, turns, angle):
+    for assembly in ('open', 'crossed'):
+        linkage = four_bar(lengths, angle, assembly)
+        assert Solver(linkage).mobility.period_turns == turns
+        oracle = Oracle(linkage)
+
+        def angles(crank, oracle=oracle):
+            return oracle.state(crank).angle[1:]
+
+        start = angles(1.0)
+        repeats = [
+            max(abs(mp.expj(x) - mp.expj(y)) for x, y in zip(start, after, strict=True)) < 1e-12
+            for after in (angles(1.0 + n * TURN) for n in (1, 2))
+        ]
+        assert repeats.index(True) + 1 == turns
+
+
+@pytest.mark.parametrize('assembly', ['open', 'crossed'])
+def test_one_turn_past_one_change_point_is_the_other_assembly(assembly):
+    other = {'open': 'crossed', 'crossed': 'open'}[assembly]
+    for lengths in ((1, 2.5, 1.5, 3), (1, 3.5, 2.5, 2), (1, 2, 2, 1)):
+        later = Solver(four_bar(lengths, 0.0, assembly)).state(1.0 + TURN).angle
+        now = Solver(four_bar(lengths, 0.0, other)).state(1.0).angle
+        assert later[1:] == pytest.approx(now[1:], abs=1e-14)
+
+
+@pytest.mark.parametrize('order', [(0, 1, 2, 3), (3, 1, 2, 0), (1, 0, 3, 2), (2, 1, 0, 3)])
+def test_decimals_that_miss_an_equality_by_rounding_meet_it(order):
+    doubles = [0.1, 0.2, 0.3, 0.4]
+    exact = [Fraction(x) for x in doubles]
+    assert exact[0] + exact[3] != exact[1] + exact[2]
+    assert mobility([doubles[i] for i in order]).grashof == 'change-point'
+
+
+@pytest.mark.parametrize(('gap', 'found'), [(1e-14, 'crank-rocker'), (-1e-14, 'triple-rocker')])
+def test_a_gap_of_ten_femtometres_is_a_gap(gap, found):
+    assert mobility((1, 2.5, 1.5, 3 - gap)).grashof == found
+
+
+def test_links_that_just_reach_each_other_are_rigid():
+    """Frame = crank + coupler + rocker: the reach is one angle."""
+    found = mobility((1, 2, 3, 6), 0.3)
+    assert not found.turns_fully
+    ((start, end),) = found.arcs
+    assert (start, end) == pytest.approx((0.3, 0.3), abs=1e-7)
+
+
+# Words.
+
+
+@pytest.mark.parametrize(
+    'lengths', [(7, 2, 3, 1), (1, 7, 2, 3), (1, 2, 7, 3), (1, 2, 3, 6.0000001), (1, 2, 3, 7)]
+)
+def test_loop_that_cannot_close_is_refused_when_described(lengths):
+    longest = f'{max(lengths):g} m'.replace('.', r'\.')
+    with pytest.raises(
+        MechanismError, match=f'longest link, {longest}, is longer .* the loop cannot close; '
+    ):
+        four_bar(lengths)
+
+
+def test_limits_say_which_lengths_stop_the_crank():
+    far, near = mobility((2, 1, 1.5, 2)).limits
+    assert far == (
+        'coupler + rocker = 2.5 m are shorter than frame + crank = 4 m: lengthen them or shorten '
+        'the crank by 1.5 m'
+    )
+    assert near == (
+        'coupler and rocker differ by 0.5 m, more than frame and crank by 0 m: bring the former '
+        'nearer or the latter apart by 0.5 m'
+    )
+
+
+@pytest.mark.parametrize(
+    ('lengths', 'words', 'cured'),
+    [
+        ((4, 2.1, 2.2, 2), 'shorten the crank by', lambda r, b, c, d, x: (r - x, b, c, d)),
+        ((4, 2.1, 2.2, 2), 'lengthen them', lambda r, b, c, d, x: (r, b + x / 2, c + x / 2, d)),
+        ((2, 4, 2.1, 2.2), 'the former nearer', lambda r, b, c, d, x: (r, b - x, c, d)),
+        ((2, 2.1, 4, 2.2), 'the former nearer', lambda r, b, c, d, x: (r, b, c - x, d)),
+    ],
+)
+def test_cure_that_a_limit_names_lets_the_crank_turn(lengths, words, cured):
+    (limit,) = mobility(lengths).limits
+    assert words in limit
+    amount = float(re.search(r'by (\S+) m$', limit)[1])
+    assert mobility(cured(*lengths, amount * 1.001)).turns_fully
+    assert not mobility(cured(*lengths, amount * 0.999)).turns_fully
+
+
+def test_error_of_a_state_carries_the_reach_and_the_cure():
+    solver = Solver(four_bar((4, 2.1, 2.2, 2)))
+    with pytest.raises(
+        UnreachableError,
+        match=r'^the crank of this triple-rocker linkage cannot move at 180 deg: coupler '
+        r'\+ rocker = 4\.3 m are shorter than .* the crank by 1\.7 m; .*it reaches .* deg$',
+    ) as error:
+        solver.state(math.pi)
+    assert error.value.crank_angle == math.pi
+    assert error.value.arcs == solver.mobility.arcs
+    assert '\n' not in str(error.value)
+
+
+def test_full_turn_can_be_required():
+    Solver(four_bar((1, 3, 2.5, 2.2))).require_full_turn()
+    with pytest.raises(
+        MechanismError, match=r'triple-rocker linkage cannot turn fully: .* by 1\.7 m'
+    ):
+        Solver(four_bar((4, 2.1, 2.2, 2))).require_full_turn()

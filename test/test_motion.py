@@ -1,0 +1,525 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The crank's motion against rational arithmetic and 60 digits of pi.
+
+The expected phases are fractions of turns, worked out here from rpm and nanoseconds alone; pi
+comes from mpmath. A double is right where no other double is nearer to the exact value.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mpmath import mp
+
+from linkage_ros import ConfigurationError
+from linkage_ros.motion import CrankMotion, SpeedDrive
+from linkage_ros.records import read_motion, write_motion
+
+MINUTE = 60 * 10**9
+# A live stamp: 21 November 2026.
+NOW = 1_795_000_000_123_456_789
+# Phases and speeds are kept to this, turns and rpm.
+GRID = Fraction(1, 2**128)
+
+with mp.workdps(120):
+    _man, _exp = (2 * mp.pi).man_exp
+TWO_PI = Fraction(_man) * Fraction(2) ** _exp
+
+RPMS = (150.0, 0.1, 1e-6, -33.3, 1e6, -1e6, 1 / 3, 2.0**-20, 59.999999999999996)
+ELAPSED = (
+    *(0, 1, 2, 3, 999, 10**6, 5 * 10**6, 399_999_999, 4 * 10**8, 400_000_001),
+    *(10**9, MINUTE - 1, MINUTE, 86_400 * 10**9 + 7, 10**16 + 1, 123_456_789_012_345_678, 10**18),
+)
+
+
+def begin(rpm, stamp=0, **settings_):
+    return CrankMotion.begin(SpeedDrive(rpm, **settings_), stamp)
+
+
+def is_nearest(value, exact):
+    """Whether no double is nearer to a fraction than this one."""
+    error = abs(Fraction(value) - exact)
+    return all(
+        error <= abs(Fraction(math.nextafter(value, side)) - exact)
+        for side in (-math.inf, math.inf)
+    )
+
+
+def seam_distance(angle, other):
+    """How far apart two angles are on the circle of two turns, rad."""
+    difference = abs(angle - other)
+    return min(difference, abs(4 * math.pi - difference))
+
+
+class Ramp:
+    """The closed form in mpf: a uniformly accelerated crank that settles; rad, s."""
+
+    def __init__(self, rpm, start_rpm, acceleration, angle=0.0):
+        self.start, self.end = (mp.mpf(x) * mp.pi / 30 for x in (start_rpm, rpm))
+        self.acceleration = mp.mpf(acceleration) * mp.sign(self.end - self.start)
+        self.angle = mp.mpf(angle)
+        self.time = abs(self.end - self.start) / mp.mpf(acceleration)
+
+    def at(self, elapsed):
+        t = mp.mpf(elapsed) / 10**9
+        ramp = min(t, self.time)
+        angle = self.angle + self.start * ramp + self.acceleration * ramp**2 / 2
+        if t < self.time:
+            return angle, self.start + self.acceleration * t, self.acceleration
+        return angle + self.end * (t - ramp), self.end, mp.mpf(0)
+
+
+def ulps(value, exact):
+    return abs(mp.mpf(value) - exact) / mp.mpf(math.ulp(float(exact)))
+
+
+# ---------------------------------------------------------------- constant speed
+
+
+@pytest.mark.parametrize('rpm', RPMS)
+@pytest.mark.parametrize('start', [0, NOW, -NOW])
+def test_phase_is_the_exact_fraction_of_turns(rpm, start):
+    motion = begin(rpm, start)
+    for elapsed in ELAPSED:
+        assert motion.phase(start + elapsed) == Fraction(rpm) * elapsed / MINUTE
+        assert motion.speed(start + elapsed) == Fraction(rpm)
+
+
+@pytest.mark.parametrize('rpm', RPMS)
+@pytest.mark.parametrize('crank_angle', [0.0, 0.1, -2.5, 1e6, -1e-6, math.pi])
+def test_angle_unwrapped_angle_and_speed_are_correctly_rounded(rpm, crank_angle):
+    motion = begin(rpm, NOW, crank_angle=crank_angle)
+    for elapsed in ELAPSED:
+        crank = motion.at(NOW + elapsed)
+        turned = Fraction(crank_angle) + TWO_PI * Fraction(rpm) * elapsed / MINUTE
+        assert is_nearest(crank.unwrapped, turned), elapsed
+        assert is_nearest(crank.angle, turned % (2 * TWO_PI)), elapsed
+        assert is_nearest(crank.speed, TWO_PI * Fraction(rpm) / 60)
+        assert crank.acceleration == 0.0
+
+
+@pytest.mark.parametrize('rpm', RPMS)
+def test_unwrapped_angle_agrees_with_sixty_digits(rpm):
+    motion = begin(rpm)
+    with mp.workdps(60):
+        for elapsed in ELAPSED[1:]:
+            exact = 2 * mp.pi * mp.mpf(rpm) * elapsed / MINUTE
+            assert ulps(motion.at(elapsed).unwrapped, exact) <= 0.5
+
+
+def test_is_nearest_sees_a_last_place_and_a_naive_phase_fails_it():
+    exact = TWO_PI * Fraction(0.1) * (10**18 + 1) / MINUTE
+    assert is_nearest(float(exact), exact)
+    assert not is_nearest(math.nextafter(float(exact), 0), exact)
+    naive = (2 * math.pi * 0.1 / 60 * (10**18 + 1) * 1e-9) % (4 * math.pi)
+    assert not is_nearest(naive, exact % (2 * TWO_PI))
+
+
+@pytest.mark.parametrize('rpm', RPMS)
+@pytest.mark.parametrize('acceleration', [0.0, 3.7])
+def test_angle_is_the_unwrapped_angle_less_whole_double_turns(rpm, acceleration):
+    motion = begin(rpm, start_rpm=-7.0, crank_acceleration=acceleration, crank_angle=-1.0)
+    for elapsed in ELAPSED:
+        crank = motion.at(elapsed)
+        assert 0 <= crank.angle <= 4 * math.pi  # the double 4 pi lies below 4 pi
+        rest = float(Fraction(crank.unwrapped) % (2 * TWO_PI))
+        ulp = max(math.ulp(crank.unwrapped), math.ulp(4 * math.pi))
+        assert seam_distance(crank.angle, rest) <= ulp
+
+
+def test_a_billion_turns_later_every_angle_has_the_same_bits():
+    motion = begin(150.0, NOW, crank_angle=0.3)
+    two_turns = 8 * 10**8
+    late = two_turns * 500_000_000
+    for elapsed in range(0, two_turns, 12_345_677):
+        early, now = motion.at(NOW + elapsed), motion.at(NOW + late + elapsed)
+        assert (now.angle, now.speed) == (early.angle, early.speed)
+        assert is_nearest(
+            now.unwrapped, Fraction(0.3) + TWO_PI * (10**9 + Fraction(elapsed, 4 * 10**8))
+        )
+
+
+def test_a_crank_angle_comes_back_with_its_own_bits():
+    for angle in (0.1, 1.0, -math.pi, 12.5, 1e6, -1e6, 1e-9):
+        assert begin(0.0, crank_angle=angle).at(10**15).unwrapped == angle
+
+
+def test_a_tiny_speed_and_angle_err_by_less_than_the_grid():
+    motion = begin(1e-25, crank_angle=1e-30)
+    exact = Fraction(1e-30) + TWO_PI * Fraction(1e-25) * 10**12 / MINUTE
+    assert abs(Fraction(motion.at(10**12).unwrapped) - exact) < Fraction(1e-37)
+
+
+# ---------------------------------------------------------------- ramps
+
+RAMPS = {
+    'from rest': (150.0, 0.0, 20.0, 0.0),
+    'to rest': (0.0, 150.0, 3.0, 0.4),
+    'through a reversal': (90.0, -120.0, 11.3, -2.0),
+    'through a reversal, clockwise': (-90.0, 120.0, 0.7, 100.0),
+    'slower, same sense': (10.0, 300.0, 1.9, 5.0),
+    'hard': (1e6, -1e6, 1e9, 0.0),
+    'for years': (1e6, 0.0, 1e-4, 0.0),
+    'a whisker': (math.nextafter(150.0, 200.0), 150.0, 0.5, 0.0),
+}
+
+
+def ramp_stamps(ramp):
+    """Stamps on the ramp, at both sides of its end to the nanosecond, and behind it."""
+    end = int(mp.floor(ramp.time * 10**9))
+    spread = [end * i // 37 for i in range(37)]
+    return sorted({*spread, max(0, end - 1), end, end + 1, end + 2, end + 10**9, 3 * end + 17})
+
+
+@pytest.mark.parametrize('values', RAMPS.values(), ids=RAMPS.keys())
+def test_a_ramp_follows_its_closed_form(values):
+    rpm, start_rpm, acceleration, angle = values
+    motion = begin(
+        rpm, NOW, start_rpm=start_rpm, crank_acceleration=acceleration, crank_angle=angle
+    )
+    with mp.workdps(60):
+        ramp = Ramp(*values)
+        for elapsed in ramp_stamps(ramp):
+            crank, (angle, speed, rate) = motion.at(NOW + elapsed), ramp.at(elapsed)
+            assert ulps(crank.unwrapped, angle) <= 0.5
+            assert abs(crank.unwrapped - angle) <= 1e-12 * max(1, abs(angle))
+            # At a reversal the speed has no digits of its own: half an ulp of what is left.
+            assert ulps(crank.speed, speed) <= 0.5
+            assert crank.acceleration == rate
+            two_turns = 4 * mp.pi
+            rest = angle - two_turns * mp.floor(angle / two_turns)
+            assert abs(crank.angle - rest) <= 1e-12
+
+
+def test_the_wrong_ramp_is_seen():
+    motion = begin(90.0, start_rpm=-120.0, crank_acceleration=11.3)
+    with mp.workdps(60):
+        angle, speed, _ = Ramp(90.0, -120.0, math.nextafter(11.3, 12)).at(10**9)
+        assert ulps(motion.at(10**9).speed, speed) > 0.5 or (
+            ulps(motion.at(10**9).unwrapped, angle) > 0.5
+        )
+
+
+@pytest.mark.parametrize('values', RAMPS.values(), ids=RAMPS.keys())
+def test_speed_and_phase_do_not_jump_where_a_ramp_ends(values):
+    rpm, start_rpm, acceleration, angle = values
+    motion = begin(rpm, start_rpm=start_rpm, crank_acceleration=acceleration, crank_angle=angle)
+    with mp.workdps(60):
+        end = int(mp.floor(Ramp(*values).time * 10**9))
+    one_ns = Fraction(1, 10**9)
+    fastest = Fraction(max(abs(rpm), abs(start_rpm))) / 60
+    for elapsed in range(max(0, end - 3), end + 3):
+        step = motion.phase(elapsed + 1) - motion.phase(elapsed)
+        assert abs(step) <= (fastest + GRID) * one_ns
+        change = motion.speed(elapsed + 1) - motion.speed(elapsed)
+        limit = Fraction(acceleration) * 60 / TWO_PI * one_ns
+        assert abs(change) <= limit * (1 + Fraction(1, 10**20))
+    assert motion.speed(end + 1) == Fraction(rpm)
+    assert motion.at(end + 1).acceleration == 0.0
+
+
+def test_a_ramp_stops_at_the_moment_it_reaches_its_speed():
+    # 60 rpm at 2 pi rad/s^2 would last 1 s; the double 2 pi is a little less, so a little more.
+    motion = begin(60.0, start_rpm=0.0, crank_acceleration=2 * math.pi)
+    assert motion.at(10**9).acceleration == 2 * math.pi
+    assert motion.at(10**9).speed < 60.0 * math.pi / 30 or motion.speed(10**9) < 60
+    assert motion.at(10**9 + 1).acceleration == 0.0
+    assert motion.at(10**9 + 1).speed == 2 * math.pi
+
+
+def test_equal_start_speed_makes_no_ramp():
+    motion = begin(75.0, start_rpm=75.0, crank_acceleration=4.0)
+    assert motion.at(0) == (0.0, 0.0, 75.0 * math.pi / 30, 0.0)
+    assert motion.phase(MINUTE) == 75
+
+
+def test_without_acceleration_the_speed_moves_at_once_and_start_rpm_counts_for_nothing():
+    plain, other = begin(150.0), begin(150.0, start_rpm=-40.0)
+    for elapsed in ELAPSED:
+        assert other.at(elapsed) == plain.at(elapsed)
+    assert other.speed(0) == 150
+    assert other.time_to_turn(1) == 4 * 10**8
+    # With an acceleration it does count.
+    assert begin(150.0, start_rpm=-40.0, crank_acceleration=1.0).speed(0) == -40
+
+
+def test_start_rpm_defaults_to_rpm():
+    motion = begin(-33.3, crank_acceleration=5.0)
+    assert motion.at(0).acceleration == 0.0
+    assert motion.phase(MINUTE) == Fraction(-33.3)
+
+
+@pytest.mark.parametrize('acceleration', [1e-30, 1e-39, 1e-41, 5e-324])
+def test_an_acceleration_next_to_nothing_keeps_the_start_speed(acceleration):
+    motion = begin(100.0, start_rpm=50.0, crank_acceleration=acceleration)
+    crank = motion.at(MINUTE)
+    assert crank.speed == pytest.approx(50.0 * math.pi / 30, rel=1e-15)
+    assert crank.unwrapped == pytest.approx(100 * math.pi, rel=1e-15)
+
+
+# ---------------------------------------------------------------- changes
+
+
+def test_a_change_continues_phase_and_speed():
+    motion = begin(150.0, NOW, start_rpm=-20.0, crank_acceleration=7.0, crank_angle=1.0)
+    # On the ramp, near its end, and behind it.
+    for elapsed in (0, 1, 777_777_777, 2_500_000_001, 10**12 + 1):
+        stamp = NOW + elapsed
+        changed = motion.change(stamp, -60.0)
+        assert abs(changed.phase(stamp) - motion.phase(stamp)) <= GRID / 2
+        assert abs(changed.speed(stamp) - motion.speed(stamp)) <= GRID / 2
+        assert changed.at(stamp)[:3] == motion.at(stamp)[:3]
+        assert changed.at(stamp).acceleration == -7.0
+        assert (changed.stamp, changed.rpm, changed.acceleration) == (stamp, -60.0, 7.0)
+
+
+def test_a_change_without_acceleration_continues_the_phase_and_takes_the_new_speed():
+    motion = begin(150.0).change(10**9 + 1, -33.3)
+    assert abs(motion.phase(10**9 + 1) - Fraction(150) * (10**9 + 1) / MINUTE) <= GRID / 2
+    assert motion.speed(10**9 + 1) == Fraction(-33.3)
+
+
+def test_thousands_of_changes_lose_nothing():
+    speeds = [150.0, 0.1, -33.3, 1e6, 1e-6, 0.0, 1 / 3]
+    motion, exact, stamp = begin(speeds[-1], NOW), Fraction(0), NOW
+    for count in range(1, 5_001):
+        step = 1 + 7_919 * count % 1_000_003
+        exact += Fraction(motion.rpm) * step / MINUTE
+        stamp += step
+        motion = motion.change(stamp, speeds[count % len(speeds)])
+        assert abs(motion.phase(stamp) - exact) <= count * GRID / 2
+    assert is_nearest(motion.at(stamp).unwrapped, TWO_PI * exact)
+
+
+def test_many_changes_on_ramps_stay_on_the_closed_form():
+    motion, stamp = begin(100.0, start_rpm=0.0, crank_acceleration=12.0), 0
+    with mp.workdps(60):
+        speed, angle = mp.mpf(0), mp.mpf(0)
+        for count in range(400):
+            step = 10**7 + 104_729 * count
+            ramp = Ramp(motion.rpm, 0.0, 12.0)
+            ramp.start, ramp.angle = speed, angle
+            ramp.acceleration = 12 * mp.sign(ramp.end - speed)
+            ramp.time = abs(ramp.end - speed) / 12
+            angle, speed, _ = ramp.at(step)
+            stamp += step
+            motion = motion.change(stamp, (-1) ** count * 37.5 * (count % 5))
+            crank = motion.at(stamp)
+            assert abs(crank.unwrapped - angle) <= 1e-12 * max(1, abs(angle))
+            assert abs(crank.speed - speed) <= 1e-12 * max(1, abs(speed))
+
+
+@pytest.mark.parametrize('step', [-(10**15), -50_000_001, 0, 3_600 * 10**9, 10**18])
+def test_a_restamped_motion_is_the_same_motion_under_other_stamps(step):
+    motion = begin(150.0, NOW, start_rpm=10.0, crank_acceleration=2.0)
+    for elapsed in (0, 10**9, 10**10 + 1):
+        stamp = NOW + elapsed
+        plain, moved = motion.change(stamp, 80.0), motion.change(stamp, 80.0, restamp=stamp + step)
+        assert moved.stamp == stamp + step
+        for later in (0, 1, 10**9, 5 * 10**9, 10**12 + 1):
+            assert moved.at(stamp + step + later) == plain.at(stamp + later)
+
+
+speeds = st.one_of(
+    st.just(0.0), st.floats(1e-6, 1e6), st.floats(-1e6, -1e-6), st.sampled_from(RPMS)
+)
+drives = st.builds(
+    SpeedDrive,
+    speeds,
+    st.one_of(st.none(), speeds),
+    st.one_of(st.just(0.0), st.floats(1e-3, 1e9)),
+    st.one_of(st.just(0.0), st.floats(1e-6, 1e6), st.floats(-1e6, -1e-6)),
+)
+times = st.integers(0, 10**12) | st.integers(0, 10**18)
+
+
+@settings(max_examples=150, deadline=None)
+@given(drives, st.lists(times, min_size=1, max_size=6), times)
+def test_changing_to_the_same_speed_changes_nothing(drive, stamps, later):
+    whole = CrankMotion.begin(drive, NOW)
+    pieces, stamp = whole, NOW
+    for step in stamps:
+        stamp += step
+        pieces = pieces.change(stamp, drive.rpm)
+    got, expected = pieces.at(stamp + later), whole.at(stamp + later)
+    assert got[1:] == expected[1:]
+    # Within 2^-128 of the seam, 0 and 4 pi are the same angle.
+    assert seam_distance(got.angle, expected.angle) <= math.ulp(4 * math.pi)
+
+
+@settings(max_examples=100, deadline=None)
+@given(drives, times)
+def test_a_mirrored_drive_gives_the_mirrored_motion(drive, elapsed):
+    start = None if drive.start_rpm is None else -drive.start_rpm
+    mirrored = SpeedDrive(-drive.rpm, start, drive.crank_acceleration, -drive.crank_angle)
+    crank = CrankMotion.begin(drive, 0).at(elapsed)
+    other = CrankMotion.begin(mirrored, 0).at(elapsed)
+    assert other.unwrapped == -crank.unwrapped
+    assert (other.speed, other.acceleration) == (-crank.speed, -crank.acceleration)
+    assert seam_distance(other.angle, 4 * math.pi - crank.angle) <= math.ulp(4 * math.pi)
+
+
+@settings(max_examples=100, deadline=None)
+@given(drives, times, st.integers(1, 10**9))
+def test_the_angle_turned_between_two_stamps_is_what_the_speeds_there_allow(drive, elapsed, step):
+    motion = CrankMotion.begin(drive, 0)
+    turned = motion.phase(elapsed + step) - motion.phase(elapsed)
+    seen = [motion.speed(elapsed), motion.speed(elapsed + step)]
+    slack = 3 * GRID * (1 + Fraction(step, MINUTE))
+    assert min(seen) * step / MINUTE - slack <= turned <= max(seen) * step / MINUTE + slack
+
+
+# ---------------------------------------------------------------- time to turn
+
+
+def brute_time_to_turn(motion, turns, longest):
+    """The first whole ns, by walking in steps that double back when they pass the goal."""
+    start = motion.phase(motion.stamp)
+
+    def reached(elapsed):
+        return abs(motion.phase(motion.stamp + elapsed) - start) >= turns
+
+    step = longest // 4_000
+    for coarse in range(0, longest, step):
+        if reached(coarse + step):
+            low = coarse
+            while step > 1:
+                step = max(1, step // 50)
+                while not reached(low + step):
+                    low += step
+            return low + 1
+    return None
+
+
+@pytest.mark.parametrize(
+    ('rpm', 'start_rpm', 'acceleration', 'turns'),
+    [
+        (150.0, None, 0.0, 1),
+        (150.0, None, 0.0, 7),
+        (-150.0, None, 0.0, 3),
+        (-33.3, 10.0, 0.0, 2),
+        (0.1, None, 0.0, 1),
+        (1e6, None, 0.0, 10**6),
+        (150.0, 0.0, 20.0, 1),
+        (-150.0, 0.0, 20.0, 5),
+        (60.0, -60.0, 4.0, 1),  # 0.8 turns back, then forward
+        (60.0, -60.0, 3.0, 1),  # 1.05 turns back: reached before the reversal
+        (-60.0, 60.0, 3.0, 1),
+        (60.0, -60.0, 3.0, 2),  # 1.05 back is not enough
+        (-10.0, 200.0, 9.0, 3),
+        (10.0, 300.0, 1.9, 4),  # slower, no reversal
+        (0.0, 150.0, 3.0, 6),  # comes to rest after 6.5 turns
+    ],
+)
+@pytest.mark.parametrize('angle', [0.0, -1.7])
+def test_time_to_turn_is_the_first_nanosecond(rpm, start_rpm, acceleration, turns, angle):
+    motion = begin(
+        rpm,
+        NOW,
+        start_rpm=start_rpm,
+        crank_acceleration=acceleration,
+        crank_angle=angle,
+    )
+    got = motion.time_to_turn(turns)
+    assert got == brute_time_to_turn(motion, turns, 2 * got)
+
+
+@pytest.mark.parametrize('rpm', RPMS)
+@pytest.mark.parametrize('turns', [1, 2, 7, 100, 10**9])
+def test_time_to_turn_at_constant_speed_is_the_quotient_rounded_up(rpm, turns):
+    exact = turns * MINUTE / abs(Fraction(rpm))
+    assert begin(rpm, NOW, crank_angle=0.4).time_to_turn(turns) == math.ceil(exact)
+
+
+@pytest.mark.parametrize(
+    ('rpm', 'start_rpm', 'acceleration', 'turns'),
+    [(0.0, None, 0.0, 1), (0.0, 150.0, 0.0, 1), (0.0, 150.0, 3.0, 7), (0.0, -150.0, 3.0, 7)],
+)
+def test_a_crank_that_comes_to_rest_never_gets_there(rpm, start_rpm, acceleration, turns):
+    motion = begin(rpm, start_rpm=start_rpm, crank_acceleration=acceleration)
+    assert motion.time_to_turn(turns) is None
+
+
+@pytest.mark.parametrize('sense', [1, -1])
+def test_time_to_turn_sees_a_peak_between_two_nanoseconds(sense):
+    """Back by a turn and a little, then forward: the turn is reached near the reversal or late."""
+    rng, peaks = random.Random(1), 0
+    for _ in range(600):
+        acceleration = rng.uniform(1e8, 5e8)
+        # In a nanosecond beside the reversal the crank moves by 4e-11 turns at most.
+        speed = math.sqrt(4 * math.pi * acceleration) * (1 + 2e-11 * rng.random()) * 30 / math.pi
+        motion = begin(sense * 1e6, start_rpm=-sense * speed, crank_acceleration=acceleration)
+        peak_ns = int(Fraction(speed) * TWO_PI / 60 / Fraction(acceleration) * 10**9)
+        near = [
+            elapsed
+            for elapsed in range(peak_ns - 2, peak_ns + 4)
+            if abs(motion.phase(elapsed)) >= 1
+        ]
+        got = motion.time_to_turn(1)
+        if near and min(near) > peak_ns - 2:
+            peaks += 1
+            assert got == min(near), (acceleration, speed)
+        elif not near:
+            assert got > 2 * peak_ns
+    assert peaks > 50
+
+
+@settings(max_examples=60, deadline=None)
+@given(drives, st.integers(1, 50))
+def test_time_to_turn_splits_reached_from_not_yet_reached(drive, turns):
+    motion = CrankMotion.begin(drive, NOW)
+    got = motion.time_to_turn(turns)
+    if got is None:
+        assert drive.rpm == 0
+        return
+    start = motion.phase(NOW)
+    assert abs(motion.phase(NOW + got) - start) >= turns
+    assert abs(motion.phase(NOW + got - 1) - start) < turns
+    for part in range(17):
+        assert abs(motion.phase(NOW + got * part // 17) - start) < turns
+
+
+# ---------------------------------------------------------------- log and limits
+
+
+@settings(max_examples=100, deadline=None)
+@given(drives, times, speeds, times)
+def test_the_log_keeps_a_motion_to_the_last_bit(drive, elapsed, rpm, later):
+    for motion in (
+        CrankMotion.begin(drive, NOW),
+        CrankMotion.begin(drive, 0).change(elapsed, rpm, restamp=NOW),
+    ):
+        strings = write_motion(motion)
+        assert all(type(text) is str for item in strings.items() for text in item)
+        again = read_motion(strings)
+        assert (again.stamp, again.rpm, again.acceleration) == (
+            (motion.stamp, motion.rpm, motion.acceleration)
+        )
+        for stamp in (NOW, NOW + 1, NOW + later):
+            assert again.at(stamp) == motion.at(stamp)
+            assert again.phase(stamp) == motion.phase(stamp)
+            assert again.speed(stamp) == motion.speed(stamp)
+        assert write_motion(again) == strings
+
+
+@pytest.mark.parametrize(
+    ('settings_', 'words'),
+    [
+        ({'rpm': math.nan}, r'rpm = nan: must be a number from -1e\+06 to 1e\+06 rpm'),
+        ({'rpm': 1e7}, 'rpm = 10000000.0: must be'),
+        ({'rpm': 'fast'}, "rpm = 'fast': must be"),
+        ({'rpm': True}, 'rpm = True: must be'),
+        ({'rpm': 1.0, 'start_rpm': math.inf}, 'start_rpm = inf: must be'),
+        ({'rpm': 1.0, 'crank_acceleration': -1.0}, 'crank_acceleration = -1.0: must be a number'),
+        ({'rpm': 1.0, 'crank_angle': 2e6}, 'crank_angle = 2000000.0: must be'),
+    ],
+)
+def test_a_bad_drive_is_refused(settings_, words):
+    with pytest.raises(ConfigurationError, match=words):
+        SpeedDrive(**settings_)

@@ -1,0 +1,257 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The URDF, read by an XML parser and moved as robot_state_publisher would: the loop must close.
+
+The forward kinematics here knows nothing of linkages. It chains the origins and rotations that
+stand in the file, at the joint positions that stand in the messages.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import random
+from itertools import pairwise
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from linkage_ros import Body, Coupler, FourBar, Frame, Solver
+from linkage_ros.configuration import load
+from linkage_ros.joints import FOUR_BAR_JOINTS, joint_values
+from linkage_ros.motion import CrankMotion, SpeedDrive
+from linkage_ros.urdf import make_urdf
+
+JOINTS = ('crank', 'coupler', 'rocker')
+
+
+class Pose(NamedTuple):
+    """A link's frame in base_link: where its origin is, and how far it is turned, rad."""
+
+    place: complex
+    angle: float
+
+    def point(self, along, across=0.0):
+        return self.place + complex(along, across) * cmath.exp(1j * self.angle)
+
+
+class Tree:
+    """The links and joints of a URDF whose joints all turn about z."""
+
+    def __init__(self, text):
+        self.robot = ET.fromstring(text)
+        self.joints = {joint.get('name'): joint for joint in self.robot.iterfind('joint')}
+        self.links = {link.get('name'): link for link in self.robot.iterfind('link')}
+
+    def poses(self, positions):
+        """Every link's pose, by name."""
+        poses = {'base_link': Pose(0j, 0.0)}
+        waiting = dict(self.joints)
+        while waiting:
+            name, joint = next(
+                (name, joint)
+                for name, joint in waiting.items()
+                if joint.find('parent').get('link') in poses
+            )
+            del waiting[name]
+            parent = poses[joint.find('parent').get('link')]
+            origin = joint.find('origin')
+            x, y, z = map(float, origin.get('xyz').split())
+            roll, pitch, yaw = map(float, origin.get('rpy').split())
+            assert (z, roll, pitch) == (0.0, 0.0, 0.0)
+            angle = parent.angle + yaw + positions[name]
+            poses[joint.find('child').get('link')] = Pose(parent.point(x, y), angle)
+        return poses
+
+
+def make(lengths, assembly='open', angle=0.0, **bodies):
+    crank, coupler, rocker, frame = lengths
+    return FourBar(
+        Frame(frame, angle),
+        Body(crank, **bodies.get('crank', {})),
+        Coupler(coupler, **bodies.get('coupler', {})),
+        Body(rocker, **bodies.get('rocker', {})),
+        assembly,
+    )
+
+
+def random_mechanisms():
+    """Crank-rockers, double-cranks and a change-point linkage, in every direction and size."""
+    rng = random.Random(11)
+    for number in range(10):
+        short, rest = 1.0, sorted(rng.uniform(1.2, 3.0) for _ in range(3))
+        rest[-1] = min(rest[-1], rest[0] + rest[1] - short)  # Grashof
+        rng.shuffle(rest)
+        scale = 10.0 ** rng.uniform(-3, 2)
+        lengths = [short, *rest] if number % 2 else [*rest, short]
+        angle = rng.uniform(-10, 10)
+        yield tuple(scale * length for length in lengths), angle
+    yield (1.0, 2.0, 1.0, 2.0), 0.4  # parallelogram: passes change points
+    yield (1.0, 3.0, 2.0, 2.0), -0.7  # change point at theta = pi: period two turns
+
+
+def positions_at(mechanism, stamp, motion):
+    crank = motion.at(stamp)
+    state = Solver(mechanism).state(crank.angle, crank.speed, crank.acceleration)
+    values = joint_values(FOUR_BAR_JOINTS, state, crank)
+    return dict(zip(JOINTS, values.position, strict=True))
+
+
+# One turn a second, watched over two turns, at stamps that are not round.
+MOTION = CrankMotion.begin(SpeedDrive(60.0, crank_angle=0.1), 0)
+STAMPS = [2 * 10**9 * i // 360 + 1 for i in range(360)]
+
+
+def worst_gap(mechanism, convention=None):
+    """The largest distance of coupler end and rocker end over two turns, in longest links."""
+    tree, worst = Tree(make_urdf(mechanism)), 0.0
+    size = max(mechanism.crank.length, mechanism.coupler.length, mechanism.rocker.length)
+    for stamp in STAMPS:
+        positions = positions_at(mechanism, stamp, MOTION)
+        if convention is not None:
+            positions = convention(positions)
+        poses = tree.poses(positions)
+        coupler_end = poses['coupler'].point(mechanism.coupler.length)
+        rocker_end = poses['rocker'].point(mechanism.rocker.length)
+        worst = max(worst, abs(coupler_end - rocker_end) / size)
+    return worst
+
+
+@pytest.mark.parametrize('assembly', ['open', 'crossed'])
+@pytest.mark.parametrize(('lengths', 'angle'), list(random_mechanisms()))
+def test_the_loop_closes_at_every_joint_position(lengths, angle, assembly):
+    assert worst_gap(make(lengths, assembly, angle)) < 1e-14
+
+
+def test_the_loop_of_the_preset_closes():
+    assert worst_gap(load('quadrilateral').mechanism) < 1e-14
+
+
+@pytest.mark.parametrize(
+    'convention',
+    [
+        lambda p: {**p, 'coupler': p['coupler'] + p['crank']},  # the coupler's own direction
+        lambda p: {**p, 'rocker': p['rocker'] - p['crank']},
+        lambda p: {**p, 'coupler': -p['coupler']},
+        lambda p: {**p, 'crank': p['crank'] + 1e-9},
+    ],
+    ids=['absolute coupler', 'relative rocker', 'clockwise coupler', 'a nanoradian'],
+)
+def test_the_loop_does_not_close_under_another_convention(convention):
+    assert worst_gap(load('quadrilateral').mechanism, convention) > 1e-11
+
+
+def test_the_pins_are_where_the_mechanism_has_them():
+    mechanism = make((1.0, 3.0, 2.5, 2.0), angle=0.3)
+    tree = Tree(make_urdf(mechanism))
+    for stamp in STAMPS[::20]:
+        positions = positions_at(mechanism, stamp, MOTION)
+        poses = tree.poses(positions)
+        alpha = MOTION.at(stamp).unwrapped
+        assert poses['crank'] == Pose(0j, alpha)
+        assert abs(poses['coupler'].place - cmath.exp(1j * alpha)) < 1e-13
+        assert abs(poses['rocker'].place - 2.0 * cmath.exp(0.3j)) < 1e-15
+        # Open: the pin lies left of the line from the crank pin to the rocker pivot.
+        diagonal = poses['rocker'].place - poses['coupler'].place
+        pin = poses['coupler'].point(3.0) - poses['coupler'].place
+        assert (diagonal.conjugate() * pin).imag > 0
+
+
+def test_the_second_turn_is_not_the_first_where_a_change_point_is_passed():
+    mechanism = make((1.0, 3.0, 2.0, 2.0), angle=-0.7)
+    first = positions_at(mechanism, 10**8, MOTION)
+    second = positions_at(mechanism, 10**8 + 10**9, MOTION)
+    third = positions_at(mechanism, 10**8 + 2 * 10**9, MOTION)
+    assert abs(second['rocker'] - first['rocker']) > 0.1
+    assert (third['coupler'], third['rocker']) == (first['coupler'], first['rocker'])
+
+
+def test_the_tree_has_these_links_and_joints():
+    tree = Tree(make_urdf(load('quadrilateral').mechanism))
+    assert tree.robot.tag == 'robot'
+    assert tree.robot.get('name') == 'four_bar'
+    assert list(tree.links) == ['base_link', *JOINTS]
+    joined = {
+        name: (joint.find('parent').get('link'), joint.find('child').get('link'))
+        for name, joint in tree.joints.items()
+    }
+    assert joined == {
+        'crank': ('base_link', 'crank'),
+        'coupler': ('crank', 'coupler'),
+        'rocker': ('base_link', 'rocker'),
+    }
+    for joint in tree.joints.values():
+        assert joint.get('type') == 'continuous'
+        assert joint.find('axis').get('xyz').split() == ['0', '0', '1']
+        assert joint.find('limit') is None
+
+
+def test_masses_centres_and_inertias_are_the_mechanisms():
+    bodies = {
+        'crank': {'mass': 1.25, 'inertia': 0.0245, 'center': (0.01, -0.02)},
+        'coupler': {'mass': 2.0, 'inertia': 1 / 3, 'center': (0.1575, 0.1)},
+        'rocker': {'mass': 0.0, 'inertia': 0.066, 'center': (0.25, 0.0)},
+    }
+    tree = Tree(make_urdf(make((1.0, 3.0, 2.5, 2.0), **bodies)))
+    for name, body in bodies.items():
+        inertial = tree.links[name].find('inertial')
+        x, y, z = map(float, inertial.find('origin').get('xyz').split())
+        assert ((x, y), z) == (body['center'], 0.0)
+        assert float(inertial.find('mass').get('value')) == body['mass']
+        terms = {key: float(text) for key, text in inertial.find('inertia').attrib.items()}
+        assert terms['izz'] == body['inertia']
+        assert terms['ixy'] == terms['ixz'] == terms['iyz'] == 0.0
+        # A body can have these moments: no axis' exceeds the other two's sum.
+        assert 0 < terms['ixx'] <= terms['iyy'] + terms['izz']
+        assert 0 < terms['iyy'] <= terms['ixx'] + terms['izz']
+        assert terms['izz'] <= terms['ixx'] + terms['iyy']
+
+
+def test_a_link_without_mass_and_inertia_has_no_inertial():
+    tree = Tree(make_urdf(make((1.0, 3.0, 2.5, 2.0), rocker={'mass': 1.0})))
+    assert tree.links['crank'].find('inertial') is None
+    assert tree.links['base_link'].find('inertial') is None
+    assert tree.links['rocker'].find('inertial') is not None
+
+
+@pytest.mark.parametrize('scale', [1e-9, 1e-3, 1.0, 1e8])
+def test_bars_reach_from_pin_to_pin_and_lie_one_above_the_other(scale):
+    lengths = [scale * length for length in (1.0, 3.0, 2.5, 2.0)]
+    tree = Tree(make_urdf(make(lengths)))
+    spans = []
+    for name, length in zip(JOINTS, lengths, strict=False):
+        visual = tree.links[name].find('visual')
+        x, y, z = map(float, visual.find('origin').get('xyz').split())
+        size = [float(text) for text in visual.find('geometry/box').get('size').split()]
+        assert size[0] == length
+        assert math.isclose(x, length / 2, rel_tol=1e-15)
+        assert y == 0.0
+        assert all(0 < side < min(lengths) for side in size[1:])
+        spans.append((z - size[2] / 2, z + size[2] / 2))
+        colour = [float(text) for text in visual.find('material/color').get('rgba').split()]
+        assert len(colour) == 4
+        assert all(0 <= part <= 1 for part in colour)
+    for below, above in pairwise(sorted(spans)):
+        assert below[1] <= above[0] * (1 + 1e-12)
+
+
+def test_the_text_is_xml_and_the_same_every_time():
+    mechanism = load('quadrilateral').mechanism
+    text = make_urdf(mechanism)
+    assert text.startswith('<?xml version=')
+    assert text.endswith('</robot>\n')
+    assert make_urdf(mechanism) == text
+    assert ET.canonicalize(text, strip_text=True) == ET.canonicalize(
+        ET.tostring(ET.fromstring(text), encoding='unicode'), strip_text=True
+    )
+
+
+def test_every_number_in_the_text_is_one_that_urdf_reads():
+    """No nan, no inf, and floats written so that they come back bit for bit."""
+    mechanism = make((1 / 3, 3.0, 2.5, 2.0), angle=1e-17, crank={'mass': 1e-300})
+    tree = Tree(make_urdf(mechanism))
+    for element in tree.robot.iter():
+        for key in ('xyz', 'rpy', 'size', 'value', 'rgba', 'izz', 'ixx', 'iyy'):
+            assert all(map(math.isfinite, map(float, element.get(key, '0').split())))
+    assert float(tree.links['crank'].find('visual/geometry/box').get('size').split()[0]) == 1 / 3

@@ -1,0 +1,355 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The thread between the steps and whatever may be slow: gates stand for slowness, not sleeps."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from itertools import pairwise
+
+import pytest
+
+from linkage_ros.worker import Worker
+
+PATIENCE = 20.0  # s, until a wait that must end counts as a hang
+QUICK = 0.001
+
+
+class Gated:
+    """A consumer that holds each call until it is let through, and may fail at one of them."""
+
+    def __init__(self, *, is_open=True, fail_at=None, fail_to_close=False):
+        self.gate, self.entered = threading.Event(), threading.Event()
+        self.batches, self.closed, self.calls = [], 0, 0
+        self.fail_at, self.fail_to_close = fail_at, fail_to_close
+        self.threads = set()
+        if is_open:
+            self.gate.set()
+
+    @property
+    def items(self):
+        return [item for batch in self.batches for item in batch]
+
+    def consume(self, items):
+        self.threads.add(threading.current_thread().name)
+        self.calls += 1
+        if items:
+            self.entered.set()
+            assert self.gate.wait(PATIENCE)
+        if self.fail_at is not None and any(item >= self.fail_at for item in items):
+            raise OSError(28, 'No space left on device')
+        self.batches.append(list(items))
+
+    def close(self):
+        self.closed += 1
+        if self.fail_to_close:
+            raise OSError(5, 'Input/output error')
+
+
+def start(consumer, capacity=1_000, period=QUICK):
+    errors = []
+    worker = Worker('test', consumer, capacity=capacity, period=period, on_error=errors.append)
+    return worker, errors
+
+
+def until(event):
+    assert event.wait(PATIENCE)
+
+
+def finished(worker):
+    """Waits for the thread to end by itself; nothing asks it to."""
+    worker._thread.join(PATIENCE)
+    assert not worker._thread.is_alive()
+
+
+# ---------------------------------------------------------------- order and completeness
+
+
+def test_all_items_arrive_once_and_in_order():
+    consumer = Gated()
+    worker, errors = start(consumer, capacity=20_000)
+    for item in range(20_000):
+        worker.offer(item)
+    assert worker.close(PATIENCE)
+    assert consumer.items == list(range(20_000))
+    assert (worker.dropped, worker.error, errors) == (0, None, [])
+
+
+def test_the_consumer_is_called_by_the_worker_thread_alone_and_closed_once():
+    consumer = Gated()
+    worker, _ = start(consumer)
+    worker.offer(1)
+    assert worker.close(PATIENCE)
+    assert worker.close(PATIENCE)
+    assert consumer.threads == {'test'}
+    assert consumer.closed == 1
+
+
+def test_close_hands_over_what_is_still_queued():
+    consumer = Gated()
+    worker, _ = start(consumer, period=PATIENCE)
+    for item in range(500):
+        worker.offer(item)
+    assert consumer.batches == []
+    assert worker.close(PATIENCE)
+    assert consumer.batches == [list(range(500))]
+    assert consumer.closed == 1
+    assert worker.dropped == 0
+
+
+def test_close_hands_over_what_came_while_the_consumer_was_busy():
+    consumer = Gated(is_open=False)
+    worker, _ = start(consumer)
+    worker.offer(0)
+    until(consumer.entered)
+    for item in range(1, 100):
+        worker.offer(item)
+    threading.Timer(0.02, consumer.gate.set).start()
+    assert worker.close(PATIENCE)
+    assert consumer.items == list(range(100))
+
+
+def test_a_consumer_without_items_is_still_called_so_that_it_may_flush():
+    consumer, called = Gated(), threading.Event()
+    consume = consumer.consume
+
+    def counted(items):
+        consume(items)
+        if consumer.calls == 3:
+            called.set()
+
+    consumer.consume = counted
+    worker, _ = start(consumer)
+    until(called)
+    assert worker.close(PATIENCE)
+    assert consumer.items == []
+
+
+# ---------------------------------------------------------------- a consumer that lags
+
+
+def test_offering_does_not_wait_for_the_consumer():
+    """The gate stays shut until all is offered: an offer that waited would never return."""
+    consumer = Gated(is_open=False)
+    worker, _ = start(consumer, capacity=50_000)
+    worker.offer(0)
+    until(consumer.entered)
+    for item in range(1, 50_001):
+        worker.offer(item)
+    assert consumer.items == []
+    consumer.gate.set()
+    assert worker.close(PATIENCE)
+    assert consumer.items == list(range(50_001))
+
+
+def test_the_oldest_are_dropped_and_counted_to_the_item():
+    consumer = Gated(is_open=False)
+    worker, errors = start(consumer, capacity=10)
+    worker.offer(0)
+    until(consumer.entered)
+    for count in range(1, 36):
+        worker.offer(count)
+        assert worker.dropped == max(0, count - 10)
+    consumer.gate.set()
+    assert worker.close(PATIENCE)
+    assert consumer.items == [0, *range(26, 36)]
+    assert worker.dropped == 25
+    assert errors == []
+
+
+def test_a_full_queue_drops_nothing():
+    consumer = Gated(is_open=False)
+    worker, _ = start(consumer, capacity=10)
+    worker.offer(0)
+    until(consumer.entered)
+    for item in range(1, 11):
+        worker.offer(item)
+    assert worker.dropped == 0
+    consumer.gate.set()
+    assert worker.close(PATIENCE)
+    assert consumer.items == list(range(11))
+
+
+def test_in_a_race_every_item_is_either_consumed_in_order_or_counted():
+    consumer = Gated()
+    worker, _ = start(consumer, capacity=7, period=0.0001)
+    for item in range(100_000):
+        worker.offer(item)
+    assert worker.close(PATIENCE)
+    items = consumer.items
+    assert all(first < second for first, second in pairwise(items))
+    assert items[-7:] == list(range(99_993, 100_000))
+    assert worker.dropped == 100_000 - len(items)
+
+
+class SlowlyTaken(deque):
+    def popleft(self):
+        item = super().popleft()
+        time.sleep(0.001)
+        return item
+
+
+def test_items_on_their_way_are_not_counted_as_dropped():
+    """Between the queue and the consumer they are neither waiting nor lost."""
+    consumer, done, seen = Gated(), threading.Event(), set()
+    worker, _ = start(consumer, period=PATIENCE)
+    consumer.close = done.set
+    worker._queue = SlowlyTaken(maxlen=1_000)
+    for item in range(50):
+        worker.offer(item)
+    closing = threading.Thread(target=worker.close, args=(PATIENCE,))
+    closing.start()
+    while not done.is_set():
+        seen.add(worker.dropped)
+    closing.join(PATIENCE)
+    assert consumer.items == list(range(50))
+    assert seen <= {0}
+
+
+# ---------------------------------------------------------------- a consumer that fails
+
+
+def test_a_failure_is_reported_once_and_the_consumer_closed():
+    consumer = Gated(fail_at=100)
+    worker, errors = start(consumer)
+    worker.offer(100)
+    finished(worker)
+    assert [str(error) for error in errors] == ['[Errno 28] No space left on device']
+    assert worker.error is errors[0]
+    assert consumer.closed == 1
+    assert worker.close(PATIENCE)
+    assert consumer.closed == 1
+    assert len(errors) == 1
+
+
+def test_what_comes_after_a_failure_is_dropped_and_counted():
+    consumer = Gated(is_open=False, fail_at=1)
+    worker, errors = start(consumer)
+    worker.offer(0)
+    until(consumer.entered)
+    for item in range(1, 31):  # taken in one batch, of which nothing is known to have arrived
+        worker.offer(item)
+    consumer.gate.set()
+    finished(worker)
+    assert consumer.items == [0]
+    before = worker.dropped
+    for item in range(100):
+        worker.offer(item)
+        assert worker.dropped == before + 1 + item
+    assert worker.close(PATIENCE)
+    assert len(errors) == 1
+
+
+def test_items_queued_while_the_consumer_fails_are_counted_as_dropped():
+    consumer = Gated(is_open=False, fail_at=0)
+    worker, _ = start(consumer)
+    worker.offer(0)
+    until(consumer.entered)
+    for item in range(1, 41):
+        worker.offer(item)
+    consumer.gate.set()
+    finished(worker)
+    # The item of the failed call may have arrived, the forty behind it have not.
+    assert worker.dropped in {40, 41}
+
+
+def test_a_failure_on_the_last_batch_is_reported():
+    consumer = Gated(fail_at=0)
+    worker, errors = start(consumer, period=PATIENCE)
+    worker.offer(0)
+    assert worker.close(PATIENCE)
+    assert [type(error) for error in errors] == [OSError]
+    assert worker.error is errors[0]
+    assert consumer.closed == 1
+
+
+def test_a_failure_to_close_is_reported():
+    consumer = Gated(fail_to_close=True)
+    worker, errors = start(consumer)
+    worker.offer(0)
+    assert worker.close(PATIENCE)
+    assert consumer.items == [0]
+    assert [str(error) for error in errors] == ['[Errno 5] Input/output error']
+    assert worker.error is errors[0]
+
+
+def test_of_two_failures_the_first_is_reported():
+    consumer = Gated(fail_at=0, fail_to_close=True)
+    worker, errors = start(consumer)
+    worker.offer(0)
+    finished(worker)
+    assert [error.errno for error in errors] == [28]
+    assert worker.error.errno == 28
+
+
+def test_a_healthy_consumer_reports_nothing():
+    consumer = Gated()
+    worker, errors = start(consumer)
+    worker.offer(0)
+    assert worker.close(PATIENCE)
+    assert (errors, worker.error, worker.name) == ([], None, 'test')
+
+
+# ---------------------------------------------------------------- a consumer that hangs
+
+
+def test_close_gives_up_on_a_hanging_consumer():
+    consumer = Gated(is_open=False)
+    worker, errors = start(consumer)
+    worker.offer(0)
+    until(consumer.entered)
+    assert worker.close(0.05) is False
+    assert consumer.closed == 0
+    # Once it wakes, it is closed after all.
+    consumer.gate.set()
+    assert worker.close(PATIENCE)
+    assert consumer.closed == 1
+    assert errors == []
+
+
+HANGING = """
+import sys, threading
+from linkage_ros.worker import Worker
+
+class Consumer:
+    entered = threading.Event()
+
+    def consume(self, items):
+        self.entered.set()
+        threading.Event().wait()
+
+    def close(self):
+        pass
+
+worker = Worker('log', Consumer(), capacity=10, period=0.001, on_error=print)
+worker.offer(1)
+Consumer.entered.wait()
+print(worker.close(0.1), flush=True)
+sys.exit(7)
+"""
+
+
+@pytest.mark.parametrize('daemon', [True, False])
+def test_the_process_ends_although_a_consumer_hangs(daemon):
+    """And hangs where the worker's thread is made like any other thread."""
+    code = HANGING
+    if not daemon:
+        code = 'import threading\nmake = threading.Thread.__init__\n' + (
+            'threading.Thread.__init__ = (\n'
+            '    lambda self, *args, **options: make(self, *args, **options | {"daemon": False})\n'
+            ')\n' + code
+        )
+    with subprocess.Popen(
+        [sys.executable, '-c', code], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == 'False\n'
+        if daemon:
+            assert process.wait(PATIENCE) == 7
+        else:
+            with pytest.raises(subprocess.TimeoutExpired, match='timed out after 1'):
+                process.wait(1)
+            process.kill()
