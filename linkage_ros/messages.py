@@ -120,8 +120,12 @@ def encode_float64(value: float) -> bytes:
 
 
 def encode_string(text: str) -> bytes:
-    """A std_msgs/String message as CDR bytes."""
-    return _ENCAPSULATION + _string(b'', text)
+    """A std_msgs/String message as CDR bytes.
+
+    It is filled up to a multiple of 4 bytes, as DDS would do on the way: subscribers get the
+    bytes that are logged.
+    """
+    return _align(_ENCAPSULATION + _string(b'', text), 4)
 
 
 def _string(body: bytes, text: str) -> bytes:

@@ -274,7 +274,9 @@ def test_both_decoders_read_back_every_float(value, fast_dds):
 )
 def test_both_decoders_read_back_every_text(text, fast_dds):
     data = encode_string(text)
-    assert data == fast_dds.serialize_message(fast_dds.kinds['String'](data=text))
+    serialized = fast_dds.serialize_message(fast_dds.kinds['String'](data=text))
+    # On the way, DDS fills every message up to a multiple of 4 bytes.
+    assert data == serialized + b'\0' * (-len(serialized) % 4)
     assert STORE.deserialize_cdr(data, STRING.name).data == text
     assert fast_dds.deserialize_message(data, fast_dds.kinds['String']).data == text
 

@@ -182,6 +182,17 @@ def test_a_duration_typed_as_whole_ticks_holds_so_many_states(rate):
     assert dict(islice(wrong.items(), 5)) == {}
 
 
+@pytest.mark.parametrize('rate', [0.01, 0.1, 1 / 3, 7.7, 59.94, 200.0, 333.3, 1e3, 99_999.9])
+def test_ticks_and_stamps_are_exact_however_late(rate):
+    machine = Machine(preset(rate_hz=rate))
+    for tick in (0, 1, 2, 3, 10, 999, 10**6 + 1, 10**9 + 7, 123_456_789_012, 10**15 + 1):
+        elapsed = machine.elapsed(tick)
+        assert elapsed == math.floor(tick * 10**9 / Fraction(rate))
+        assert machine.tick_at(elapsed) == tick
+        assert machine.tick_at(elapsed - 1) == tick - 1
+        assert machine.tick_at(machine.elapsed(tick + 1) - 1) == tick
+
+
 def test_record_writes_as_many_states_as_it_says(tmp_path):
     for number, (rate, duration) in enumerate([(200.0, 0.5), (7.7, 1.0), (3.0, 1.0), (0.3, 0.1)]):
         path = tmp_path / f'{number}.mcap'
