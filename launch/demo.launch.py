@@ -19,12 +19,14 @@ def start(context: LaunchContext) -> list[Node]:
     params, log, viewer = (
         LaunchConfiguration(name).perform(context) for name in ('params', 'log', 'viewer')
     )
+    # An argument that was not given must not hide what the parameter file says.
+    given = {name: text for name, text in (('log', log), ('viewer', viewer)) if text}
     description = make_urdf(load(params).mechanism)
     return [
         Node(
             package='linkage_ros',
             executable='linkage_node',
-            parameters=[str(find(params)), {'log': log, 'viewer': viewer}],
+            parameters=[str(find(params)), given] if given else [str(find(params))],
             output='screen',
         ),
         Node(

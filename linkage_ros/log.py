@@ -6,9 +6,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import NoReturn, TypeAlias
 
 from mcap.writer import CompressionType, Writer
@@ -46,7 +45,7 @@ def _qos(topic: Topic) -> str:
     )
 
 
-class LogWriter:
+class LogWriter(AbstractContextManager['LogWriter']):
     """Writes one log; not to be shared between threads.
 
     Attributes:
@@ -169,15 +168,7 @@ class LogWriter:
         except OSError as error:
             _fail(self.path, error)
 
-    def __enter__(self) -> LogWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

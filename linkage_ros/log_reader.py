@@ -8,9 +8,8 @@ import os
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, NamedTuple
 
 from mcap.reader import McapReader, make_reader
@@ -52,7 +51,7 @@ class LoggedTopic(NamedTuple):
     latched: bool
 
 
-class LogReader:
+class LogReader(AbstractContextManager['LogReader']):
     """Reads a complete log of this package.
 
     Attributes:
@@ -138,15 +137,7 @@ class LogReader:
         """Closes the file."""
         self._stream.close()
 
-    def __enter__(self) -> LogReader:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

@@ -35,6 +35,7 @@ def info(log: LogReader) -> Iterator[str]:
     yield f'start:      {_moment(log.start)}'
     yield f'duration:   {duration:.6f} s'
     yield f'mechanism:  {machine.summary()}'
+    yield from (f'            {words}' for words in machine.solver.mobility.equalities)
     yield 'topics:'
     width = max((len(topic.name) for topic in log.topics), default=0)
     for topic in log.topics:

@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism import FourBar
-from linkage_ros.numeric import short_sum
+from linkage_ros.numeric import is_rounding, short_sum
 from linkage_ros.transmission import TransmissionMap
 
 Arc = tuple[float, float]
@@ -26,6 +27,7 @@ class Mobility(NamedTuple):
         arcs: Where the crank can be, (from, to) with from in [0, 2 pi), rad; the whole turn
             where it turns fully.
         limits: What stops the crank, each with the cure; empty where it turns fully.
+        equalities: Sums of lengths that are not 0 in binary and count as 0, in words.
     """
 
     grashof: str
@@ -33,6 +35,7 @@ class Mobility(NamedTuple):
     period_turns: int
     arcs: tuple[Arc, ...]
     limits: tuple[str, ...]
+    equalities: tuple[str, ...]
 
 
 def assess(mechanism: FourBar, transmission: TransmissionMap) -> Mobility:
@@ -65,7 +68,21 @@ def assess(mechanism: FourBar, transmission: TransmissionMap) -> Mobility:
         transmission.period_turns,
         _arcs(mechanism, transmission),
         tuple(limits),
+        tuple(_equalities(mechanism)),
     )
+
+
+def _equalities(mechanism: FourBar) -> Iterator[str]:
+    r, b = mechanism.crank.length, mechanism.coupler.length
+    c, d = mechanism.rocker.length, mechanism.frame.length
+    for words, terms in (
+        ('coupler + rocker - frame - crank', (b, c, -d, -r)),
+        ('frame + rocker - crank - coupler', (d, c, -r, -b)),
+        ('frame + coupler - crank - rocker', (d, b, -r, -c)),
+    ):
+        total = math.fsum(terms)
+        if total and is_rounding(max(r, b, c, d), total):
+            yield f'{words} = {total:.2g} m counts as 0'
 
 
 def _grashof(mechanism: FourBar) -> str:

@@ -62,4 +62,9 @@ def short_sum(longest: float, *terms: float) -> float:
         The sum, m.
     """
     total = math.fsum(terms)
-    return 0.0 if abs(total) < 4 * math.ulp(longest) else total
+    return 0.0 if is_rounding(longest, total) else total
+
+
+def is_rounding(longest: float, total: float) -> bool:
+    """Whether an exact sum of lengths up to the longest counts as 0."""
+    return abs(total) < 4 * math.ulp(longest)
