@@ -78,7 +78,8 @@ class FourBarKinematics:
         # the two triangles' brackets is +1 or -1 throughout.
         self._concentric = diff_dr == 0 and diff_bc == 0
         self._quotient = math.copysign(side, side * self.map.kappa)
-        self._nearly_concentric = abs(diff_dr) < _CLOSE * sum_dr
+        # Where q < 0 the crank never comes near theta = 0, where L would be short.
+        self._nearly_concentric = self.map.q >= 0 and abs(diff_dr) < _CLOSE * sum_dr
 
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.

@@ -8,6 +8,7 @@ configurations and elapsed times give equal bits in all of them.
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import NamedTuple
 
 from linkage_ros.configuration import Configuration
@@ -50,7 +51,8 @@ class Machine:
         self.joints = tuple(joint.name for joint in FOUR_BAR_JOINTS)
         self.description = encode_string(make_urdf(configuration.mechanism))
         self._codec = JointStateCodec(self.joints)
-        self._rate = configuration.session.rate_hz.as_integer_ratio()
+        # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
+        self._rate = Fraction(repr(configuration.session.rate_hz)).as_integer_ratio()
 
     def summary(self) -> str:
         """What turns, in one line."""

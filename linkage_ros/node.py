@@ -61,6 +61,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._view = self._open_view(configuration)
         self._stepper = Stepper(self._machine, self._step, self._restamp, self._fail)
         self._missed_before = 0
+        self._lost = {'log': 0, 'view': 0}
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.create_timer(1.0, self._report)
@@ -92,6 +93,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             Whether all went well to the end.
         """
         self._stepper.stop()
+        self._report()
         closed = self._log is None or self._log.close(timeout=30.0)
         if not closed:
             cli.print_error(_NAME, 'the log could not be completed within 30 s: the disk hangs')
@@ -182,6 +184,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 f'{missed} so far: the machine is too busy for this rate_hz'
             )
         self._missed_before = missed
+        for name, worker in (('log', self._log), ('view', self._view)):
+            if worker is not None and worker.error is None and worker.dropped > self._lost[name]:
+                self._lost[name] = worker.dropped
+                say = self.get_logger().error if name == 'log' else self.get_logger().warning
+                say(f'the {name} lags: {worker.dropped} of its messages are lost so far')
 
     def _log_failed(self, error: Exception) -> None:
         self.get_logger().error(f'the log ends here, the motion goes on: {error}')

@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -35,6 +36,7 @@ _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
 _WALL_CLOCK = 10**18  # ns; a stamp before September 2001 counts from the start of something
 _SERVED = '64MB'  # of the past, for windows that connect late
 _BATCH = 20_000  # samples sent at once, however many have come
+_FILE_SECONDS = 1.0  # between the batches of a file: small ones take four times the space
 _SEND_SECONDS = 2.0  # for which a viewer may hold up a batch
 _LAGGING_SECONDS = 0.05  # likewise once it has done so
 _WRITE_SECONDS = 5.0  # for which a disk may do so
@@ -64,8 +66,8 @@ class View:
     'spawn' serves the data and opens a viewer window on it. As usual with Rerun, the window
     stays open with all it has got when the run ends, and closing it does not disturb the run.
     A URL is that of a viewer that is running already.
-    A file keeps all but the last batch however the run ends. It has no index, which would be
-    collected in memory all the time; `rerun rrd optimize` adds one.
+    A file keeps all but the last two seconds however the run ends. It has no index, which would
+    be collected in memory all the time; `rerun rrd optimize` adds one.
 
     Stamps are times of day; where the first is none, they are durations: a record from 0 is
     marked 0 s, 1 s, 2 s and not with dates in 1970.
@@ -101,6 +103,8 @@ class View:
         self.dropped = 0
         self._target = target
         self._is_file = self._lags = False
+        self._waiting: list[Sample] = []
+        self._due = 0.0
         self._drawing = FourBarDrawing(configuration.mechanism)
         self._last_frame = -1
         self._wall_clock: bool | None = None
@@ -122,21 +126,21 @@ class View:
         """
         if self._window:
             self._window.check()
-        for start in range(0, len(samples), _BATCH):
-            batch = samples[start : start + _BATCH]
-            if self._has_left():
-                self._show(batch)
-            else:
-                self.dropped += len(batch)
+        self._waiting += samples
+        if time.monotonic() >= self._due or len(self._waiting) >= _BATCH:
+            self._release()
 
     def close(self) -> None:
-        """Sends what is left and lets the viewer go: in 2.5 s at most, even if it is stuck."""
+        """Sends what is left and lets the viewer go: within 3 s, even if it is stuck."""
         if self._window:
             self._window.let_go()
             self._window = None
-        thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
-        thread.start()
-        thread.join(_LAST_SECONDS if self._lags else _CLOSE_SECONDS)
+        try:
+            self._release()
+        finally:
+            thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
+            thread.start()
+            thread.join(_LAST_SECONDS if self._lags else _CLOSE_SECONDS)
 
     def _disconnect(self) -> None:
         with contextlib.suppress(RuntimeError):
@@ -184,6 +188,17 @@ class View:
         else:
             self._lags = False
         return not self._lags
+
+    def _release(self) -> None:
+        samples, self._waiting = self._waiting, []
+        if self._is_file:
+            self._due = time.monotonic() + _FILE_SECONDS
+        for start in range(0, len(samples), _BATCH):
+            batch = samples[start : start + _BATCH]
+            if self._has_left():
+                self._show(batch)
+            else:
+                self.dropped += len(batch)
 
     def _show(self, samples: Sequence[Sample]) -> None:
         import rerun as rr

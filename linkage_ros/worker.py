@@ -71,7 +71,9 @@ class Worker(Generic[_T]):
     @property
     def dropped(self) -> int:
         """Items lost so far because the consumer lagged or failed."""
-        return max(0, self._offered - self._taken - len(self._queue))
+        # In this order: what the worker takes meanwhile is counted twice, never as dropped.
+        waiting = len(self._queue)
+        return max(0, self._offered - self._taken - waiting)
 
     def close(self, timeout: float) -> bool:
         """Hands over what is queued and ends the thread.

@@ -504,6 +504,23 @@ def test_nearly_concentric_linkage_in_decimals_loses_only_what_its_doubles_lose(
     assert max(errors) < max(1e-13, 4 * math.ulp(1.0) / float(gap))
 
 
+@pytest.mark.parametrize('assembly', ASSEMBLIES)
+@pytest.mark.parametrize('power', [10, 30, 44, 46])
+def test_loop_closes_where_doubles_miss_an_equality_by_an_ulp_or_two(power, assembly):
+    """Below 4 ulp the equality counts as met, also where d - r itself is not much more."""
+    gap = 2.0**-power
+    for signs in itertools.product((1, -1), repeat=2):
+        for ulps in (-1, 1):
+            lengths = 1 + signs[0] * gap, 2, 2 + signs[1] * gap + ulps * math.ulp(1.0) * 2, 1
+            solver = Solver(four_bar(lengths, 0.3, assembly))
+            assert solver.mobility.grashof == 'change-point'
+            for part in (0.0, 0.1, -0.4, 1.0, 3.0, 100.0):
+                crank = 0.3 + part * gap
+                vectors = zip(solver.state(crank).angle, lengths, strict=False)
+                A, coupler, rocker = (cmath.rect(length, angle) for angle, length in vectors)
+                assert abs(A + coupler - rocker - cmath.exp(0.3j)) <= 8 * math.ulp(2.0)
+
+
 @pytest.mark.parametrize('ratio', [1e-1, 1e-2, 1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize('place', ['crank', 'frame'])
 def test_short_cranks_and_frames_keep_all_digits(place, ratio):
@@ -586,6 +603,19 @@ def test_long_limited_crank_on_a_short_arc_keeps_its_digits(lengths):
         for part in (0.2, 0.5, 0.8):
             crank = start + part * (end - start)
             assert max(worst_errors(solver, [crank], 2.0, 1.5, period=0, floor=1)) < 1e-12
+
+
+@pytest.mark.parametrize('gap', [1e-3, -1e-5, 1e-8, -1e-12, 0.0])
+@pytest.mark.parametrize('coupler_rocker', [(2, 1.4), (1.4, 2), (0.7, 0.6), (0.3, 0.2)])
+def test_limited_crank_as_long_as_the_frame_keeps_its_digits(coupler_rocker, gap):
+    for assembly in ASSEMBLIES:
+        solver = Solver(four_bar((1 + gap, *coupler_rocker, 1), 0.3, assembly))
+        assert not solver.mobility.turns_fully
+        for start, end in solver.mobility.arcs:
+            for part in (0.1, 0.3, 0.5, 0.51, 0.8):
+                crank = start + part * (end - start)
+                errors = worst_errors(solver, [crank], 2.0, 1.5, period=0, floor=1)
+                assert max(errors) < 1e-13
 
 
 @pytest.mark.parametrize('assembly', ASSEMBLIES)

@@ -156,7 +156,7 @@ def test_topics_are_the_nodes(tmp_path):
 def brute_count(rate, duration):
     """Stamps below the duration, one by one; the duration is the decimal that was typed."""
     end, tick = Fraction(repr(duration)) * 10**9, 0
-    while math.floor(tick * 10**9 / Fraction(rate)) < end:
+    while math.floor(tick * 10**9 / Fraction(repr(rate))) < end:
         tick += 1
     return tick
 
@@ -175,7 +175,7 @@ def test_a_duration_typed_as_whole_ticks_holds_so_many_states(rate):
     machine = Machine(preset(rate_hz=rate))
     wrong = {}
     for ticks in range(1, 3_001):
-        duration = float(Fraction(ticks) / Fraction(rate))
+        duration = float(Fraction(ticks) / Fraction(repr(rate)))
         count = record_module._count(machine, duration, None)
         if count != ticks:
             wrong[duration] = (count, ticks)
@@ -187,7 +187,7 @@ def test_ticks_and_stamps_are_exact_however_late(rate):
     machine = Machine(preset(rate_hz=rate))
     for tick in (0, 1, 2, 3, 10, 999, 10**6 + 1, 10**9 + 7, 123_456_789_012, 10**15 + 1):
         elapsed = machine.elapsed(tick)
-        assert elapsed == math.floor(tick * 10**9 / Fraction(rate))
+        assert elapsed == math.floor(tick * 10**9 / Fraction(repr(rate)))
         assert machine.tick_at(elapsed) == tick
         assert machine.tick_at(elapsed - 1) == tick - 1
         assert machine.tick_at(machine.elapsed(tick + 1) - 1) == tick
@@ -217,7 +217,7 @@ def test_revolutions_hold_the_stamps_before_the_last_turn_ends(
 ):
     machine = Machine(preset(**changes, rate_hz=rate))
     tick = 0
-    while math.floor(tick * 10**9 / Fraction(rate)) < seconds * 10**9:
+    while math.floor(tick * 10**9 / Fraction(repr(rate))) < seconds * 10**9:
         tick += 1
     assert record_module._count(machine, None, revolutions) == tick
 
@@ -663,18 +663,21 @@ def test_a_reader_that_has_enough_of_the_output_is_no_error(tmp_path, without_ro
 def test_ctrl_c_leaves_a_complete_log(tmp_path, chunks):
     """Interrupted before the first chunk, and after some."""
     out = tmp_path / 'run.mcap'
-    process = subprocess.Popen(
+    with subprocess.Popen(
         command('quadrilateral', out, '--duration', 1e6, '--rate', 1000),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    ends = time.monotonic() + PATIENCE
-    # The configuration alone makes less than 4000 bytes, every chunk more than 80 000.
-    while not out.exists() or out.stat().st_size < (500, 80_000, 200_000)[chunks]:
-        assert time.monotonic() < ends
-        assert process.poll() is None
-        time.sleep(0.005)
-    process.send_signal(signal.SIGINT)
-    printed, errors = process.communicate(timeout=PATIENCE)
+    ) as process:  # fmt: skip
+        try:
+            ends = time.monotonic() + PATIENCE
+            # The configuration makes less than 4000 bytes, every chunk more than 80 000.
+            while not out.exists() or out.stat().st_size < (500, 80_000, 160_000)[chunks]:
+                assert time.monotonic() < ends
+                assert process.poll() is None
+                time.sleep(0.005)
+            process.send_signal(signal.SIGINT)
+            printed, errors = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
     assert (process.returncode, errors.strip()) == (130, '')
     configuration, [motion], _, states, torques = content(out)
     assert printed == f'{out}: stopped; the first {len(states)} states are kept\n'

@@ -40,7 +40,7 @@ def played(log, *options):
     domain = fresh_domain()
     with (
         Listener(domain, TYPES) as listener,
-        running('replay', log, '--delay', 1.0, *options, domain=domain) as process,
+        running('replay', log, '--delay', 2.0, *options, domain=domain) as process,
     ):
         out, err = process.communicate(timeout=60)
         assert process.returncode == 0, err

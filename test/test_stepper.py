@@ -138,7 +138,7 @@ def test_it_never_sleeps_longer_than_it_may_take_to_stop(monkeypatch):
 )
 def test_the_tick_at_a_time_is_the_last_one_that_has_come(rate, tick):
     machine = Machine(configure({'rate_hz': rate}))
-    exact = Fraction(10**9) / Fraction(rate)
+    exact = Fraction(10**9) / Fraction(repr(rate))
     assert machine.elapsed(tick) == int(tick * exact)
     assert machine.tick_at(machine.elapsed(tick)) == tick
     assert machine.tick_at(machine.elapsed(tick + 1) - 1) == tick

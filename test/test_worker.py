@@ -187,10 +187,16 @@ def test_in_a_race_every_item_is_either_consumed_in_order_or_counted():
 
 
 class SlowlyTaken(deque):
+    """Lets another thread run wherever one may in earnest."""
+
     def popleft(self):
         item = super().popleft()
         time.sleep(0.001)
         return item
+
+    def __len__(self):
+        time.sleep(0.001)
+        return super().__len__()
 
 
 def test_items_on_their_way_are_not_counted_as_dropped():
@@ -346,10 +352,12 @@ def test_the_process_ends_although_a_consumer_hangs(daemon):
     with subprocess.Popen(
         [sys.executable, '-c', code], stdout=subprocess.PIPE, text=True
     ) as process:
-        assert process.stdout.readline() == 'False\n'
-        if daemon:
-            assert process.wait(PATIENCE) == 7
-        else:
-            with pytest.raises(subprocess.TimeoutExpired, match='timed out after 1'):
-                process.wait(1)
+        try:
+            assert process.stdout.readline() == 'False\n'
+            if daemon:
+                assert process.wait(PATIENCE) == 7
+            else:
+                with pytest.raises(subprocess.TimeoutExpired, match='timed out after 1'):
+                    process.wait(1)
+        finally:
             process.kill()
