@@ -47,14 +47,13 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         shared('config', '*.yaml'),
         shared('launch', '*.launch.py'),
-        shared('rviz', '*.rviz'),
     ],
     entry_points={
         'console_scripts': [
-            'linkage_node = linkage_ros.node:main',
-            'linkage_record = linkage_ros.record:main',
-            'linkage_replay = linkage_ros.replay:main',
-            'linkage_log = linkage_ros.log_tool:main',
+            'linkage_node = linkage_ros.executables:node',
+            'linkage_record = linkage_ros.executables:record',
+            'linkage_replay = linkage_ros.executables:replay',
+            'linkage_log = linkage_ros.executables:log',
         ],
     },
     python_requires='>=3.10',

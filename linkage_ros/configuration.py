@@ -41,14 +41,14 @@ class Session(Checked):
     Attributes:
         rate_hz: States a second.
         log: Path of the MCAP file; empty: no log.
-        log_overwrite: Whether an existing file may be replaced.
+        log_overwrite: Whether an existing log or .rrd file may be replaced.
         viewer: 'spawn', a Rerun URL or the path of an .rrd file; empty: no viewer.
         viewer_bind: Address on which the data for a spawned viewer is served.
     """
 
     rate_hz: float = quantity('number', 'states a second', 'Hz', span=(0.01, 1e5), default=200.0)
     log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
-    log_overwrite: bool = quantity('switch', 'replace an existing log', default=False)
+    log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)
     viewer: str = quantity(
         'text', 'spawn, rerun+http://HOST:PORT/proxy or a .rrd path; empty: no viewer', default=''
     )

@@ -56,8 +56,13 @@ class Heard:
 
 
 def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
-    """Subscribes to the node from this process."""
+    """Subscribes to the node from this process.
+
+    Raises:
+        LinkageError: Another node publishes the same topic.
+    """
     import rclpy
+    from rclpy.signals import SignalHandlerOptions
     from sensor_msgs.msg import JointState
 
     heard = Heard()
@@ -67,13 +72,19 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
         heard.stamps.append(stamp.sec * 10**9 + stamp.nanosec)
         heard.torques.append(message.effort[0])
 
-    rclpy.init()
+    # Ctrl-C stays Python's: it ends this function, and the node with it.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node('demo_listener')
         node.create_subscription(JointState, 'joint_states', hear, 10)
         end = time.monotonic() + seconds
         while time.monotonic() < end and process.poll() is None:
             rclpy.spin_once(node, timeout_sec=0.1)
+            if node.count_publishers('joint_states') > 1:
+                raise LinkageError(
+                    'somebody else publishes joint_states here: stop it, or choose another '
+                    'domain, as in ROS_DOMAIN_ID=42 make demo'
+                )
         node.destroy_node()
     finally:
         rclpy.try_shutdown()

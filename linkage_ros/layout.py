@@ -55,7 +55,11 @@ def fixed_components(drawing: FourBarDrawing) -> dict[str, rr.AsComponents]:
         strip = path.astype(np.float32)
         fixed[f'linkage/paths/{link}'] = lines(strip, colors=COLORS[link], radii=_THIN)
     for joint in _JOINTS:
-        fixed[f'linkage/{joint}'] = lines.from_fields(colors=COLORS[joint], radii=_THICK)
+        # The crank on top: it is the shortest, and a coupler's triangle would hide it.
+        order = 31.0 if joint == 'crank' else 30.0
+        fixed[f'linkage/{joint}'] = lines.from_fields(
+            colors=COLORS[joint], radii=_THICK, draw_order=order
+        )
     for quantity in QUANTITIES:
         fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=_JOINTS)
     return fixed

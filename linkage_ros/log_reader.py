@@ -14,6 +14,7 @@ from typing import BinaryIO, NamedTuple
 
 from mcap.reader import McapReader, make_reader
 from mcap.records import Channel, Schema, Statistics
+from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import LogError
 from linkage_ros.records import (
@@ -86,6 +87,8 @@ class LogReader(AbstractContextManager['LogReader']):
             raise
 
     def _open(self) -> None:
+        if self._is_cut():
+            raise LogError('it is not complete: its run was killed before the end')
         self._reader: McapReader = make_reader(self._stream, validate_crcs=True)
         summary = self._reader.get_summary()
         if summary is None or summary.statistics is None:
@@ -110,6 +113,16 @@ class LogReader(AbstractContextManager['LogReader']):
             _topic(channel, summary.schemas, statistics) for channel in summary.channels.values()
         )
         self.start, self.end = statistics.message_start_time, statistics.message_end_time
+
+    def _is_cut(self) -> bool:
+        """Whether it begins as an MCAP file but does not end as one."""
+        begin = self._stream.read(_MAGIC_SIZE)
+        if self._stream.seek(0, os.SEEK_END) < _MAGIC_SIZE:
+            return False
+        self._stream.seek(-_MAGIC_SIZE, os.SEEK_END)
+        end = self._stream.read(_MAGIC_SIZE)
+        self._stream.seek(0)
+        return begin == MCAP0_MAGIC != end
 
     def messages(
         self, topics: Iterable[str] | None = None, start: int | None = None

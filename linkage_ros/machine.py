@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A configured mechanism at work: from a stamp to the bytes of its messages.
 
-The node, the recorder and the verifier all step the same machine, which is why equal
-configurations and elapsed times give equal bits in all of them.
+The node and the recorder step the same machine, which is why equal configurations and elapsed
+times give equal bits in both.
 """
 
 from __future__ import annotations

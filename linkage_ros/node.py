@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 
 from linkage_ros import cli, ros
 from linkage_ros.configuration import Configuration, check_live, configure, preset_note
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log import LogItem, LogWriter
 from linkage_ros.machine import Machine
 from linkage_ros.messages import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
@@ -32,8 +32,6 @@ _NAME = 'linkage_node'
 _LOG_CAPACITY, _VIEW_CAPACITY = 120_000, 4_000
 # s between batches. With the log's flush period this bounds what a killed run loses.
 _LOG_PERIOD, _VIEW_PERIOD = 0.05, 0.03
-# s given to subscribers that are there already to find the node and to be matched with it.
-_DISCOVERY, _MATCH = 0.5, 0.1
 
 
 class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
@@ -57,8 +55,14 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._states = ros.create_publisher(self, JOINT_STATES)
         self._torque = ros.create_publisher(self, DRIVING_TORQUE)
         self._description = ros.create_publisher(self, ROBOT_DESCRIPTION)
-        self._log = self._open_log(configuration)
-        self._view = self._open_view(configuration)
+        view = self._make_view(configuration)
+        try:
+            self._log = self._open_log(configuration)
+        except LogError:
+            if view is not None:
+                view.discard()
+            raise
+        self._view = self._work(view)
         self._stepper = Stepper(self._machine, self._step, self._restamp, self._fail)
         self._missed_before = 0
         self._lost = {'log': 0, 'view': 0}
@@ -69,22 +73,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def start(self) -> None:
         """Starts turning."""
-        self._description.publish(self._machine.description)
-        self._await_listeners()
+        ros.await_listeners([self._states, self._torque])
         # What exists by now stays; without this, each collection would walk through all of it.
         gc.collect()
         gc.freeze()
         self._stepper.start(self._begin)
-
-    def _await_listeners(self) -> None:
-        """Lets subscribers that were there first find this node, so that they miss no state."""
-        end = time.monotonic() + _DISCOVERY
-        while time.monotonic() < end:
-            if self._states.get_subscription_count():
-                # The other side of the match may take a moment longer.
-                time.sleep(_MATCH)
-                return
-            time.sleep(0.01)
 
     def close(self) -> bool:
         """Stops turning and completes log and view.
@@ -94,6 +87,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         self._stepper.stop()
         self._report()
+        counts = self._stepper.counts
+        self.get_logger().info(
+            f'{counts.kept} states published, {counts.missed} ticks missed, '
+            f'{counts.clock_steps} clock steps, latest tick {counts.latest * 1e-6:.1f} ms late'
+        )
         closed = self._log is None or self._log.close(timeout=30.0)
         if not closed:
             cli.print_error(_NAME, 'the log could not be completed within 30 s: the disk hangs')
@@ -119,25 +117,34 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             'log', log, capacity=_LOG_CAPACITY, period=_LOG_PERIOD, on_error=self._log_failed
         )
 
-    def _open_view(self, configuration: Configuration) -> Worker[Sample] | None:
+    def _make_view(self, configuration: Configuration) -> View | None:
         session = configuration.session
         if not session.viewer:
             return None
-        view = View(configuration, session.viewer, session.viewer_bind)
+        view = View(
+            configuration, session.viewer, session.viewer_bind, overwrite=session.log_overwrite
+        )
         if view.exposed:
             self.get_logger().warning(
                 f'the view is served at {view.url} to whoever reaches it; viewer_bind = '
                 '127.0.0.1 keeps it on this machine'
             )
+        return view
+
+    def _work(self, view: View | None) -> Worker[Sample] | None:
+        if view is None:
+            return None
         return Worker(
             'view', view, capacity=_VIEW_CAPACITY, period=_VIEW_PERIOD, on_error=self._view_failed
         )
 
     def _begin(self, stamp: int) -> None:
         self._motion = self._machine.begin(stamp)
+        now = time.time_ns()
+        self._description.publish(self._machine.description)
         if self._log is not None:
             self._log.offer(self._motion)
-            self._log.offer((self._channels[2], time.time_ns(), self._machine.description))
+            self._log.offer((self._channels[2], now, self._machine.description))
 
     def _step(self, stamp: int) -> None:
         """One tick, in the stepper's thread."""

@@ -21,6 +21,7 @@ from linkage_ros.log import LogWriter
 from linkage_ros.machine import Machine
 from linkage_ros.messages import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
 from linkage_ros.parameter_file import read_parameter_file
+from linkage_ros.presets import preset_names
 
 _NAME = 'linkage_record'
 _DEFAULT_DURATION = 10.0
@@ -124,7 +125,11 @@ def _parser() -> argparse.ArgumentParser:
         'Record the exact states of a mechanism to an MCAP log; needs no ROS.',
         ('quadrilateral run.mcap', 'my_linkage.yaml run.mcap --revolutions 5 --rate 1000'),
     )
-    parser.add_argument('params', metavar='PARAMS', help='parameter file, or name of a preset')
+    parser.add_argument(
+        'params',
+        metavar='PARAMS',
+        help=f'parameter file, or a preset: {", ".join(preset_names())}',
+    )
     parser.add_argument('out', metavar='OUT.mcap', type=Path, help='the log to write')
     length = parser.add_mutually_exclusive_group()
     length.add_argument('--duration', type=float, metavar='S', help='seconds (default 10)')

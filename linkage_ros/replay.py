@@ -168,6 +168,7 @@ def _publishing(log: LogReader, arguments: list[str]) -> Iterator[Sink]:
                     raise LogError(f'{log.path}: {name} has the foreign type {kind}')
                 topic = Topic(name, known[kind].interface, latched, 1 if latched else 10)
                 publishers[name] = ros.create_publisher(node, topic)
+            ros.await_listeners(publishers.values())
             yield lambda message: publishers[message.topic].publish(message.data)
             for publisher in publishers.values():
                 publisher.wait_for_all_acked(Duration(seconds=2))

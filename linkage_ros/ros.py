@@ -9,7 +9,8 @@ import re
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 
@@ -29,6 +30,9 @@ from rclpy.utilities import remove_ros_args
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages import Topic
+
+# s given to subscribers to find the node, and to be matched with it.
+_DISCOVERY, _MATCH = 0.5, 0.15
 
 # What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
 # which has no public name, is a RuntimeError.
@@ -137,6 +141,21 @@ def _held_stderr() -> Iterator[Callable[[], None]]:
         finally:
             os.dup2(saved, 2)
             os.close(saved)
+
+
+def await_listeners(publishers: Iterable[Publisher]) -> None:
+    """Lets subscribers that are there already find a node, so that they miss no message.
+
+    Args:
+        publishers: Of the node; waits for at most half a second until one has a subscriber.
+    """
+    end = time.monotonic() + _DISCOVERY
+    while time.monotonic() < end:
+        if any(publisher.get_subscription_count() for publisher in publishers):
+            # The other topics, and the other side of the match, may take a moment longer.
+            time.sleep(_MATCH)
+            return
+        time.sleep(0.01)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ import os
 import threading
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -141,6 +142,12 @@ class View:
             thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
             thread.start()
             thread.join(_LAST_SECONDS if self._lags else _CLOSE_SECONDS)
+
+    def discard(self) -> None:
+        """Closes the view and removes the file that it has made, if any."""
+        self.close()
+        if self._target.endswith('.rrd'):
+            Path(self._target).unlink(missing_ok=True)
 
     def _disconnect(self) -> None:
         with contextlib.suppress(RuntimeError):

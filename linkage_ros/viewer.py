@@ -174,7 +174,7 @@ def create_file(target: str, *, overwrite: bool) -> None:
         path.open('wb' if overwrite else 'xb').close()
     except FileExistsError as error:
         raise ViewerError(
-            f'{target} exists already and is kept: choose another name, or ask to overwrite it'
+            f'{target} exists already and is kept: choose another name, or delete it first'
         ) from error
     except OSError as error:
         raise ViewerError(

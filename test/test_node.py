@@ -8,6 +8,7 @@ import math
 import re
 import signal
 import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -316,3 +317,35 @@ def test_a_namespace_moves_topics_and_log_alike(tmp_path):
     log, _ = logged(path)
     names = {topic.name for topic in log.topics}
     assert names == {'/left/joint_states', '/left/torque', '/left/robot_description'}
+
+
+def test_a_bad_viewer_or_log_leaves_nothing_behind(tmp_path):
+    log, view = tmp_path / 'run.mcap', tmp_path / 'run.rrd'
+
+    def start(**parameters):
+        return subprocess.run(
+            command('node', *node_arguments(**parameters)),
+            env=environment(fresh_domain()),
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+
+    log.write_text('an earlier log')
+    result = start(log=log, log_overwrite='true', viewer='nonsense')
+    assert result.returncode == 2
+    assert log.read_text() == 'an earlier log'
+    result = start(log=log, viewer=view)
+    assert result.returncode == 2
+    assert 'exists already' in result.stderr
+    assert not view.exists()
+
+
+def test_without_rclpy_the_executable_says_so_in_one_line():
+    program = (
+        'import sys; sys.modules["rclpy"] = None; '
+        'from linkage_ros.executables import node; sys.exit(node())'
+    )
+    result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert result.returncode == 2
+    assert re.fullmatch(r'linkage_node: rclpy[^\n]* is not installed: [^\n]+\n', result.stderr)

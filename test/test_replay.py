@@ -59,6 +59,15 @@ def test_every_message_comes_again_byte_for_byte_and_in_its_rhythm(log):
     assert statistics.median(gaps) == pytest.approx(0.005, abs=0.001)
 
 
+def test_a_subscriber_that_was_there_first_misses_nothing(log):
+    domain = fresh_domain()
+    with Listener(domain, TYPES) as listener, running('replay', log, domain=domain) as process:
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    for topic in TYPES:
+        assert listener.received[topic] == stored(log, topic), topic
+
+
 def test_rate_stretches_time(log):
     times = played(log, '--rate', 4).arrived['/joint_states']
     assert times[-1] - times[0] == pytest.approx(1.995 / 4, abs=0.05)
@@ -127,7 +136,9 @@ def test_what_is_no_log_is_refused_with_one_line(log, tmp_path):
     text.write_text('no log')
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(log.read_bytes()[:5000])
-    for path in (text, cut, tmp_path / 'missing.mcap', tmp_path):
+    words = 'no readable MCAP', 'not complete: its run was killed', 'No such file', 'directory'
+    for path, reason in zip((text, cut, tmp_path / 'missing.mcap', tmp_path), words, strict=True):
         result = run(path, '--no-ros', '--viewer', tmp_path / 'x.rrd')
         assert result.returncode == 2
         assert re.fullmatch(rf'linkage_replay: {path}[^\n]+\n', result.stderr), result.stderr
+        assert reason in result.stderr

@@ -1,0 +1,48 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The entry points: each imports its program only when it is run.
+
+Importing rclpy takes most of a start-up. Ctrl-C meanwhile ends the program without a traceback,
+and a missing rclpy is one line.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+
+def node() -> int:
+    """linkage_node."""
+    return _start('linkage_node', 'node')
+
+
+def record() -> int:
+    """linkage_record."""
+    return _start('linkage_record', 'record')
+
+
+def replay() -> int:
+    """linkage_replay."""
+    return _start('linkage_replay', 'replay')
+
+
+def log() -> int:
+    """linkage_log."""
+    return _start('linkage_log', 'log_tool')
+
+
+def _start(name: str, module: str) -> int:
+    try:
+        program = import_module(f'linkage_ros.{module}')
+        code: int = program.main()
+    except KeyboardInterrupt:
+        return 130
+    except ModuleNotFoundError as error:
+        print(
+            f'{name}: {error.name} is not installed: source ROS 2 Jazzy, or on Linux x86-64 '
+            "pip install 'linkage_ros[ros]'",
+            file=sys.stderr,
+        )
+        return 2
+    return code
