@@ -30,6 +30,7 @@ QUANTITIES = ('position', 'velocity', 'effort')
 _JOINTS = tuple(joint.name for joint in FOUR_BAR_JOINTS)
 
 _PLOTTED_TURNS = 4
+_FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _THICK, _PIN = -1.0, -3.5, -5.0  # radii; negative: points on the screen
 
 
@@ -48,15 +49,15 @@ def fixed_components(drawing: FourBarDrawing) -> dict[str, rr.AsComponents]:
     fixed: dict[str, rr.AsComponents] = {
         'linkage': rr.Transform3D(scale=[1, -1, 1]),  # y is down in Rerun's 2-D views
         'linkage/ground': lines(drawing.ground, colors=GREY, radii=_THIN),
-        'linkage/pivots': rr.Points2D(drawing.pivots, colors=GREY, radii=_PIN),
-        'linkage/pins': rr.Points2D.from_fields(colors=GREY, radii=_PIN),
+        'linkage/pivots': rr.Points2D(drawing.pivots, colors=GREY, radii=_PIN, draw_order=_FRONT),
+        'linkage/pins': rr.Points2D.from_fields(colors=GREY, radii=_PIN, draw_order=_FRONT),
     }
     for link, path in drawing.paths.items():
         strip = path.astype(np.float32)
         fixed[f'linkage/paths/{link}'] = lines(strip, colors=COLORS[link], radii=_THIN)
     for joint in _JOINTS:
-        # The crank on top: it is the shortest, and a coupler's triangle would hide it.
-        order = 31.0 if joint == 'crank' else 30.0
+        # The crank above the others: a coupler's triangle would hide it.
+        order = _FRONT - 1 if joint == 'crank' else _FRONT - 2
         fixed[f'linkage/{joint}'] = lines.from_fields(
             colors=COLORS[joint], radii=_THICK, draw_order=order
         )
