@@ -10,11 +10,20 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from typing import NoReturn
 
 from linkage_ros import __version__
 from linkage_ros.errors import LinkageError
 
 STOPPED_BY_USER = 130
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong with a command line in one line, without the usage before it."""
+
+    def error(self, message: str) -> NoReturn:
+        """Ends the program with exit code 2."""
+        self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
 
 
 def make_parser(
@@ -31,7 +40,7 @@ def make_parser(
         The parser.
     """
     shown = '\n'.join(f'  {name} {example}' for example in examples)
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=name,
         description=purpose,
         epilog=f'examples:\n{shown}' if shown else None,

@@ -52,12 +52,11 @@ def declare(node: Node, configuration: Configuration) -> None:
     values = configuration.parameters()
     live = []
     for name, quantity, _ in parameter_leaves(configuration.kind.mechanism):
-        # Values that were left out and mean "none" are not declared: ROS knows no such value.
-        if name in values:
-            # The overrides are in the configuration; rclpy would refuse 60 for 60.0.
-            node.declare_parameter(
-                name, values[name], describe(name, quantity), ignore_override=True
-            )
+        descriptor = describe(name, quantity)
+        # What was left out and means "none" has its type and its descriptor, but no value.
+        value = values.get(name, Parameter.Type(descriptor.type))
+        # The overrides are in the configuration; rclpy would refuse 60 for 60.0.
+        node.declare_parameter(name, value, descriptor, ignore_override=True)
         if quantity.live:
             live.append(name)
 

@@ -220,7 +220,7 @@ def test_parameters_are_described_and_bad_values_refused():
         names = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
         leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves('four_bar')}
         own = set(names.result.names) & set(leaves)
-        assert own == set(leaves) - {'start_rpm'}
+        assert own == set(leaves)
         request = DescribeParameters.Request(names=sorted(own))
         described = call(listener, DescribeParameters, 'describe_parameters', request)
         for descriptor in described.descriptors:
