@@ -39,10 +39,12 @@ def _start(name: str, module: str) -> int:
     except KeyboardInterrupt:
         return 130
     except ModuleNotFoundError as error:
-        print(
-            f'{name}: {error.name} is not installed: source ROS 2 Jazzy, or on Linux x86-64 '
-            "pip install 'linkage_ros[ros]'",
-            file=sys.stderr,
+        missing = (error.name or '').partition('.')[0]
+        cure = (
+            "source ROS 2 Jazzy, or on Linux x86-64 pip install 'linkage_ros[ros]'"
+            if missing.startswith('rcl') or missing.endswith('_msgs')
+            else f'pip install {missing}'
         )
+        print(f'{name}: {missing} is not installed: {cure}', file=sys.stderr)
         return 2
     return code

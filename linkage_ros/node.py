@@ -8,6 +8,7 @@ import gc
 import itertools
 import sys
 import time
+from collections.abc import Callable
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
@@ -55,7 +56,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._states = ros.create_publisher(self, JOINT_STATES)
         self._torque = ros.create_publisher(self, DRIVING_TORQUE)
         self._description = ros.create_publisher(self, ROBOT_DESCRIPTION)
-        view = self._make_view(configuration)
+        self._shown = view = self._make_view(configuration)
         try:
             self._log = self._open_log(configuration)
         except LogError:
@@ -191,11 +192,18 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 f'{missed} so far: the machine is too busy for this rate_hz'
             )
         self._missed_before = missed
-        for name, worker in (('log', self._log), ('view', self._view)):
-            if worker is not None and worker.error is None and worker.dropped > self._lost[name]:
-                self._lost[name] = worker.dropped
-                say = self.get_logger().error if name == 'log' else self.get_logger().warning
-                say(f'the {name} lags: {worker.dropped} of its messages are lost so far')
+        # One that failed has said so already; what it no longer gets is no news.
+        if self._log is not None and self._log.error is None:
+            self._say_lost('log', self._log.dropped, self.get_logger().error)
+        if self._view is not None and self._view.error is None and self._shown is not None:
+            # Dropped on the way to the view, and by the view for a viewer that lags.
+            lost = self._view.dropped + self._shown.dropped
+            self._say_lost('view', lost, self.get_logger().warning)
+
+    def _say_lost(self, name: str, lost: int, say: Callable[[str], None]) -> None:
+        if lost > self._lost[name]:
+            self._lost[name] = lost
+            say(f'the {name} lags: {lost} of its messages are lost so far')
 
     def _log_failed(self, error: Exception) -> None:
         self.get_logger().error(f'the log ends here, the motion goes on: {error}')

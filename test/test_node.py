@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -341,11 +342,31 @@ def test_a_bad_viewer_or_log_leaves_nothing_behind(tmp_path):
     assert not view.exists()
 
 
-def test_without_rclpy_the_executable_says_so_in_one_line():
+@pytest.mark.parametrize(
+    ('missing', 'cure'), [('rclpy', 'source ROS 2 Jazzy'), ('mcap', 'pip install mcap')]
+)
+def test_what_is_not_installed_is_named_in_one_line(missing, cure):
     program = (
-        'import sys; sys.modules["rclpy"] = None; '
+        f'import sys; sys.modules["{missing}"] = None; '
         'from linkage_ros.executables import node; sys.exit(node())'
     )
     result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
     assert result.returncode == 2
-    assert re.fullmatch(r'linkage_node: rclpy[^\n]* is not installed: [^\n]+\n', result.stderr)
+    assert re.fullmatch(
+        rf'linkage_node: {missing} is not installed: {cure}[^\n]*\n', result.stderr
+    ), result.stderr
+
+
+def test_what_a_lagging_viewer_missed_is_said(tmp_path):
+    """A viewer that accepts and never reads: the node goes on, and says what was left out."""
+    domain = fresh_domain()
+    with socket.create_server(('127.0.0.1', 0)) as stuck:
+        url = f'rerun+http://127.0.0.1:{stuck.getsockname()[1]}/proxy'
+        with (
+            Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener,
+            running('node', *node_arguments(viewer=url), domain=domain) as process,
+        ):
+            wait_for(lambda: len(listener.received['/joint_states']) > 1200)
+            code, output = stop(process)
+    assert code == 0, output
+    assert re.search(r'the view lags: \d+ of its messages are lost so far', output), output
