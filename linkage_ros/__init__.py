@@ -4,6 +4,7 @@
 
 __version__ = '0.1.0'
 
+from linkage_ros.bodies import Body, Coupler, Frame, Guide, Slider
 from linkage_ros.errors import (
     ConfigurationError,
     LinkageError,
@@ -12,9 +13,11 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
-from linkage_ros.mechanism import CROSSED, OPEN, Body, Coupler, FourBar, Frame
+from linkage_ros.mechanism import CROSSED, OPEN, FourBar, SliderCrank
 from linkage_ros.mobility import Mobility
-from linkage_ros.solver import Solver, State
+from linkage_ros.reactions import Reactions
+from linkage_ros.solver import Solver
+from linkage_ros.state import PointMotion, State
 
 __all__ = [
     'CROSSED',
@@ -24,10 +27,15 @@ __all__ = [
     'Coupler',
     'FourBar',
     'Frame',
+    'Guide',
     'LinkageError',
     'LogError',
     'MechanismError',
     'Mobility',
+    'PointMotion',
+    'Reactions',
+    'Slider',
+    'SliderCrank',
     'Solver',
     'State',
     'UnreachableError',

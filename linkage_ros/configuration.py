@@ -12,7 +12,7 @@ from pathlib import Path
 
 from linkage_ros import presets
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanism import MECHANISMS, FourBar
+from linkage_ros.mechanism import MECHANISMS, Mechanism
 from linkage_ros.motion import SpeedDrive
 from linkage_ros.parameter_file import read_parameter_file
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
@@ -62,7 +62,7 @@ class Configuration:
     """Everything that a run depends on."""
 
     kind: Kind
-    mechanism: FourBar
+    mechanism: Mechanism
     drive: SpeedDrive
     session: Session
 

@@ -11,48 +11,44 @@ work, m v . a, J w eps and P . v, then need the bodies only through two kinds of
 made once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
 through the spin of link j is sum_k A phi_k'' - B phi_k'^2. Weighed with the links' spins per unit
 of each independent speed (the partial velocities), this and the weights' power make the equations
-of motion M q'' + h = Q + driving torque. No pin reaction appears.
+of motion M q'' + h = Q + driving torque. No pin reaction appears. A link that slides adds its
+mass, its weight's share along the guide, the external force and the guide's resistance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 from linkage_ros.links import Links, PerLink
 from linkage_ros.numeric import Real
-
-
-class MassBody(NamedTuple):
-    """A body as dynamics sees it.
-
-    Attributes:
-        link: Index of the link that it turns with.
-        mass: kg.
-        inertia: About its centre of mass, kg m^2.
-        center: Centre of mass as a combination of the link directions, m.
-    """
-
-    link: int
-    mass: float
-    inertia: float
-    center: tuple[complex, complex, complex]
+from linkage_ros.structure import Structure
 
 
 class MassDistribution:
     """The bodies of a mechanism, summed once into the constants of the equations of motion."""
 
-    def __init__(self, bodies: Sequence[MassBody], gravity: tuple[float, float]) -> None:
+    def __init__(self, structure: Structure, gravity: tuple[float, float]) -> None:
+        bodies = structure.bodies
+
         def moment(j: int, k: int) -> complex:
-            return sum(body.mass * body.center[j].conjugate() * body.center[k] for body in bodies)
+            return sum(
+                body.mass * body.center.weights[j].conjugate() * body.center.weights[k]
+                for body in bodies
+            )
 
         own = (sum(body.inertia for body in bodies if body.link == j) for j in range(3))
-        self._diagonal = tuple(moment(j, j).real + inertia for j, inertia in enumerate(own))
+        diagonal = [moment(j, j).real + inertia for j, inertia in enumerate(own)]
         coupling = moment(0, 1), moment(0, 2), moment(1, 2)
         self._coupling = tuple((c.real, c.imag) if c else None for c in map(complex, coupling))
         # Weight through the spin of link j: Re(conj(i W_j e^(i phi_j)) g) = y cos - x sin.
-        first = (sum(body.mass * body.center[j] for body in bodies) for j in range(3))
-        weight = (complex(w).conjugate() * complex(*gravity) for w in first)
+        first = (sum(body.mass * body.center.weights[j] for body in bodies) for j in range(3))
+        weight = [complex(w).conjugate() * complex(*gravity) for w in first]
+        self._resistance: tuple[float, float] | None = None
+        if slider := structure.slider:
+            # Link 2 slides: its "inertia" is its mass, and g . e^(i guide) the weight's share.
+            diagonal[2] = slider.mass
+            weight[2] = slider.mass * complex(-gravity[1], gravity[0])
+            if slider.damping or slider.force:
+                self._resistance = slider.damping, slider.force
+        self._diagonal = tuple(diagonal)
         self._weight = tuple((w.real, w.imag) for w in weight)
 
     def balance(self, links: Links, rates: PerLink, accelerations: PerLink) -> tuple[Real, ...]:
@@ -63,8 +59,8 @@ class MassDistribution:
 
         Args:
             links: The position.
-            rates: Spin of each link, rad/s.
-            accelerations: Angular acceleration of each link, rad/s^2.
+            rates: Velocity of each link, rad/s or m/s.
+            accelerations: Acceleration of each link, rad/s^2 or m/s^2.
 
         Returns:
             N m for each speed that is an angle's; floats or arrays, as in `links`.
@@ -78,6 +74,9 @@ class MassDistribution:
             d1 * e1 - (y1 * c1 - x1 * s1), d2 * e2 - (y2 * c2 - x2 * s2),
             d3 * e3 - (y3 * c3 - x3 * s3),
         )  # fmt: skip
+        if self._resistance:
+            damping, force = self._resistance
+            t3 = t3 + (damping * w3 - force)
         if c12:
             a, b = _coupled(c12, c1, s1, c2, s2)
             t1, t2 = t1 + a * e2 - b * (w2 * w2), t2 + a * e1 + b * (w1 * w1)

@@ -17,11 +17,13 @@ quotient is e^(i (beta - delta)). Differentiated, with nu = [(d-r)(d+r) - (b-c)(
 
 from __future__ import annotations
 
+import cmath
 import math
 
 from linkage_ros.links import Links
 from linkage_ros.mechanism import OPEN, FourBar
 from linkage_ros.numeric import Functions, Real, short_sum
+from linkage_ros.structure import Joint, Point, Structure, TurningBody
 from linkage_ros.transmission import TransmissionMap
 
 # Where |d - r| is below this part of d + r, the rates need the careful form: the plain one has an
@@ -34,19 +36,17 @@ class FourBarKinematics:
 
     Attributes:
         map: From the crank to the transmission angle.
-        links: Names of the links, in the order of all tuples.
+        structure: How the links hang together.
+        side: 1 for the open assembly, -1 for the crossed one.
     """
-
-    links = ('crank', 'coupler', 'rocker')
 
     def __init__(self, mechanism: FourBar) -> None:
         r, b = mechanism.crank.length, mechanism.coupler.length
         c, d = mechanism.rocker.length, mechanism.frame.length
         side = 1.0 if mechanism.assembly == OPEN else -1.0
-        longest = max(r, b, c, d)
-        far = short_sum(longest, b, c, -d, -r)
-        near = short_sum(longest, d, -r, -b, c)
-        cross = short_sum(longest, d, -r, b, -c)
+        far, near, cross = (
+            short_sum(mechanism.longest, *terms) for terms in mechanism.sums.values()
+        )
         sum_dr, sum_bc = math.fsum((d, r)), math.fsum((b, c))
         diff_dr, diff_bc = math.fsum((d, -r)), math.fsum((b, -c))
         # Where a short sum counts as zero, the lengths obey that equality from here on.
@@ -60,6 +60,7 @@ class FourBarKinematics:
         delta = mechanism.frame.angle
         turns_away = round(delta / (2 * math.pi))
         four_bc = 4 * b * c
+        self.structure = structure(mechanism)
         self.map = TransmissionMap(
             reference=(delta, 0.0),
             kappa=math.sqrt(r * d / (b * c)) * (-1 if turns_away % 2 else 1),
@@ -68,7 +69,7 @@ class FourBarKinematics:
             far=(sum_bc - diff_dr) * (sum_bc + diff_dr) / four_bc,
             near=(sum_dr - diff_bc) * (sum_dr + diff_bc) / four_bc,
         )
-        self._side = side
+        self.side = side
         self._axis = (math.cos(delta), math.sin(delta))
         self._brackets = (diff_dr, sum_dr, diff_bc, side * sum_bc)
         self._square = (diff_dr * diff_dr, 4 * r * d)
@@ -118,7 +119,7 @@ class FourBarKinematics:
                 mean_slope = scale * (
                     (arm_growth - mean * growth) * (S * C) + half_moment * second
                 )
-        side = self._side
+        side = self.side
         xc, ys, yc, xs = fx * cos_m, fy * sin_m * side, fy * cos_m, fx * sin_m * side
         coupler_cos, coupler_sin = xc + ys, yc - xs
         rocker_cos, rocker_sin = xc - ys, yc + xs
@@ -171,18 +172,42 @@ class FourBarKinematics:
         nu_slope = (top_slope - nu * choose(alike, e_slope, square_slope)) / bottom
         return 0.5 * (1.0 - nu), -0.5 * nu_slope
 
-    @staticmethod
-    def centers(mechanism: FourBar) -> tuple[tuple[complex, complex, complex], ...]:
-        """Centres of mass of crank, coupler and rocker as combinations of the link directions.
 
-        Args:
-            mechanism: The linkage.
+def structure(mechanism: FourBar) -> Structure:
+    """How the links of a four-bar linkage hang together: the loop is cut at B.
 
-        Returns:
-            A row for each body: its centre is the sum of row[j] e^(i phi_j), plus a constant, m.
-        """
-        crank, coupler, rocker = (
-            complex(*body.center)
-            for body in (mechanism.crank, mechanism.coupler, mechanism.rocker)
-        )
-        return (crank, 0j, 0j), (mechanism.crank.length, coupler, 0j), (0j, 0j, rocker)
+    Args:
+        mechanism: The linkage.
+
+    Returns:
+        Crank and rocker on the frame, the coupler on the crank.
+    """
+    crank, coupler, rocker = mechanism.crank, mechanism.coupler, mechanism.rocker
+    pivot = mechanism.frame.length * cmath.exp(1j * mechanism.frame.angle)
+    points = {
+        'A0': Point((0j, 0j, 0j)),
+        'A': Point((complex(crank.length), 0j, 0j)),
+        'B': Point((0j, 0j, complex(rocker.length)), pivot),
+        'B0': Point((0j, 0j, 0j), pivot),
+    }
+    if coupler.point is not None:
+        points['C'] = Point((complex(crank.length), complex(*coupler.point), 0j))
+    centers = (
+        Point((complex(*crank.center), 0j, 0j)),
+        Point((complex(crank.length), complex(*coupler.center), 0j)),
+        Point((0j, 0j, complex(*rocker.center)), pivot),
+    )
+    return Structure(
+        (
+            Joint('crank', 0, None, 0j),
+            Joint('coupler', 1, 0, complex(crank.length)),
+            Joint('rocker', 2, None, pivot),
+        ),
+        points,
+        tuple(
+            TurningBody(link, body.mass, body.inertia, center)
+            for link, (body, center) in enumerate(
+                zip((crank, coupler, rocker), centers, strict=True)
+            )
+        ),
+    )

@@ -54,3 +54,9 @@ STRING = _interface(
     'df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18',
     'string data\n',
 )
+POINT_STAMPED = _interface(
+    'geometry_msgs/msg/PointStamped',
+    '4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897',
+    'std_msgs/Header header\nPoint point\n',
+    (*_HEADER, ('geometry_msgs/Point', 'float64 x\nfloat64 y\nfloat64 z\n')),
+)

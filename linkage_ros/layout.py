@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkage_ros.configuration import Configuration
-from linkage_ros.drawing import Array, FourBarDrawing
-from linkage_ros.joints import FOUR_BAR_JOINTS
+from linkage_ros.drawing import Array, Drawing
 from linkage_ros.palette import COLORS, GREY
 from linkage_ros.solver import Solver
 
@@ -27,18 +26,18 @@ if TYPE_CHECKING:
 # view, a replay and a log that is opened directly.
 TIMELINE = 'ros2_timestamp'
 QUANTITIES = ('position', 'velocity', 'effort')
-_JOINTS = tuple(joint.name for joint in FOUR_BAR_JOINTS)
 
 _PLOTTED_TURNS = 4
 _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _THICK, _PIN = -1.0, -3.5, -5.0  # radii; negative: points on the screen
 
 
-def fixed_components(drawing: FourBarDrawing) -> dict[str, rr.AsComponents]:
+def fixed_components(drawing: Drawing, joints: Sequence[str]) -> dict[str, rr.AsComponents]:
     """What is sent once: colours, names, the paths and the ground.
 
     Args:
         drawing: The picture.
+        joints: Their names.
 
     Returns:
         Components by entity.
@@ -55,14 +54,14 @@ def fixed_components(drawing: FourBarDrawing) -> dict[str, rr.AsComponents]:
     for link, path in drawing.paths.items():
         strip = path.astype(np.float32)
         fixed[f'linkage/paths/{link}'] = lines(strip, colors=COLORS[link], radii=_THIN)
-    for joint in _JOINTS:
+    for joint in joints:
         # The crank above the others: a coupler's triangle would hide it.
         order = _FRONT - 1 if joint == 'crank' else _FRONT - 2
         fixed[f'linkage/{joint}'] = lines.from_fields(
             colors=COLORS[joint], radii=_THICK, draw_order=order
         )
     for quantity in QUANTITIES:
-        fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=_JOINTS)
+        fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=list(joints))
     return fixed
 
 
@@ -87,37 +86,50 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
     rpm = configuration.drive.rpm
     # A few turns, but no less than eyes can follow and no more than anyone waits for.
     seconds = min(max(2.0, _PLOTTED_TURNS * 60 / abs(rpm)), 60.0) if rpm else 10.0
-    crank, *others = _JOINTS
+    solver = Solver(configuration.mechanism)
+    crank, *others = solver.structure.joints
+    turning = [joint.name for joint in others if not joint.slides]
+    sliding = [joint.name for joint in others if joint.slides]
+
+    def plot(title: str, quantity: str, joints: Sequence[str]) -> rrb.TimeSeriesView:
+        return _plot(title, quantity, solver.links, joints, seconds)
+
     # The crank's angle is unwrapped: beside it the other angles would soon be straight lines.
-    angles = rrb.Tabs(
-        _plot('Joint angles, rad', 'position', others, seconds),
-        _plot('Crank angle, rad', 'position', [crank], seconds),
-    )
-    rates = _plot('Joint rates, rad/s', 'velocity', _JOINTS, seconds)
+    angles = [
+        plot('Joint angles, rad', 'position', turning),
+        plot('Crank angle, rad', 'position', [crank.name]),
+    ]
+    rates = [plot('Joint rates, rad/s', 'velocity', [crank.name, *turning])]
+    if sliding:
+        angles.insert(0, plot('Slider position, m', 'position', sliding))
+        rates.insert(0, plot('Slider velocity, m/s', 'velocity', sliding))
     # Passive joints have none. In a small window the axis may show no number but 0.
     turns = np.linspace(0, 4 * math.pi, 1441)
-    torque = Solver(configuration.mechanism).state(turns, rpm * math.pi / 30).torque
+    torque = solver.state(turns, rpm * math.pi / 30).torque
     title = f'Driving torque, N m ({torque.min():.3g} to {torque.max():.3g} at {rpm:g} rpm)'
-    effort = _plot(title, 'effort', [crank], seconds)
+    effort = plot(title, 'effort', [crank.name])
+    curves = rrb.Vertical(rrb.Tabs(*angles), rrb.Tabs(*rates), effort, row_shares=[1, 1, 2])
     return rrb.Blueprint(
-        rrb.Horizontal(linkage, rrb.Vertical(angles, rates, effort, row_shares=[1, 1, 2])),
+        rrb.Horizontal(linkage, curves),
         rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
         rrb.SelectionPanel(state='collapsed'),
         rrb.BlueprintPanel(state='collapsed'),
     )
 
 
-def _plot(title: str, quantity: str, joints: Sequence[str], seconds: float) -> rrb.TimeSeriesView:
-    """Curves of some joints over the last seconds."""
+def _plot(
+    title: str, quantity: str, joints: Sequence[str], shown: Sequence[str], seconds: float
+) -> rrb.TimeSeriesView:
+    """Curves of some of the joints over the last seconds."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     entity = f'/joint_states/{quantity}'
     series = rr.SeriesLines(
-        names=_JOINTS,
-        colors=[COLORS[joint] for joint in _JOINTS],
-        widths=[2.0] * len(_JOINTS),
-        visible_series=[joint in joints for joint in _JOINTS],
+        names=list(joints),
+        colors=[COLORS[joint] for joint in joints],
+        widths=[2.0] * len(joints),
+        visible_series=[joint in shown for joint in joints],
         aggregation_policy='MinMax',  # no peak is averaged away
     )
     until_now = rr.TimeRange(
@@ -130,5 +142,5 @@ def _plot(title: str, quantity: str, joints: Sequence[str], seconds: float) -> r
         contents=entity,
         overrides={entity: series},
         axis_x=rrb.archetypes.TimeAxis(view_range=until_now),
-        plot_legend=rrb.PlotLegend(corner='LeftTop', visible=len(joints) > 1),
+        plot_legend=rrb.PlotLegend(corner='LeftTop', visible=len(shown) > 1),
     )

@@ -12,10 +12,20 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from linkage_ros.configuration import Configuration
-from linkage_ros.joints import FOUR_BAR_JOINTS, JointValues, joint_values
-from linkage_ros.messages import JointStateCodec, encode_float64, encode_string
+from linkage_ros.joints import JointValues, joint_values
+from linkage_ros.messages import (
+    COUPLER_POINT,
+    DRIVING_TORQUE,
+    JOINT_STATES,
+    JointStateCodec,
+    PointCodec,
+    Topic,
+    encode_float64,
+    encode_string,
+)
 from linkage_ros.motion import CrankMotion
 from linkage_ros.solver import Solver
+from linkage_ros.state import point_motion
 from linkage_ros.urdf import make_urdf
 
 _NS = 10**9
@@ -26,13 +36,11 @@ class Step(NamedTuple):
 
     Attributes:
         values: The joints.
-        joint_states: CDR bytes.
-        driving_torque: CDR bytes.
+        messages: CDR bytes, one message for each of `Machine.topics`.
     """
 
     values: JointValues
-    joint_states: bytes
-    driving_torque: bytes
+    messages: tuple[bytes, ...]
 
 
 class Machine:
@@ -42,15 +50,21 @@ class Machine:
         configuration: What it was made from.
         solver: Of its mechanism.
         joints: Names, in the order of the messages.
+        topics: What each step has a message for.
         description: robot_description message, CDR bytes.
     """
 
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
         self.solver = Solver(configuration.mechanism)
-        self.joints = tuple(joint.name for joint in FOUR_BAR_JOINTS)
+        self.joints = self.solver.links
         self.description = encode_string(make_urdf(configuration.mechanism))
-        self._codec = JointStateCodec(self.joints)
+        self._tree, points = self.solver.structure.joints, self.solver.structure.points
+        self._coupler_point = points.get('C')
+        self.topics: tuple[Topic, ...] = (JOINT_STATES, DRIVING_TORQUE)
+        if self._coupler_point:
+            self.topics += (COUPLER_POINT,)
+        self._states, self._point = JointStateCodec(self.joints), PointCodec()
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
         self._rate = Fraction(repr(configuration.session.rate_hz)).as_integer_ratio()
 
@@ -92,7 +106,11 @@ class Machine:
         """
         crank = motion.at(stamp)
         state = self.solver.state(crank.angle, crank.speed, crank.acceleration)
-        values = joint_values(FOUR_BAR_JOINTS, state, crank)
+        values = joint_values(self._tree, state, crank)
         position, velocity, _, effort = values
-        joint_states = self._codec.encode(stamp, position, velocity, effort)
-        return Step(values, joint_states, encode_float64(effort[0]))
+        states = self._states.encode(stamp, position, velocity, effort)
+        messages: tuple[bytes, ...] = (states, encode_float64(effort[0]))
+        if self._coupler_point:
+            place = point_motion(self._coupler_point, state).position
+            messages += (self._point.encode(stamp, *place),)
+        return Step(values, messages)

@@ -13,9 +13,10 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from linkage_ros.interfaces import FLOAT64, JOINT_STATE, STRING, Interface
+from linkage_ros.interfaces import FLOAT64, JOINT_STATE, POINT_STAMPED, STRING, Interface
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
+_STAMP = struct.Struct('<iI')
 _NS = 10**9
 ROOT_FRAME = 'base_link'
 
@@ -38,8 +39,9 @@ class Topic(NamedTuple):
 
 JOINT_STATES = Topic('joint_states', JOINT_STATE)
 DRIVING_TORQUE = Topic('driving_torque', FLOAT64)
+COUPLER_POINT = Topic('coupler_point', POINT_STAMPED)
 ROBOT_DESCRIPTION = Topic('robot_description', STRING, latched=True, depth=1)
-TOPICS = (JOINT_STATES, DRIVING_TORQUE, ROBOT_DESCRIPTION)
+TOPICS = (JOINT_STATES, DRIVING_TORQUE, COUPLER_POINT, ROBOT_DESCRIPTION)
 
 
 class JointStateCodec:
@@ -52,7 +54,7 @@ class JointStateCodec:
     def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
         self.names = tuple(names)
         count = len(self.names)
-        body = _align(_string(b'\0' * 8, frame_id), 4) + struct.pack('<I', count)
+        body = _align(_header(frame_id), 4) + struct.pack('<I', count)
         for name in names:
             body = _align(_string(body, name), 4)
         # Three sequences: a length, padding to 8 bytes, the numbers. All but the first length
@@ -81,7 +83,7 @@ class JointStateCodec:
             Its CDR bytes.
         """
         count = len(self.names)
-        struct.pack_into('<iI', self._buffer, 4, *divmod(stamp, _NS))
+        _STAMP.pack_into(self._buffer, 4, *divmod(stamp, _NS))
         self._numbers.pack_into(
             self._buffer, self._head, count, *position, count, *velocity, count, *effort
         )
@@ -106,12 +108,37 @@ class JointStateCodec:
         count = len(self.names)
         if numbers[:: count + 1] != (count,) * 3:
             raise ValueError(f'not a JointState of the joints {", ".join(self.names)}')
-        seconds, nanoseconds = struct.unpack_from('<iI', data, 4)
+        seconds, nanoseconds = _STAMP.unpack_from(data, 4)
         rows = (
             numbers[start + 1 : start + 1 + count]
             for start in range(0, 3 * (count + 1), count + 1)
         )
         return seconds * _NS + nanoseconds, tuple(value for row in rows for value in row)
+
+
+class PointCodec:
+    """PointStamped messages of one frame."""
+
+    def __init__(self, frame_id: str = ROOT_FRAME) -> None:
+        head = _align(_header(frame_id), 8)
+        self._head = len(_ENCAPSULATION) + len(head)
+        self._numbers = struct.Struct('<3d')
+        self._buffer = bytearray(_ENCAPSULATION + head + b'\0' * self._numbers.size)
+
+    def encode(self, stamp: int, x: float, y: float) -> bytes:
+        """One message.
+
+        Args:
+            stamp: ns.
+            x: m.
+            y: m; z is 0.
+
+        Returns:
+            Its CDR bytes.
+        """
+        _STAMP.pack_into(self._buffer, 4, *divmod(stamp, _NS))
+        self._numbers.pack_into(self._buffer, self._head, x, y, 0.0)
+        return bytes(self._buffer)
 
 
 def encode_float64(value: float) -> bytes:
@@ -126,6 +153,10 @@ def encode_string(text: str) -> bytes:
     bytes that are logged.
     """
     return _align(_ENCAPSULATION + _string(b'', text), 4)
+
+
+def _header(frame_id: str) -> bytes:
+    return _string(b'\0' * _STAMP.size, frame_id)
 
 
 def _string(body: bytes, text: str) -> bytes:

@@ -20,7 +20,7 @@ from linkage_ros.configuration import Configuration, check_live, configure, pres
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log import LogItem, LogWriter
 from linkage_ros.machine import Machine
-from linkage_ros.messages import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
+from linkage_ros.messages import ROBOT_DESCRIPTION
 from linkage_ros.motion import CrankMotion
 from linkage_ros.parameter_file import read_parameter_file
 from linkage_ros.ros_parameters import declare
@@ -38,8 +38,8 @@ _LOG_PERIOD, _VIEW_PERIOD = 0.05, 0.03
 class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     """Publishes the states of one mechanism at its rate.
 
-    Publishes: joint_states, driving_torque, robot_description. Parameters: those of the
-    configuration; rpm may be set at any time.
+    Publishes: the machine's topics and robot_description. Parameters: those of the configuration;
+    rpm may be set at any time.
     """
 
     def __init__(self, stop: cli.Stop) -> None:
@@ -53,8 +53,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stop = stop
         self._machine = Machine(configuration)
         self._rpm = configuration.drive.rpm
-        self._states = ros.create_publisher(self, JOINT_STATES)
-        self._torque = ros.create_publisher(self, DRIVING_TORQUE)
+        self._outputs = [ros.create_publisher(self, topic) for topic in self._machine.topics]
         self._description = ros.create_publisher(self, ROBOT_DESCRIPTION)
         self._shown = view = self._make_view(configuration)
         try:
@@ -74,7 +73,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def start(self) -> None:
         """Starts turning."""
-        ros.await_listeners([self._states, self._torque])
+        ros.await_listeners(self._outputs)
         # What exists by now stays; without this, each collection would walk through all of it.
         gc.collect()
         gc.freeze()
@@ -106,13 +105,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if not session.log:
             return None
         log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
-        self._channels = tuple(
+        topics = (*self._machine.topics, ROBOT_DESCRIPTION)
+        publishers = (*self._outputs, self._description)
+        *self._channels, self._description_channel = (
             log.add_topic(topic, publisher.topic_name)
-            for topic, publisher in (
-                (JOINT_STATES, self._states),
-                (DRIVING_TORQUE, self._torque),
-                (ROBOT_DESCRIPTION, self._description),
-            )
+            for topic, publisher in zip(topics, publishers, strict=True)
         )
         return Worker(
             'log', log, capacity=_LOG_CAPACITY, period=_LOG_PERIOD, on_error=self._log_failed
@@ -145,7 +142,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._description.publish(self._machine.description)
         if self._log is not None:
             self._log.offer(self._motion)
-            self._log.offer((self._channels[2], now, self._machine.description))
+            self._log.offer((self._description_channel, now, self._machine.description))
 
     def _step(self, stamp: int) -> None:
         """One tick, in the stepper's thread."""
@@ -153,11 +150,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             self._move(self._motion.change(stamp, self._rpm))
         step = self._machine.step(self._motion, stamp)
         now = time.time_ns()
-        self._states.publish(step.joint_states)
-        self._torque.publish(step.driving_torque)
+        for publisher, message in zip(self._outputs, step.messages, strict=True):
+            publisher.publish(message)
         if self._log is not None:
-            self._log.offer((self._channels[0], now, step.joint_states))
-            self._log.offer((self._channels[1], now, step.driving_torque))
+            for channel, message in zip(self._channels, step.messages, strict=True):
+                self._log.offer((channel, now, message))
         if self._view is not None:
             position, velocity, _, effort = step.values
             self._view.offer(Sample(stamp, position, velocity, effort))
@@ -230,7 +227,7 @@ def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
     parser = cli.make_parser(
         _NAME,
-        'Turn the crank of a linkage on ROS 2; publishes joint_states and driving_torque.',
+        'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap', '--ros-args --params-file linkage.yaml'),
     )
     _check_parameter_files(arguments)

@@ -37,9 +37,22 @@ ARRAY: Functions = SimpleNamespace(
     where=np.where,
 )  # fmt: skip
 
+
+def functions_of(value: Real) -> Functions:
+    """SCALAR for a float, ARRAY for an array."""
+    return SCALAR if isinstance(value, float) else ARRAY
+
+
 # pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
+
+
+def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
+    """The rounded sum and its rounding error, which together are exactly a + b (Knuth)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
 
 
 def wrap(angle: Real, functions: Functions) -> Real:

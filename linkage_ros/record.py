@@ -19,7 +19,7 @@ from linkage_ros.configuration import Configuration, configure, find, preset_not
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log import LogWriter
 from linkage_ros.machine import Machine
-from linkage_ros.messages import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
+from linkage_ros.messages import ROBOT_DESCRIPTION
 from linkage_ros.parameter_file import read_parameter_file
 from linkage_ros.presets import preset_names
 
@@ -60,9 +60,9 @@ def record(
     motion = machine.begin(0)
     count = _count(machine, duration, revolutions)
     with LogWriter(path, configuration, overwrite=overwrite) as log:
-        states, torque, description = (
+        *channels, description = (
             log.add_topic(topic, f'/{topic.name}')
-            for topic in (JOINT_STATES, DRIVING_TORQUE, ROBOT_DESCRIPTION)
+            for topic in (*machine.topics, ROBOT_DESCRIPTION)
         )
         log.write_motion(motion)
         log.write(description, 0, machine.description)
@@ -71,8 +71,8 @@ def record(
                 return tick
             stamp = machine.elapsed(tick)
             step = machine.step(motion, stamp)
-            log.write(states, stamp, step.joint_states)
-            log.write(torque, stamp, step.driving_torque)
+            for channel, message in zip(channels, step.messages, strict=True):
+                log.write(channel, stamp, message)
     return count
 
 

@@ -4,18 +4,20 @@
 
 from __future__ import annotations
 
+import math
 from math import isfinite
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
-from linkage_ros.dynamics import MassBody, MassDistribution
-from linkage_ros.errors import ConfigurationError, MechanismError
-from linkage_ros.four_bar import FourBarKinematics
-from linkage_ros.links import PerLink
-from linkage_ros.mechanism import FourBar
+from linkage_ros.dynamics import MassDistribution
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
+from linkage_ros.kinematics import kinematics_of
+from linkage_ros.mechanism import Mechanism
 from linkage_ros.mobility import assess, refusal, unreachable
-from linkage_ros.numeric import ARRAY, SCALAR, Functions, Real
+from linkage_ros.numeric import ARRAY, SCALAR, Functions, Real, functions_of
+from linkage_ros.reactions import Reactions, reactions
+from linkage_ros.state import PointMotion, State, point_motion
 
 # Arrays are worked through in pieces whose intermediate results stay in the processor's cache.
 _CHUNK = 4096
@@ -23,53 +25,27 @@ _CHUNK = 4096
 _new = tuple.__new__
 
 
-class State(NamedTuple):
-    """The motion of a mechanism at one crank angle, or at an array of them.
-
-    The links are in the order of `Solver.links`: crank, coupler, rocker.
-
-    Attributes:
-        angle: Directions of the links from first to second pin, rad; in [-pi, pi], except the
-            crank's, which is the angle that was asked for.
-        rate: Their angular velocities, rad/s.
-        acceleration: Their angular accelerations, rad/s^2.
-        torque: Driving torque on the crank, N m, counter-clockwise positive.
-    """
-
-    angle: PerLink
-    rate: PerLink
-    acceleration: PerLink
-    torque: Real
-
-
 class Solver:
     """Exact states of one mechanism.
 
     Attributes:
         mechanism: The description it was made from.
+        structure: How its links hang together.
         links: Names of the links, in the order of all tuples.
         mobility: What the crank can do.
     """
 
-    def __init__(self, mechanism: FourBar) -> None:
+    def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self._kinematics = FourBarKinematics(mechanism)
-        self.links = self._kinematics.links
+        self._kinematics = kinematics_of(mechanism)
+        self.structure = self._kinematics.structure
+        self.links = tuple(joint.name for joint in self.structure.joints)
         self.mobility = assess(mechanism, self._kinematics.map)
         self._limited = not self.mobility.turns_fully
-        bodies = (mechanism.crank, mechanism.coupler, mechanism.rocker)
-        self._masses = MassDistribution(
-            [
-                MassBody(link, body.mass, body.inertia, center)
-                for link, (body, center) in enumerate(
-                    zip(bodies, self._kinematics.centers(mechanism), strict=True)
-                )
-            ],
-            mechanism.gravity,
-        )
+        self._masses = MassDistribution(self.structure, mechanism.gravity)
 
     def require_full_turn(self) -> None:
-        """Refuses a linkage whose crank does not turn through every angle.
+        """Refuses a mechanism whose crank does not turn through every angle.
 
         Raises:
             MechanismError: With its class, what stops the crank, and where it can be.
@@ -108,20 +84,65 @@ class Solver:
             _refuse_not_finite(crank, speed, acceleration)
         return state
 
+    def point(self, state: State, name: str) -> PointMotion:
+        """Follows a point of the mechanism.
+
+        Args:
+            state: From `state`; floats or arrays.
+            name: 'A0', 'A', 'B', 'C' (the coupler point, where there is one) or the four-bar's
+                'B0'.
+
+        Returns:
+            Its position, velocity and acceleration in the axes of base_link.
+
+        Raises:
+            ConfigurationError: The mechanism has no such point.
+        """
+        points = self.structure.points
+        if name not in points:
+            raise ConfigurationError(f'point {name!r}: must be one of {", ".join(points)}')
+        return point_motion(points[name], state)
+
+    def reactions(self, state: State) -> Reactions:
+        """Computes the forces in the joints, the shaking force and the shaking moment.
+
+        Args:
+            state: From `state`; floats or arrays.
+
+        Returns:
+            The forces.
+
+        Raises:
+            UnreachableError: The mechanism stands at a change point, where forces in its joints
+                have no finite value.
+        """
+        functions, kinematics = functions_of(state.torque), self._kinematics
+        sine = kinematics.side * kinematics.map.sine(state.position[0], functions)
+        at_change_point = np.atleast_1d(state.position[0])[np.atleast_1d(sine) == 0]
+        if at_change_point.size:
+            crank = float(at_change_point[0])
+            raise UnreachableError(
+                f'at {math.degrees(crank):.9g} deg all links lie in one line: the forces in the '
+                'joints have no finite value at a change point; ask for angles beside it',
+                crank_angle=crank,
+                arcs=self.mobility.arcs,
+            )
+        return reactions(self.mechanism, self.structure, state, sine)
+
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
         if self._limited:
             self._require_reachable(crank, functions)
         links = self._kinematics.solve(crank, functions)
-        angle, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
+        position, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
         squared = speed * speed
-        rate = k1 * speed, k2 * speed, k3 * speed
+        velocity = k1 * speed, k2 * speed, k3 * speed
         accelerations = (
             c1 * squared + k1 * acceleration,
             c2 * squared + k2 * acceleration,
             c3 * squared + k3 * acceleration,
         )
-        (torque,) = self._masses.balance(links, rate, accelerations)
-        return _new(State, (angle, rate, accelerations, torque))
+        (torque,) = self._masses.balance(links, velocity, accelerations)
+        return _new(State, (position, velocity, accelerations, torque))
 
     def _require_reachable(self, crank: Real, functions: Functions) -> None:
         for margin in self._kinematics.map.margins(crank, functions):
@@ -142,7 +163,7 @@ class Solver:
                 state = self._solve(crank, speed, acceleration, ARRAY)
             if not np.isfinite(state.torque).all():
                 _refuse_not_finite(crank, speed, acceleration)
-            values = (*state.angle, *state.rate, *state.acceleration, state.torque)
+            values = (*state.position, *state.velocity, *state.acceleration, state.torque)
             for row, value in zip(rows, values, strict=True):
                 row[piece] = value
         a1, a2, a3, r1, r2, r3, e1, e2, e3, torque = (row.reshape(shape) for row in rows)

@@ -22,9 +22,10 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.configuration import Configuration
-from linkage_ros.drawing import Array, FourBarDrawing
+from linkage_ros.drawing import Array, Drawing
 from linkage_ros.errors import ViewerError
 from linkage_ros.layout import QUANTITIES, TIMELINE, fixed_components, layout
+from linkage_ros.solver import Solver
 from linkage_ros.viewer import SPAWN, Window, create_file, find_viewer, free_address, viewer_url
 
 # Rerun costs 60 MB and most of a second: it is imported where it is used, which is in a View.
@@ -50,8 +51,8 @@ class Sample(NamedTuple):
 
     Attributes:
         stamp: ns.
-        position: The crank's unwrapped, the coupler's from the crank, the rocker's, rad.
-        velocity: rad/s.
+        position: The crank's unwrapped, the coupler's from the crank, the output link's; rad, m.
+        velocity: rad/s or m/s.
         effort: N m.
     """
 
@@ -106,13 +107,14 @@ class View:
         self._is_file = self._lags = False
         self._waiting: list[Sample] = []
         self._due = 0.0
-        self._drawing = FourBarDrawing(configuration.mechanism)
+        self._drawing = Drawing(configuration.mechanism)
         self._last_frame = -1
         self._wall_clock: bool | None = None
         program = find_viewer() if target == SPAWN else None
         self._recording = self._open(bind, overwrite)
         self._recording.send_blueprint(layout(configuration, self._drawing.bounds))
-        for entity, components in fixed_components(self._drawing).items():
+        joints = Solver(configuration.mechanism).links
+        for entity, components in fixed_components(self._drawing, joints).items():
             self._recording.log(entity, components, static=True, strict=True)
         self._window = Window(program, self.url) if program and self.url else None
 

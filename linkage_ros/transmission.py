@@ -19,9 +19,13 @@ and no division by the sine of the transmission angle is left. The formulas are 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
-from linkage_ros.numeric import Functions, Real
+from linkage_ros.numeric import Functions, Real, two_sum
+
+Arc: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,26 @@ class TransmissionMap:
         """Turns after which the motion repeats: 2 where one change point is passed, else 1."""
         return 2 if (self.p == 0) != (self.q == 0) else 1
 
+    def arcs(self) -> tuple[Arc, ...]:
+        """Where the crank can be, in closed form: cos^2 m and sin^2 m must not be negative.
+
+        Returns:
+            (from, to) with from in [0, 2 pi), rad; one turn where it turns fully.
+        """
+        if self.turns_fully:
+            return ((0.0, 2 * math.pi),)
+        middle = self.reference[0]
+        nearest = 2 * math.atan2(math.sqrt(-self.q), math.sqrt(self.near)) if self.q < 0 else 0.0
+        farthest = 2 * math.atan2(math.sqrt(self.far), math.sqrt(-self.p)) if self.p < 0 else 0.0
+        if self.q >= 0:
+            return (_turned(middle - farthest, middle + farthest),)
+        if self.p >= 0:
+            return (_turned(middle + nearest, middle + 2 * math.pi - nearest),)
+        return (
+            _turned(middle + nearest, middle + farthest),
+            _turned(middle - farthest, middle - nearest),
+        )
+
     def half_angle(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
         """Half of crank - reference, with the rounding error of that difference carried along.
 
@@ -67,9 +91,8 @@ class TransmissionMap:
             sin h and cos h, right to an ulp even next to a change point.
         """
         high, low = self.reference
-        angle = crank - high
-        back = angle - crank
-        half_error = 0.5 * (((crank - (angle - back)) - (high + back)) - low)
+        angle, error = two_sum(crank, -high)
+        half_error = 0.5 * (error - low)
         half = 0.5 * angle
         sin, cos = functions.sin(half), functions.cos(half)
         return sin + half_error * cos, cos - half_error * sin
@@ -104,6 +127,19 @@ class TransmissionMap:
         sin_square = near - cosine * cosine if q < 0.0 and near < -q else q + sine * sine
         return cos_square, sin_square
 
+    def sine(self, crank: Real, functions: Functions) -> Real:
+        """The sine of the transmission angle, sin 2m, right to a few ulp where it vanishes too.
+
+        Args:
+            crank: Crank angle, rad; float or array.
+            functions: SCALAR or ARRAY.
+
+        Returns:
+            The sine.
+        """
+        sin_m, cos_m, _, _ = self.solve(*self.half_angle(crank, functions), functions)
+        return 2 * (sin_m * cos_m)
+
     def solve(
         self, sin_h: Real, cos_h: Real, functions: Functions
     ) -> tuple[Real, Real, Real, Real]:
@@ -133,3 +169,8 @@ class TransmissionMap:
             v, q_over_cube = sine / sin, q / (sin_square * sin)
         second = 0.5 * (u * u * cos * q_over_cube - v * v * sin * p_over_cube)
         return sin, cos, u * v, second
+
+
+def _turned(start: float, end: float) -> Arc:
+    whole = 2 * math.pi * math.floor(start / (2 * math.pi))
+    return start - whole, end - whole

@@ -25,8 +25,8 @@ _ASIDE = '1e-60'
 class Reference(NamedTuple):
     """As linkage_ros.State, in mpf."""
 
-    angle: tuple
-    rate: tuple
+    position: tuple
+    velocity: tuple
     acceleration: tuple
     torque: mpmath.mpf
 
@@ -79,9 +79,9 @@ class Oracle:
             return Reference(
                 tuple(
                     wrap(x + wrap(y - x) / 2)
-                    for x, y in zip(before.angle, after.angle, strict=True)
+                    for x, y in zip(before.position, after.position, strict=True)
                 ),
-                _mean(before.rate, after.rate),
+                _mean(before.velocity, after.velocity),
                 _mean(before.acceleration, after.acceleration),
                 (before.torque + after.torque) / 2,
             )
@@ -265,7 +265,7 @@ def worst_errors(
 
 
 def _row(state):
-    return *state.angle, *state.rate, *state.acceleration, state.torque
+    return *state.position, *state.velocity, *state.acceleration, state.torque
 
 
 def _natural_torque(oracle, square):

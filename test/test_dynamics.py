@@ -15,7 +15,8 @@ from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Solver
-from linkage_ros.dynamics import MassBody, MassDistribution
+from linkage_ros.dynamics import MassDistribution
+from linkage_ros.structure import Point, Structure, TurningBody
 
 TURN = 2 * math.pi
 DOCUMENT_SPEED = 150 * TURN / 60
@@ -65,7 +66,7 @@ def bodies_at(linkage, crank, speed):
     )
     bodies = linkage.crank, linkage.coupler, linkage.rocker
     for body, angle, spin, (place, velocity) in zip(
-        bodies, state.angle, state.rate, pins, strict=True
+        bodies, state.position, state.velocity, pins, strict=True
     ):
         lever = complex(*body.center) * cmath.exp(1j * angle)
         yield body.mass, body.inertia, spin, place + lever, velocity + 1j * spin * lever
@@ -233,10 +234,10 @@ def random_case(seed, shape=(), speeds=2):
         return tuple(random.uniform(-2, 2, shape) for _ in range(3))
 
     def center():
-        return tuple(complex(*random.uniform(-1, 1, 2)) for _ in range(3))
+        return Point(tuple(complex(*random.uniform(-1, 1, 2)) for _ in range(3)))
 
-    bodies = [MassBody(link, *random.uniform(0.1, 3, 2), center()) for link in (0, 1, 2, 2)]
-    bodies.append(MassBody(1, 1.5, 0.0, (0.5 + 0j, 0j, 0.2j)))
+    bodies = [TurningBody(link, *random.uniform(0.1, 3, 2), center()) for link in (0, 1, 2, 2)]
+    bodies.append(TurningBody(1, 1.5, 0.0, Point((0.5 + 0j, 0j, 0.2j))))
     angle, rates, accelerations = three(), three(), three()
     cos, sin = tuple(np.cos(x) for x in angle), tuple(np.sin(x) for x in angle)
     partial = tuple(three() for _ in range(speeds))
@@ -249,7 +250,7 @@ def summed_over_bodies(bodies, gravity, links, rates, accelerations):
     speeds = range(len(partial))
     M, balance = [[0.0 for _ in speeds] for _ in speeds], [0.0 for _ in speeds]
     for body in bodies:
-        terms = [rho * np.exp(1j * x) for rho, x in zip(body.center, angle, strict=True)]
+        terms = [rho * np.exp(1j * x) for rho, x in zip(body.center.weights, angle, strict=True)]
         velocity = [sum(1j * k * x for k, x in zip(row, terms, strict=True)) for row in partial]
         acceleration = -complex(*gravity) + sum(
             (1j * e - w * w) * x for e, w, x in zip(accelerations, rates, terms, strict=True)
@@ -271,7 +272,7 @@ def test_equations_of_motion_are_the_sum_over_the_bodies(seed, shape, speeds):
     bodies, links, rates, accelerations = random_case(seed, shape, speeds)
     gravity = (1.7, -9.5)
     M, balance = summed_over_bodies(bodies, gravity, links, rates, accelerations)
-    masses = MassDistribution(bodies, gravity)
+    masses = MassDistribution(Structure((), {}, tuple(bodies)), gravity)
     assert np.allclose(masses.matrix(links), M, rtol=1e-13, atol=1e-13)
     got = masses.balance(links, rates, accelerations)
     assert np.allclose(got, balance, rtol=1e-12, atol=1e-12)
@@ -280,6 +281,6 @@ def test_equations_of_motion_are_the_sum_over_the_bodies(seed, shape, speeds):
 @pytest.mark.parametrize('seed', range(5))
 def test_mass_matrix_is_symmetric_and_positive(seed):
     bodies, links, _, _ = random_case(seed)
-    M = np.array(MassDistribution(bodies, (0.0, 0.0)).matrix(links))
+    M = np.array(MassDistribution(Structure((), {}, tuple(bodies)), (0.0, 0.0)).matrix(links))
     assert M[0, 1] == pytest.approx(M[1, 0], rel=1e-14)
     assert np.all(np.linalg.eigvalsh(M) > 0)

@@ -73,7 +73,7 @@ def four_bar(lengths, angle=0.3, assembly='open', unit=1.0):
 
 
 def rows(state):
-    return np.array([*state.angle, *state.rate, *state.acceleration, state.torque])
+    return np.array([*state.position, *state.velocity, *state.acceleration, state.torque])
 
 
 def is_close(got, expected, ulps):
@@ -96,18 +96,18 @@ def test_reference_is_consistent_to_50_digits(crank):
         motion = crank + 3 * time + time**2, 3 + 2 * time, 2
         state = oracle.state(*motion)
         r, b, c, d = (mp.mpf(x.numerator) / x.denominator for x in oracle.lengths)
-        alpha, beta, gamma = state.angle
+        alpha, beta, gamma = state.position
         loop = r * mp.expj(alpha) + b * mp.expj(beta) - c * mp.expj(gamma)
         assert abs(loop - d * mp.expj(mp.mpf(EVERYWHERE_OFF_CENTRE.frame.angle))) < 1e-50
         for link in range(3):
 
             def angle(t, link=link):
-                return oracle.state(crank + 3 * t + t**2).angle[link]
+                return oracle.state(crank + 3 * t + t**2).position[link]
 
             def rate(t, link=link):
-                return oracle.state(crank + 3 * t + t**2, 3 + 2 * t).rate[link]
+                return oracle.state(crank + 3 * t + t**2, 3 + 2 * t).velocity[link]
 
-            assert abs(mp.diff(angle, time) - state.rate[link]) < 1e-35
+            assert abs(mp.diff(angle, time) - state.velocity[link]) < 1e-35
             assert abs(mp.diff(rate, time) - state.acceleration[link]) < 1e-35
 
 
@@ -119,9 +119,9 @@ def test_reference_moves_smoothly_through_change_points(name, assembly):
     states = [oracle.state(0.4 + i * step, 1.0) for i in range(2 * 96)]
     for before, after in itertools.pairwise(states):
         for link in (1, 2):
-            moved = wrap(after.angle[link] - before.angle[link])
+            moved = wrap(after.position[link] - before.position[link])
             # Hermite's corrected trapezoid rule; a change of branch would leave O(step).
-            rule = step / 2 * (before.rate[link] + after.rate[link])
+            rule = step / 2 * (before.velocity[link] + after.velocity[link])
             rule += step**2 / 12 * (before.acceleration[link] - after.acceleration[link])
             assert abs(moved - rule) < 1e-4 * step
 
@@ -201,7 +201,7 @@ def columns(first, second):
 )
 def test_norton_example_is_met_to_its_printed_digits(assembly, coupler, rocker):
     linkage = FourBar(Frame(6), Body(2), Coupler(7), Body(9), assembly)
-    angle = Solver(linkage).state(math.radians(30)).angle
+    angle = Solver(linkage).state(math.radians(30)).position
     assert math.degrees(angle[1]) == pytest.approx(coupler, abs=0.005)
     assert math.degrees(angle[2]) == pytest.approx(rocker, abs=0.005)
 
@@ -232,7 +232,7 @@ def test_angle_speed_and_acceleration_broadcast():
     state = solver.state(angles, speeds, 3.0)
     assert state.torque.shape == (3, 2)
     assert state.torque[2, 1] == pytest.approx(solver.state(4.0, -2.0, 3.0).torque, rel=1e-14)
-    assert solver.state(0.5, speeds).rate[2].shape == (2,)
+    assert solver.state(0.5, speeds).velocity[2].shape == (2,)
     assert solver.state(0.5, 1.0, speeds).acceleration[0].tolist() == [1.0, -2.0]
 
 
@@ -254,7 +254,7 @@ def test_whole_numbers_and_zero_dimensions_give_the_same_floats(kind):
 
 @given(st.floats(-20, 20))
 def test_angles_stay_in_range_and_the_crank_angle_is_returned_as_asked(crank):
-    angle = Solver(DOCUMENT).state(crank).angle
+    angle = Solver(DOCUMENT).state(crank).position
     assert angle[0] == crank
     assert max(abs(angle[1]), abs(angle[2])) <= math.pi
 
@@ -289,7 +289,7 @@ def test_loop_closes_within_8_ulp_of_the_longest_link(linkage, crank):
     r, b, c, d = (
         x.length for x in (linkage.crank, linkage.coupler, linkage.rocker, linkage.frame)
     )
-    for angles in (Solver(linkage).state(crank).angle, Solver(linkage).state([crank]).angle):
+    for angles in (Solver(linkage).state(crank).position, Solver(linkage).state([crank]).position):
         with mp.workdps(40):
             A, B, C, D = (
                 mp.expj(mp.mpf(float(x))) for x in (*np.ravel(angles), linkage.frame.angle)
@@ -316,10 +316,10 @@ def test_rates_and_accelerations_are_derivatives_to_second_order(lengths, assemb
         )
         worst = 0.0
         for link in (1, 2):
-            moved = later.angle[link] - earlier.angle[link]
+            moved = later.position[link] - earlier.position[link]
             moved = np.remainder(moved + math.pi, TURN) - math.pi
-            gained = later.rate[link] - earlier.rate[link]
-            worst = max(worst, np.max(np.abs(moved / (2 * step) - exact.rate[link])))
+            gained = later.velocity[link] - earlier.velocity[link]
+            worst = max(worst, np.max(np.abs(moved / (2 * step) - exact.velocity[link])))
             worst = max(worst, np.max(np.abs(gained / (2 * step) - exact.acceleration[link])))
         errors.append(worst)
     assert errors[-1] < 1e-3
@@ -394,8 +394,8 @@ def test_scaled_linkage_moves_alike_and_takes_torque_by_its_square(linkage, cran
 @given(full_turn_linkages(), angles_of_two_turns)
 def test_motion_played_backwards_takes_the_same_torque(linkage, crank):
     forth, back = (Solver(linkage).state(crank, speed, 1.5) for speed in (2.0, -2.0))
-    assert back.angle == forth.angle
-    assert back.rate == tuple(-x for x in forth.rate)
+    assert back.position == forth.position
+    assert back.velocity == tuple(-x for x in forth.velocity)
     assert back.acceleration == forth.acceleration
     assert back.torque == forth.torque
 
@@ -516,7 +516,7 @@ def test_loop_closes_where_doubles_miss_an_equality_by_an_ulp_or_two(power, asse
             assert solver.mobility.grashof == 'change-point'
             for part in (0.0, 0.1, -0.4, 1.0, 3.0, 100.0):
                 crank = 0.3 + part * gap
-                vectors = zip(solver.state(crank).angle, lengths, strict=False)
+                vectors = zip(solver.state(crank).position, lengths, strict=False)
                 A, coupler, rocker = (cmath.rect(length, angle) for angle, length in vectors)
                 assert abs(A + coupler - rocker - cmath.exp(0.3j)) <= 8 * math.ulp(2.0)
 
@@ -573,7 +573,7 @@ def effect_of_one_ulp(linkage, crank):
 
 def reference_row(oracle, crank):
     state = oracle.state(crank, 2.0, 1.5)
-    return *state.angle, *state.rate, *state.acceleration, state.torque
+    return *state.position, *state.velocity, *state.acceleration, state.torque
 
 
 @given(

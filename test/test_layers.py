@@ -19,8 +19,17 @@ FILES = sorted(PACKAGE.glob('*.py'))
 MODULES = {path.stem for path in FILES} - {'__init__'}
 
 CORE = {
-    *('errors', 'quantities', 'numeric', 'mechanism', 'links', 'transmission', 'four_bar'),
-    *('mobility', 'dynamics', 'solver'),
+    *('errors', 'quantities', 'numeric', 'bodies', 'mechanism', 'links', 'structure', 'state'),
+    *(
+        'transmission',
+        'four_bar',
+        'slider_crank',
+        'kinematics',
+        'mobility',
+        'dynamics',
+        'reactions',
+    ),
+    'solver',
 }
 # Which files may import what, at their top and within functions.
 ROS = {'ros', 'ros_parameters', 'node'}
@@ -193,7 +202,7 @@ from linkage_ros import Body, Coupler, FourBar, Frame, Solver
 for assembly, coupler, rocker in (('open', 88.84, 117.29), ('crossed', -115.21, -143.66)):
     linkage = FourBar(Frame(6), Body(2), Coupler(7), Body(9), assembly)
     state = Solver(linkage).state(math.radians(30))
-    got = [math.degrees(angle) for angle in state.angle]
+    got = [math.degrees(angle) for angle in state.position]
     assert abs(got[1] - coupler) < 0.006 and abs(got[2] - rocker) < 0.006, got
 print(sorted({name.partition('.')[0] for name in sys.modules} & Blocked.names))
 """

@@ -323,8 +323,14 @@ def test_definitions_are_those_of_the_installed_packages(interface):
         package, kind = name.split('/')
         assert fields(text) == fields((share(package) / f'{kind}.msg').read_text())
     # Every type that a field names is among the parts.
-    named = {line.split()[0].partition('[')[0] for _, text in parts for line in fields(text)}
-    assert {name for name in named if '/' in name} == {name for name, _ in parts[1:]}
+    named = {
+        # A type of the same package is named without it; basic types are lower case.
+        kind if '/' in kind else f'{name.partition("/")[0]}/{kind}'
+        for name, text in parts
+        for kind in (line.split()[0].partition('[')[0] for line in fields(text))
+        if '/' in kind or kind[0].isupper()
+    }
+    assert named == {name for name, _ in parts[1:]}
 
 
 @pytest.mark.parametrize('interface', INTERFACES, ids=lambda interface: interface.name)
@@ -339,6 +345,6 @@ def test_rosbags_makes_the_same_type_hash_from_the_definition(interface):
 
 def test_topics_are_relative_unique_and_only_the_description_is_latched():
     names = [topic.name for topic in TOPICS]
-    assert names == ['joint_states', 'driving_torque', 'robot_description']
-    assert [topic.latched for topic in TOPICS] == [False, False, True]
-    assert [topic.depth for topic in TOPICS] == [10, 10, 1]
+    assert names == ['joint_states', 'driving_torque', 'coupler_point', 'robot_description']
+    assert [topic.latched for topic in TOPICS] == [False, False, False, True]
+    assert [topic.depth for topic in TOPICS] == [10, 10, 10, 1]

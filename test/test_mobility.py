@@ -178,7 +178,7 @@ def test_period_is_the_fewest_turns_after_which_the_motion_repeats(lengths, turn
         oracle = Oracle(linkage)
 
         def angles(crank, oracle=oracle):
-            return oracle.state(crank).angle[1:]
+            return oracle.state(crank).position[1:]
 
         start = angles(1.0)
         repeats = [
@@ -192,8 +192,8 @@ def test_period_is_the_fewest_turns_after_which_the_motion_repeats(lengths, turn
 def test_one_turn_past_one_change_point_is_the_other_assembly(assembly):
     other = {'open': 'crossed', 'crossed': 'open'}[assembly]
     for lengths in ((1, 2.5, 1.5, 3), (1, 3.5, 2.5, 2), (1, 2, 2, 1)):
-        later = Solver(four_bar(lengths, 0.0, assembly)).state(1.0 + TURN).angle
-        now = Solver(four_bar(lengths, 0.0, other)).state(1.0).angle
+        later = Solver(four_bar(lengths, 0.0, assembly)).state(1.0 + TURN).position
+        now = Solver(four_bar(lengths, 0.0, other)).state(1.0).position
         assert later[1:] == pytest.approx(now[1:], abs=1e-14)
 
 

@@ -42,6 +42,7 @@ JOINTS = ('crank', 'coupler', 'rocker')
 TYPES = {
     '/joint_states': 'sensor_msgs/msg/JointState',
     '/driving_torque': 'std_msgs/msg/Float64',
+    '/coupler_point': 'geometry_msgs/msg/PointStamped',
     '/robot_description': 'std_msgs/msg/String',
 }
 CODEC = JointStateCodec(JOINTS)
@@ -116,10 +117,11 @@ def test_the_log_explains_every_state_to_the_bit(ten_seconds):
     log, messages = logged(ten_seconds[1])
     machine = Machine(log.configuration)
     (motion,) = log.motions
-    for states, torque in zip(messages['/joint_states'], messages['/driving_torque'], strict=True):
-        stamp, _ = CODEC.decode(states.data)
+    topics = '/joint_states', '/driving_torque', '/coupler_point'
+    for published in zip(*(messages[topic] for topic in topics), strict=True):
+        stamp, _ = CODEC.decode(published[0].data)
         step = machine.step(motion, stamp)
-        assert (step.joint_states, step.driving_torque) == (states.data, torque.data)
+        assert step.messages == tuple(message.data for message in published)
 
 
 def test_node_and_record_give_equal_bits_at_equal_elapsed_times(ten_seconds, tmp_path):
@@ -317,7 +319,8 @@ def test_a_namespace_moves_topics_and_log_alike(tmp_path):
         assert stop(process)[0] == 0
     log, _ = logged(path)
     names = {topic.name for topic in log.topics}
-    assert names == {'/left/joint_states', '/left/torque', '/left/robot_description'}
+    others = {f'/left/{name}' for name in ('joint_states', 'coupler_point', 'robot_description')}
+    assert names == {'/left/torque', *others}
 
 
 def test_a_bad_viewer_or_log_leaves_nothing_behind(tmp_path):

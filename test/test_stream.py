@@ -26,8 +26,8 @@ import pytest
 
 from linkage_ros import ViewerError, viewer
 from linkage_ros.configuration import configure, load
-from linkage_ros.drawing import FourBarDrawing
-from linkage_ros.joints import FOUR_BAR_JOINTS, joint_values
+from linkage_ros.drawing import Drawing
+from linkage_ros.joints import joint_values
 from linkage_ros.log import LogWriter
 from linkage_ros.messages import JOINT_STATES, JointStateCodec
 from linkage_ros.motion import CrankMotion
@@ -41,7 +41,7 @@ rerun_chunk = pytest.importorskip('rerun.chunk')
 PROGRAM = Path(rerun.__file__).parents[1] / 'rerun_cli' / 'rerun'
 PATIENCE = 20.0  # s, until a wait that must end counts as a hang
 WALL = 1_795_000_000_000_000_000
-JOINTS = tuple(joint.name for joint in FOUR_BAR_JOINTS)
+JOINTS = ('crank', 'coupler', 'rocker')
 QUANTITIES = ('position', 'velocity', 'effort')
 CONFIGURATION = load('quadrilateral')
 
@@ -54,9 +54,9 @@ def run_of(configuration, count, rate=200, start=0):
         stamp = start + tick * 10**9 // rate
         crank = motion.at(stamp)
         state = solver.state(crank.angle, crank.speed, crank.acceleration)
-        values = joint_values(FOUR_BAR_JOINTS, state, crank)
+        values = joint_values(solver.structure.joints, state, crank)
         samples.append(Sample(stamp, values.position, values.velocity, values.effort))
-        angles.append(state.angle)
+        angles.append(state.position)
     return samples, np.array(angles)
 
 
@@ -215,7 +215,7 @@ def change_point():
 
 @pytest.mark.parametrize('configuration', [CONFIGURATION, change_point()], ids=['once', 'twice'])
 def test_the_bounds_hold_all_that_ever_moves(configuration):
-    drawing = FourBarDrawing(configuration.mechanism)
+    drawing = Drawing(configuration.mechanism)
     samples, _ = run_of(configuration, 1000, rate=997)
     points = drawing.points(np.array([sample.position for sample in samples]))
     still = [drawing.pivots, *drawing.ground]
@@ -231,7 +231,7 @@ def test_the_bounds_hold_all_that_ever_moves(configuration):
 
 @pytest.mark.parametrize('configuration', [CONFIGURATION, change_point()], ids=['once', 'twice'])
 def test_paths_are_whole_and_lie_under_their_points(configuration):
-    drawing = FourBarDrawing(configuration.mechanism)
+    drawing = Drawing(configuration.mechanism)
     samples, _ = run_of(configuration, 400, rate=397)
     points = drawing.points(np.array([sample.position for sample in samples]))
     step = 2 * math.pi / 360
@@ -260,10 +260,10 @@ def test_y_is_up_and_a_link_has_the_colour_of_its_curves(tmp_path):
     assert found['/linkage']['Transform3D:scale'] == [[[1.0, -1.0, 1.0]]]
     bounds = [columns for name, columns in layout.items() if name.endswith('VisualBounds2D')]
     ((shown,),) = bounds[0]['VisualBounds2D:range']
-    (left, low), (right, high) = FourBarDrawing(CONFIGURATION.mechanism).bounds
+    (left, low), (right, high) = Drawing(CONFIGURATION.mechanism).bounds
     ranges = [*shown['x_range'], *shown['y_range']]
     assert ranges == pytest.approx([left, right, -high, -low])
-    colors = [[(r << 24) + (g << 16) + (b << 8) + 255] for r, g, b in COLORS.values()]
+    colors = [[(r << 24) + (g << 16) + (b << 8) + 255] for r, g, b in map(COLORS.get, JOINTS)]
     assert [found[f'/linkage/{j}']['LineStrips2D:colors'][0] for j in JOINTS] == colors
     curves = [columns['SeriesLines:colors'] for columns in layout.values()
               if 'SeriesLines:colors' in columns]  # fmt: skip

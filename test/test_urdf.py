@@ -19,7 +19,7 @@ import pytest
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Solver
 from linkage_ros.configuration import load
-from linkage_ros.joints import FOUR_BAR_JOINTS, joint_values
+from linkage_ros.joints import joint_values
 from linkage_ros.motion import CrankMotion, SpeedDrive
 from linkage_ros.urdf import make_urdf
 
@@ -93,8 +93,9 @@ def random_mechanisms():
 
 def positions_at(mechanism, stamp, motion):
     crank = motion.at(stamp)
-    state = Solver(mechanism).state(crank.angle, crank.speed, crank.acceleration)
-    values = joint_values(FOUR_BAR_JOINTS, state, crank)
+    solver = Solver(mechanism)
+    state = solver.state(crank.angle, crank.speed, crank.acceleration)
+    values = joint_values(solver.structure.joints, state, crank)
     return dict(zip(JOINTS, values.position, strict=True))
 
 
@@ -170,7 +171,7 @@ def test_the_second_turn_is_not_the_first_where_a_change_point_is_passed():
 def test_the_tree_has_these_links_and_joints():
     tree = Tree(make_urdf(load('quadrilateral').mechanism))
     assert tree.robot.tag == 'robot'
-    assert tree.robot.get('name') == 'four_bar'
+    assert tree.robot.get('name') == 'linkage'
     assert list(tree.links) == ['base_link', *JOINTS]
     joined = {
         name: (joint.find('parent').get('link'), joint.find('child').get('link'))
