@@ -49,7 +49,7 @@ class MassDistribution:
             if slider.damping or slider.force:
                 self._resistance = slider.damping, slider.force
         self._diagonal = tuple(diagonal)
-        self._weight = tuple((w.real, w.imag) for w in weight)
+        self._weight = tuple((w.real, w.imag) if w else None for w in weight)
 
     def balance(self, links: Links, rates: PerLink, accelerations: PerLink) -> tuple[Real, ...]:
         """M q'' + h - Q: what has to act on each independent speed besides the weights.
@@ -68,12 +68,18 @@ class MassDistribution:
         _, (c1, c2, c3), (s1, s2, s3), partial, _ = links
         (w1, w2, w3), (e1, e2, e3) = rates, accelerations
         d1, d2, d3 = self._diagonal
-        (x1, y1), (x2, y2), (x3, y3) = self._weight
+        weight1, weight2, weight3 = self._weight
         c12, c13, c23 = self._coupling
-        t1, t2, t3 = (
-            d1 * e1 - (y1 * c1 - x1 * s1), d2 * e2 - (y2 * c2 - x2 * s2),
-            d3 * e3 - (y3 * c3 - x3 * s3),
-        )  # fmt: skip
+        t1, t2, t3 = d1 * e1, d2 * e2, d3 * e3
+        if weight1:
+            x, y = weight1
+            t1 = t1 - (y * c1 - x * s1)
+        if weight2:
+            x, y = weight2
+            t2 = t2 - (y * c2 - x * s2)
+        if weight3:
+            x, y = weight3
+            t3 = t3 - (y * c3 - x * s3)
         if self._resistance:
             damping, force = self._resistance
             t3 = t3 + (damping * w3 - force)
@@ -122,4 +128,6 @@ def _coupled(
     """C_jk e^(i (phi_k - phi_j)) as A and B."""
     cos, sin = cj * ck + sj * sk, cj * sk - sj * ck
     real, imag = constant
+    if not imag:  # centres of mass lie on the lines between the pins
+        return real * cos, real * sin
     return real * cos - imag * sin, real * sin + imag * cos

@@ -105,7 +105,8 @@ class FourBarKinematics:
             diff_dr, sum_dr, diff_bc, sum_bc = self._brackets
             nearest, growth = self._square
             x1, y1, x2, y2 = diff_dr * C, sum_dr * S, diff_bc * cos_m, sum_bc * sin_m
-            square = nearest + growth * (S * S)
+            SS = S * S
+            square = nearest + growth * SS
             scale = 1.0 / square
             dot, cross = scale * (x1 * x2 + y1 * y2), scale * (x1 * y2 - y1 * x2)
             fx, fy = wx * dot - wy * cross, wx * cross + wy * dot
@@ -115,15 +116,15 @@ class FourBarKinematics:
             else:
                 # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
                 half_moment, (arm, arm_growth) = 0.5 * self._moment, self._arm
-                mean = scale * (arm + arm_growth * (S * S) + half_moment * first)
+                mean = scale * (arm + arm_growth * SS + half_moment * first)
                 mean_slope = scale * (
                     (arm_growth - mean * growth) * (S * C) + half_moment * second
                 )
-        side = self.side
-        xc, ys, yc, xs = fx * cos_m, fy * sin_m * side, fy * cos_m, fx * sin_m * side
+        signed = self.side * sin_m
+        xc, ys, yc, xs = fx * cos_m, fy * signed, fy * cos_m, fx * signed
         coupler_cos, coupler_sin = xc + ys, yc - xs
         rocker_cos, rocker_sin = xc - ys, yc + xs
-        half_side = 0.5 * side
+        half_side = 0.5 * self.side
         first, second = half_side * first, half_side * second
         return (
             (

@@ -52,7 +52,8 @@ class SliderCrankKinematics:
             far=math.fsum((b, e, r)) / (2 * b),
             near=math.fsum((b, -e, r)) / (2 * b),
         )
-        self._guide = (math.cos(guide), math.sin(guide))
+        gx, gy = math.cos(guide), math.sin(guide)
+        self._guide = (gx, gy), (gx / r, gy / r), (gx / b, gy / b)
         self.side = 1.0 if mechanism.assembly == OPEN else -1.0
         self._lengths = (r, b)
 
@@ -75,10 +76,9 @@ class SliderCrankKinematics:
         turn, bend = -side * first, -side * second
         slope = -(ry + by * turn)
         curvature = -(rx + bx * (turn * turn) + by * bend)
-        gx, gy = self._guide
-        per_r, per_b = 1 / r, 1 / b
-        crank_cos, crank_sin = per_r * (gx * rx - gy * ry), per_r * (gx * ry + gy * rx)
-        coupler_cos, coupler_sin = per_b * (gx * bx - gy * by), per_b * (gx * by + gy * bx)
+        (gx, gy), (gx_r, gy_r), (gx_b, gy_b) = self._guide
+        crank_cos, crank_sin = gx_r * rx - gy_r * ry, gx_r * ry + gy_r * rx
+        coupler_cos, coupler_sin = gx_b * bx - gy_b * by, gx_b * by + gy_b * bx
         return (
             (crank, functions.atan2(coupler_sin, coupler_cos), rx + bx),
             (crank_cos, coupler_cos, gx),

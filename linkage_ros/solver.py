@@ -20,7 +20,7 @@ from linkage_ros.reactions import Reactions, reactions
 from linkage_ros.state import PointMotion, State, point_motion
 
 # Arrays are worked through in pieces whose intermediate results stay in the processor's cache.
-_CHUNK = 4096
+_CHUNK = 16384
 # A named tuple's own constructor unpacks and repacks; at 3 us a state that would show.
 _new = tuple.__new__
 
@@ -72,11 +72,12 @@ class Solver:
                 the torque is not.
         """
         if not type(crank) is type(speed) is type(acceleration) is float:
-            inputs = (np.asarray(x, float) for x in (crank, speed, acceleration))
-            arrays = np.broadcast_arrays(*inputs)
-            if arrays[0].ndim > 0:
-                return self._solve_chunks(*arrays)
-            crank, speed, acceleration = (float(x) for x in arrays)
+            crank, speed, acceleration = (
+                np.asarray(x, float) for x in (crank, speed, acceleration)
+            )
+            if shape := np.broadcast_shapes(crank.shape, speed.shape, acceleration.shape):
+                return self._solve_chunks(shape, (crank, speed, acceleration))
+            crank, speed, acceleration = float(crank), float(speed), float(acceleration)
         if not isfinite(crank + speed + acceleration):
             _refuse_not_finite(crank, speed, acceleration)
         state = self._solve(crank, speed, acceleration, SCALAR)
@@ -150,19 +151,24 @@ class Solver:
                 worst = np.atleast_1d(crank)[np.atleast_1d(margin) <= 0][0]
                 raise unreachable(self.mobility, float(worst))
 
-    def _solve_chunks(self, crank: Real, speed: Real, acceleration: Real) -> State:
-        shape = crank.shape
-        inputs = crank.ravel(), speed.ravel(), acceleration.ravel()
-        rows = np.empty((10, crank.size))
-        for start in range(0, crank.size, _CHUNK):
+    def _solve_chunks(self, shape: tuple[int, ...], inputs: tuple[Real, Real, Real]) -> State:
+        # What is the same for all states stays a number: half of the work on it is saved.
+        crank, speed, acceleration = (
+            np.broadcast_to(x, shape).ravel() if x.ndim else float(x) for x in inputs
+        )
+        size = math.prod(shape)
+        rows = np.empty((10, size))
+        for start in range(0, size, _CHUNK):
             piece = slice(start, start + _CHUNK)
-            crank, speed, acceleration = (x[piece] for x in inputs)
-            if not all(np.isfinite(x).all() for x in (crank, speed, acceleration)):
-                _refuse_not_finite(crank, speed, acceleration)
+            angle, rate, change = (
+                x if isinstance(x, float) else x[piece] for x in (crank, speed, acceleration)
+            )
+            if not all(np.isfinite(x).all() for x in (angle, rate, change)):
+                _refuse_not_finite(angle, rate, change)
             with np.errstate(over='ignore', invalid='ignore', under='ignore'):
-                state = self._solve(crank, speed, acceleration, ARRAY)
+                state = self._solve(angle, rate, change, ARRAY)
             if not np.isfinite(state.torque).all():
-                _refuse_not_finite(crank, speed, acceleration)
+                _refuse_not_finite(angle, rate, change)
             values = (*state.position, *state.velocity, *state.acceleration, state.torque)
             for row, value in zip(rows, values, strict=True):
                 row[piece] = value
