@@ -20,10 +20,10 @@ JAZZY := $(and $(BASE),$(filter jazzy,$(ROS_DISTRO)),$(shell "$(BASE)" -c 'impor
 	2>/dev/null && echo yes))
 ifdef JAZZY
 VENV := .venv-$(VERSION)-jazzy
-EXTRAS := viewer
+EXTRAS := viewer,chart
 else
 VENV := .venv-$(VERSION)
-EXTRAS := ros,viewer
+EXTRAS := ros,viewer,chart
 # Another ROS, or one for another Python, would be mixed with the wheels of this one.
 ifdef ROS_DISTRO
 unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION

@@ -54,6 +54,7 @@ setup(
             'linkage_record = linkage_ros.executables:record',
             'linkage_replay = linkage_ros.executables:replay',
             'linkage_log = linkage_ros.executables:log',
+            'linkage_chart = linkage_ros.executables:chart',
         ],
     },
     python_requires='>=3.10',
@@ -72,7 +73,7 @@ setup(
             )
         ],
         'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
-        'chart': ['matplotlib', 'scipy'],
+        'chart': ['matplotlib'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',

@@ -18,6 +18,7 @@ from linkage_ros.mobility import Mobility
 from linkage_ros.reactions import Reactions
 from linkage_ros.solver import Solver
 from linkage_ros.state import PointMotion, State
+from linkage_ros.travel import Travel, travel
 
 __all__ = [
     'CROSSED',
@@ -38,6 +39,8 @@ __all__ = [
     'SliderCrank',
     'Solver',
     'State',
+    'Travel',
     'UnreachableError',
     'ViewerError',
+    'travel',
 ]

@@ -28,7 +28,7 @@ class Drawing:
 
     Attributes:
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
-        pins: Names of the moving points, in the order of `points`.
+        pins: Names of the moving points, in the order of `place`.
         paths: What B and, if there is one, the coupler point C trace out, by the name of the
             link whose point it is; each of shape (n, 2), m.
         ground: The marks of the fixed link, lines of shape (n, 2), m.
@@ -48,7 +48,7 @@ class Drawing:
 
         turns = solver.mobility.period_turns
         crank = np.linspace(0, turns * 2 * math.pi, turns * _STEPS_PER_TURN + 1)
-        swept = self._place(np.stack(solver.state(crank).position, axis=-1))
+        swept = self.place(np.stack(solver.state(crank).position, axis=-1))
         output = self._joints[2]
         self.paths = {output.name: swept[:, 1]}
         if 'C' in self.pins:
@@ -65,32 +65,39 @@ class Drawing:
         margin = _MARGIN * np.ptp(everything, axis=0).max()
         self.bounds = np.array([everything.min(axis=0) - margin, everything.max(axis=0) + margin])
 
-    def _place(self, position: Array) -> Array:
-        """The moving points at positions of the links, shape (n, 3)."""
+    def place(self, position: Array) -> Array:
+        """Where the moving points are.
+
+        Args:
+            position: Of the links, shape (n, 3), rad and m.
+
+        Returns:
+            A, B and, if there is one, C; shape (n, 2 or 3, 2), m.
+        """
         # A slide would be no angle, but then the points do not depend on it.
         turned = np.exp(1j * np.where([joint.slides for joint in self._joints], 0.0, position))
         return _plane(turned @ self._weights.T + self._fixed)
 
     def points(self, position: Array) -> Array:
-        """Where the moving points are.
+        """Where the moving points are, from what ROS sees.
 
         Args:
             position: Joint positions in the order of the tree, shape (n, 3), rad and m.
 
         Returns:
-            A, B and, if there is one, C; shape (n, 2 or 3, 2), m.
+            As `place`.
         """
         links = position.copy()
         for joint in self._joints:
             if joint.parent is not None:
                 links[:, joint.link] += links[:, joint.parent]
-        return self._place(links)
+        return self.place(links)
 
     def links(self, points: Array) -> dict[str, Array]:
         """The lines of the moving links, by their names.
 
         Args:
-            points: As `points` gives them, shape (n, 2 or 3, 2), m.
+            points: As `place` gives them, shape (n, 2 or 3, 2), m.
 
         Returns:
             Lines of shape (n, 2, 2), m. A coupler with a point is a triangle, (n, 4, 2), a

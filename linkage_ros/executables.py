@@ -32,6 +32,11 @@ def log() -> int:
     return _start('linkage_log', 'log_tool')
 
 
+def chart() -> int:
+    """linkage_chart."""
+    return _start('linkage_chart', 'chart_tool')
+
+
 def _start(name: str, module: str) -> int:
     try:
         program = import_module(f'linkage_ros.{module}')

@@ -26,6 +26,7 @@ from linkage_ros.messages import (
 from linkage_ros.motion import CrankMotion
 from linkage_ros.solver import Solver
 from linkage_ros.state import point_motion
+from linkage_ros.travel import travel
 from linkage_ros.urdf import make_urdf
 
 _NS = 10**9
@@ -75,7 +76,8 @@ class Machine:
         )  # fmt: skip
         return (
             f'{kind.mechanism}, {self.configuration.mechanism.assembly}, '
-            f'{self.solver.mobility.grashof}, {drive.rpm:g} rpm at {session.rate_hz:g} Hz'
+            f'{self.solver.mobility.grashof}, {", ".join(travel(self.solver).words())}, '
+            f'{drive.rpm:g} rpm at {session.rate_hz:g} Hz'
         )
 
     def begin(self, stamp: int) -> CrankMotion:

@@ -30,6 +30,7 @@ class Solver:
 
     Attributes:
         mechanism: The description it was made from.
+        kinematics: Its exact position at a crank angle.
         structure: How its links hang together.
         links: Names of the links, in the order of all tuples.
         mobility: What the crank can do.
@@ -37,10 +38,10 @@ class Solver:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self._kinematics = kinematics_of(mechanism)
-        self.structure = self._kinematics.structure
+        self.kinematics = kinematics_of(mechanism)
+        self.structure = self.kinematics.structure
         self.links = tuple(joint.name for joint in self.structure.joints)
-        self.mobility = assess(mechanism, self._kinematics.map)
+        self.mobility = assess(mechanism, self.kinematics.map)
         self._limited = not self.mobility.turns_fully
         self._masses = MassDistribution(self.structure, mechanism.gravity)
 
@@ -117,7 +118,7 @@ class Solver:
             UnreachableError: The mechanism stands at a change point, where forces in its joints
                 have no finite value.
         """
-        functions, kinematics = functions_of(state.torque), self._kinematics
+        functions, kinematics = functions_of(state.torque), self.kinematics
         sine = kinematics.side * kinematics.map.sine(state.position[0], functions)
         at_change_point = np.atleast_1d(state.position[0])[np.atleast_1d(sine) == 0]
         if at_change_point.size:
@@ -133,7 +134,7 @@ class Solver:
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
         if self._limited:
             self._require_reachable(crank, functions)
-        links = self._kinematics.solve(crank, functions)
+        links = self.kinematics.solve(crank, functions)
         position, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
         squared = speed * speed
         velocity = k1 * speed, k2 * speed, k3 * speed
@@ -146,7 +147,7 @@ class Solver:
         return _new(State, (position, velocity, accelerations, torque))
 
     def _require_reachable(self, crank: Real, functions: Functions) -> None:
-        for margin in self._kinematics.map.margins(crank, functions):
+        for margin in self.kinematics.map.margins(crank, functions):
             if not functions.lowest(margin) > 0:
                 worst = np.atleast_1d(crank)[np.atleast_1d(margin) <= 0][0]
                 raise unreachable(self.mobility, float(worst))

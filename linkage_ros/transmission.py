@@ -80,6 +80,15 @@ class TransmissionMap:
             _turned(middle - farthest, middle - nearest),
         )
 
+    def extremes(self) -> tuple[float, float]:
+        """The smallest and the largest transmission angle 2m, in [0, pi], rad.
+
+        They are at h = 0 and h = pi/2; a crank that cannot reach these stretches the dyad.
+        """
+        near, far = max(self.q, 0.0) + 0.0, max(self.p, 0.0) + 0.0
+        smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(1.0 - near))
+        return smallest, 2 * math.atan2(math.sqrt(1.0 - far), math.sqrt(far))
+
     def half_angle(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
         """Half of crank - reference, with the rounding error of that difference carried along.
 

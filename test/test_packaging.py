@@ -25,7 +25,9 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.presets import preset_names, preset_path
 
 ROOT = Path(__file__).resolve().parents[1]
-EXECUTABLES = ('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log')
+EXECUTABLES = (
+    *('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log', 'linkage_chart'),
+)
 ROS_SHARE = Path('share', 'linkage_ros')
 SHARED = (
     'share/ament_index/resource_index/packages/linkage_ros',

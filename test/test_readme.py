@@ -55,9 +55,12 @@ def test_every_topic_and_executable_is_listed():
 def test_the_python_lines_run(capsys):
     (block,) = re.findall(r'## In Python\n\n((?:    .*\n|\n)+)', README)
     exec(compile(textwrap.dedent(block), 'README.md', 'exec'), {})
-    grashof, torque = capsys.readouterr().out.split()
-    assert grashof == 'crank-rocker'
-    assert -10 < float(torque) < 10
+    first, second, third = capsys.readouterr().out.splitlines()
+    assert first.startswith("crank-rocker ['swing 27.307 deg (82.445 to 109.752 deg)'")
+    torque, acceleration = map(float, second.split())
+    assert 8.4 < torque < 8.5
+    assert 0 < acceleration < 100
+    assert 0 < float(third.split()[0]) < 1000
 
 
 @pytest.mark.parametrize('link', re.findall(r'\]\(([^)#]+)\)', README))

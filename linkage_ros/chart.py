@@ -1,0 +1,201 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Charts as pictures; the only file that knows matplotlib."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from linkage_ros.curves import Curves
+from linkage_ros.drawing import Array, Drawing
+from linkage_ros.palette import COLORS, GREY, Color
+
+# Inches: the picture, its parts from top to bottom, the numbers on the right.
+_WIDTH, _MARGIN, _HEADER, _ROW, _FOOT = 11.0, 3.3, 2.4, 1.6, 0.4
+_LEFT = 0.75  # for the labels of each diagram
+_TORQUE = 'Driving torque'
+_FORCES: dict[str, Color] = {
+    'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': (204, 121, 167),
+    'guide': (86, 180, 233), 'x': COLORS['coupler'], 'y': COLORS['crank'],
+    'moment': COLORS['crank'],
+}  # fmt: skip
+
+
+class _Words(NamedTuple):
+    """A line of text beside the diagrams."""
+
+    text: str
+    color: tuple[float, ...] | str = '0.1'
+    weight: str = 'normal'
+    family: str = 'sans-serif'
+
+
+class _Page:
+    """A picture whose parts are placed in inches from its upper left corner."""
+
+    def __init__(self, height: float) -> None:
+        self.figure = Figure(figsize=(_WIDTH, height), dpi=120)
+        self._height = height
+
+    def axes(self, left: float, top: float, width: float, height: float) -> Axes:
+        bottom = 1 - (top + height) / self._height
+        return self.figure.add_axes((left / _WIDTH, bottom, width / _WIDTH, height / self._height))
+
+    def write(self, top: float, size: float, lines: Sequence[_Words]) -> None:
+        """Writes lines into the margin."""
+        left, step = 1 - (_MARGIN - 0.15) / _WIDTH, 1.45 * size / 72
+        for number, line in enumerate(lines):
+            self.figure.text(
+                left, 1 - (top + number * step) / self._height, line.text, fontsize=size,
+                family=line.family, color=line.color, weight=line.weight, va='top',
+            )  # fmt: skip
+
+
+class _Panel(NamedTuple):
+    """A diagram over the crank angle: curves by name, in one unit."""
+
+    title: str
+    unit: str
+    curves: dict[str, Array]
+
+
+def draw_motion(curves: Curves, title: Sequence[str], path: Path) -> None:
+    """Draws a period: position, rate, acceleration, torque, and reactions if there are any.
+
+    Args:
+        curves: The period.
+        title: What it is: a name, and lines that say more.
+        path: The PNG file; replaced if there is one.
+    """
+    rows = [*_motion_rows(curves), *_reaction_rows(curves)]
+    page = _Page(_HEADER + _ROW * len(rows) + _FOOT)
+    width = _WIDTH - _MARGIN - _LEFT
+    _draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves)
+    first, *others = title
+    page.write(0.15, 9.0, [_Words(first, weight='bold'), *(_Words(line) for line in others)])
+    for number, row in enumerate(rows):
+        top = _HEADER + _ROW * number
+        share = (width + _LEFT) / len(row)
+        for place, panel in enumerate(row):
+            axes = page.axes(_LEFT + place * share, top, share - _LEFT, _ROW - 0.15)
+            _draw(axes, curves, panel, last=number == len(rows) - 1)
+        page.write(top, 7.0, [line for panel in row for line in _margin(curves, panel)])
+    page.figure.savefig(path)
+
+
+def _motion_rows(curves: Curves) -> list[list[_Panel]]:
+    rows = []
+    joints = curves.solver.structure.joints[1:]
+    for quantity, title in (
+        ('position', 'Link direction'), ('velocity', 'Rate'), ('acceleration', 'Acceleration'),
+    ):  # fmt: skip
+        row = []
+        for slides in (False, True):
+            found = [curves.columns[f'{j.name}.{quantity}'] for j in joints if j.slides == slides]
+            if found:
+                in_degrees = not slides and quantity == 'position'
+                unit = 'deg' if in_degrees else found[0].unit
+                values = {
+                    column.name.split('.')[0]: np.degrees(column.values)
+                    if in_degrees else column.values
+                    for column in found
+                }  # fmt: skip
+                row.append(_Panel(f'Slider {quantity}' if slides else title, unit, values))
+        rows.append(row)
+    torque = curves.columns['driving_torque']
+    rows.append([_Panel(_TORQUE, torque.unit, {'crank': torque.values})])
+    return rows
+
+
+def _reaction_rows(curves: Curves) -> list[list[_Panel]]:
+    if 'shaking_moment' not in curves.columns:
+        return []
+    columns = {name: column.values for name, column in curves.columns.items()}
+    pins = [name[4:-2] for name in columns if name.startswith('pin_') and name.endswith('.x')]
+    forces = {pin: np.hypot(columns[f'pin_{pin}.x'], columns[f'pin_{pin}.y']) for pin in pins}
+    if 'guide_force' in columns:
+        forces['guide'] = columns['guide_force']
+    shaking = {axis: columns[f'shaking_force.{axis}'] for axis in 'xy'}
+    return [
+        [_Panel('Joint forces', 'N', forces)],
+        [_Panel('Shaking force', 'N', shaking)],
+        [_Panel('Shaking moment', 'N m', {'moment': columns['shaking_moment']})],
+    ]
+
+
+def _draw(axes: Axes, curves: Curves, panel: _Panel, *, last: bool) -> None:
+    degrees = np.degrees(curves.crank)
+    for name, values in panel.curves.items():
+        axes.plot(degrees, values, color=_color(name), linewidth=1.6, label=name)
+    axes.set_xlim(0, degrees[-1])
+    axes.set_xticks(np.linspace(0, degrees[-1], 9))
+    axes.grid(color='0.88', linewidth=0.6)
+    axes.axhline(0, color='0.6', linewidth=0.8, zorder=0) if _spans_zero(panel) else None
+    axes.set_ylabel(f'{panel.title}, {panel.unit}', fontsize=8)
+    axes.tick_params(labelsize=8, labelbottom=last)
+    if last:
+        axes.set_xlabel('Crank angle, deg', fontsize=9)
+
+
+def _spans_zero(panel: _Panel) -> bool:
+    return any(values.min() < 0 < values.max() for values in panel.curves.values())
+
+
+def _margin(curves: Curves, panel: _Panel) -> list[_Words]:
+    """Peaks, where they are, and rms of every curve of a panel, in the curve's colour."""
+    heading = f'{panel.unit:<8}{"min":>9}{"at deg":>8}{"max":>9}{"at deg":>8}{"rms":>9}'
+    lines = [_Words(heading, '0.4', family='monospace')]
+    rows = [(_short(name), values, _color(name)) for name, values in panel.curves.items()]
+    if panel.title == _TORQUE:
+        power = curves.columns['driving_power'].values
+        rows = [('torque', rows[0][1], rows[0][2]), ('power, W', power, (0.1, 0.1, 0.1))]
+    for name, values, color in rows:
+        extent = curves.extent(values)
+        low_at, high_at = math.degrees(extent.low_at), math.degrees(extent.high_at)
+        words = (
+            f'{name:<8}{extent.low:>9.4g}{low_at:>8.1f}{extent.high:>9.4g}{high_at:>8.1f}'
+            f'{extent.rms:>9.4g}'
+        )
+        lines.append(_Words(words, color, family='monospace'))
+    if panel.title == _TORQUE:
+        # A mean that only rounding keeps from 0 is 0: all the work comes back.
+        mean = extent.mean if abs(extent.mean) > 1e-12 * extent.rms else 0.0
+        lines.append(_Words(f'mean power {mean:.4g} W', family='monospace'))
+    return [*lines, _Words('')]
+
+
+def _short(name: str) -> str:
+    return name if len(name) < 8 else name[:7]
+
+
+def _draw_linkage(axes: Axes, curves: Curves) -> None:
+    """The mechanism an eighth of a turn after the start, and what its points trace out."""
+    mechanism = curves.solver.mechanism
+    drawing = Drawing(mechanism)
+    state = curves.solver.state([math.pi / 4], 0.0)
+    points = drawing.place(np.stack(state.position, axis=-1))
+    for line in drawing.ground:
+        axes.plot(*line.T, color=_rgb(GREY), linewidth=0.9)
+    for link, track in drawing.paths.items():
+        axes.plot(*track.T, color=_rgb(COLORS[link]), linewidth=0.8)
+    for link, lines in drawing.links(points).items():
+        axes.plot(*lines[0].T, color=_rgb(COLORS[link]), linewidth=2.6, solid_capstyle='round')
+    pins: Sequence[Array] = [*drawing.pivots, *points[0]]
+    axes.plot(*np.array(pins).T, 'o', color='0.35', markersize=3.5)
+    axes.set_aspect('equal')
+    axes.set_axis_off()
+
+
+def _color(name: str) -> tuple[float, ...]:
+    return _rgb(COLORS[name] if name in COLORS else _FORCES[name])
+
+
+def _rgb(color: Color) -> tuple[float, ...]:
+    return tuple(part / 255 for part in color)

@@ -1,0 +1,181 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart motion: the table against the solver, the picture as a picture."""
+
+from __future__ import annotations
+
+import csv
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from linkage_ros import ConfigurationError, Solver, chart_tool
+from linkage_ros.configuration import load
+from linkage_ros.curves import Curves
+from linkage_ros.presets import preset_names
+
+CHANGE_POINT = """
+linkage_node:
+  ros__parameters:
+    mechanism: four_bar
+    rpm: 60.0
+    frame: {length: 2.0}
+    crank: {length: 1.0}
+    coupler: {length: 3.0, mass: 1.0, center: [1.5, 0.2]}
+    rocker: {length: 2.0}
+"""
+
+
+def chart(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, 'argv', ['linkage_chart', *map(str, arguments)])
+    try:
+        return chart_tool.main()
+    except SystemExit as error:
+        return error.code
+
+
+def table(path):
+    with path.open(newline='') as stream:
+        names, *rows = csv.reader(stream)
+    values = np.array(rows, float).T
+    return dict(zip(names, values, strict=True))
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_the_table_is_the_solvers_to_the_last_bit(tmp_path, monkeypatch, capsys, preset):
+    options = ['--rpm', 90, '--acceleration', 2.5, '--reactions', '--out', tmp_path / 'new']
+    assert chart(monkeypatch, 'motion', preset, *options) == 0
+    *_, picture, written = capsys.readouterr().out.splitlines()
+    columns = table(Path(written))
+    solver = Solver(load(preset).mechanism)
+    crank = columns['crank_angle [rad]']
+    assert (crank[0], crank[-1], len(crank)) == (0.0, 2 * math.pi, 721)
+    state = solver.state(crank, 3 * math.pi, 2.5)
+    assert np.array_equal(columns['driving_torque [N m]'], state.torque)
+    assert np.array_equal(columns['driving_power [W]'], state.torque * (3 * math.pi))
+    for link, name in enumerate(solver.links):
+        unit = 'm' if name == 'slider' else 'rad'
+        turned = columns[f'{name}.position [{unit}]'] - state.position[link]
+        assert np.allclose(turned, 2 * math.pi * np.rint(turned / (2 * math.pi)), atol=1e-14)
+        assert np.array_equal(columns[f'{name}.velocity [{unit}/s]'], state.velocity[link])
+        assert np.array_equal(
+            columns[f'{name}.acceleration [{unit}/s^2]'], state.acceleration[link]
+        )
+    reactions = solver.reactions(state)
+    for pin, force in reactions.pins.items():
+        for axis, values in zip('xy', force, strict=True):
+            assert np.array_equal(columns[f'pin_{pin}.{axis} [N]'], values)
+    assert np.array_equal(columns['shaking_moment [N m]'], reactions.shaking_moment)
+    assert ('guide_force [N]' in columns) == (reactions.guide_force is not None)
+    has_point = load(preset).mechanism.coupler.point is not None
+    assert ('coupler_point.acceleration.y [m/s^2]' in columns) == has_point
+    assert Path(picture).stat().st_size > 40_000
+
+
+def test_nothing_that_is_drawn_lies_beyond_the_edge(tmp_path, monkeypatch):
+    for preset in preset_names():
+        assert chart(monkeypatch, 'motion', preset, '--reactions', '--out', tmp_path) == 0
+        pixels = matplotlib.image.imread(tmp_path / f'{preset}_motion.png')[..., :3]
+        edges = pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:]
+        assert all((edge == 1.0).all() for edge in edges), preset
+        # Curves in the colours of the links, on white.
+        assert (pixels == 1.0).all(axis=-1).mean() > 0.7
+        orange = np.abs(pixels * 255 - (213, 94, 0)).max(axis=-1) < 2
+        assert orange.sum() > 500
+
+
+def test_document_4_stands_in_the_table():
+    curves = Curves(load('slider_crank').mechanism, 0.5, 1.0)
+    at = int(np.argmin(np.abs(curves.crank - math.pi / 4)))
+    row = {name: column.values[at] for name, column in curves.columns.items()}
+    assert math.degrees(row['coupler.position']) == pytest.approx(-30, rel=1e-14)
+    assert row['slider.position'] == pytest.approx(1.93185165258, abs=6e-12)
+    assert row['slider.velocity'] == pytest.approx(-0.557677535825, abs=6e-13)
+    assert row['slider.acceleration'] == pytest.approx(-1.32615245782, abs=6e-12)
+    assert row['coupler.velocity'] == pytest.approx(-0.288675134595, abs=6e-13)
+    assert row['coupler.acceleration'] == pytest.approx(-0.481125224325, abs=6e-13)
+
+
+def test_extents_are_those_of_the_samples():
+    curves = Curves(load('quadrilateral').mechanism, 5 * math.pi)
+    torque = curves.extent(curves.columns['driving_torque'].values)
+    assert torque.high == pytest.approx(8.475284394410188, rel=1e-14)
+    assert math.degrees(torque.high_at) == pytest.approx(294.0)
+    assert torque.low == pytest.approx(-8.54729141947143, rel=1e-14)
+    assert math.degrees(torque.low_at) == pytest.approx(348.0)
+    assert abs(torque.mean) < 1e-14  # all the work comes back
+    sine = curves.extent(3 * np.sin(curves.crank))
+    assert sine.rms == pytest.approx(3 / math.sqrt(2), rel=1e-14)
+    constant = curves.extent(np.full_like(curves.crank, -2.0))
+    assert (constant.mean, constant.rms) == (-2.0, 2.0)
+
+
+def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, monkeypatch, capsys):
+    (tmp_path / 'folding.yaml').write_text(CHANGE_POINT)
+    assert chart(monkeypatch, 'motion', tmp_path / 'folding.yaml', '--out', tmp_path) == 0
+    columns = table(tmp_path / 'folding_motion.csv')
+    assert columns['crank_angle [rad]'][-1] == 4 * math.pi
+    rocker = columns['rocker.position [rad]']
+    assert np.abs(np.diff(rocker)).max() < 0.03
+    assert rocker[-1] == pytest.approx(rocker[0], abs=1e-13)
+    assert 'change-point' in capsys.readouterr().out
+
+
+def test_forces_without_bounds_are_refused(tmp_path, monkeypatch, capsys):
+    (tmp_path / 'folding.yaml').write_text(CHANGE_POINT)
+    options = ['motion', tmp_path / 'folding.yaml', '--reactions', '--out', tmp_path / 'out']
+    assert chart(monkeypatch, *options) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert 'change point' in line
+    assert 'leave the reactions out' in line
+    assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['motion', 'pentagon'], "No preset 'pentagon'"),
+        (['motion', 'quadrilateral', '--rpm', 'nan'], '--rpm nan: must be a number from'),
+        (['motion', 'quadrilateral', '--rpm', 'fast'], 'invalid float value'),
+        (['motion', 'quadrilateral', '--acceleration', '1e99'], '--acceleration 1e+99: must be'),
+        (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
+        (['motion'], 'PARAMS'),
+        ([], 'COMMAND'),
+    ],
+)
+def test_what_cannot_be_drawn_is_one_line(monkeypatch, capsys, arguments, words):
+    assert chart(monkeypatch, *arguments) == 2
+    out, err = capsys.readouterr()
+    (line,) = err.splitlines()
+    assert words in line
+    assert line.startswith('linkage_chart')
+    assert out == ''
+
+
+def test_the_library_refuses_reactions_at_change_points_too(tmp_path):
+    (tmp_path / 'folding.yaml').write_text(CHANGE_POINT)
+    mechanism = load(str(tmp_path / 'folding.yaml')).mechanism
+    Curves(mechanism, 1.0)
+    with pytest.raises(ConfigurationError, match='change point'):
+        Curves(mechanism, 1.0, reactions=True)
+
+
+def test_without_matplotlib_the_package_to_install_is_named(tmp_path):
+    (tmp_path / 'matplotlib.py').write_text('raise ModuleNotFoundError(name="matplotlib")')
+    code = (
+        f'import sys; sys.path.insert(0, {str(tmp_path)!r}); '
+        'sys.argv = ["linkage_chart", "motion", "quadrilateral"]; '
+        'from linkage_ros.executables import chart; sys.exit(chart())'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert (
+        done.stderr == "linkage_chart: charts need matplotlib: pip install 'linkage_ros[chart]'\n"
+    )
