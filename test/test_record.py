@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
@@ -25,6 +26,7 @@ from linkage_ros.log_reader import LogReader
 from linkage_ros.machine import Machine
 from linkage_ros.messages import JointStateCodec, encode_float64, encode_string
 from linkage_ros.motion import CrankMotion
+from linkage_ros.presets import preset_names
 from linkage_ros.record import record
 from linkage_ros.urdf import make_urdf
 
@@ -130,6 +132,22 @@ def test_the_states_are_the_solvers_to_the_bit(tmp_path, changes):
         assert tuple(rates) == (spin[0], spin[1] - spin[0], spin[2])
         assert numbers[6:] == (drive, 0.0, 0.0)
         assert torque.data == encode_float64(drive)
+
+
+@pytest.mark.parametrize('name', preset_names())
+def test_after_a_thousand_million_turns_the_state_is_the_first_turns(name):
+    """At 60 rpm turns are whole seconds: the same bits, but for the unwrapped crank angle."""
+    configuration = load(name)
+    drive = replace(configuration.drive, rpm=60.0, start_rpm=None, crank_angle=0.0)
+    machine = Machine(replace(configuration, drive=drive))
+    motion = machine.begin(0)
+    for stamp in range(0, 10**9, 37_037_037):
+        first = machine.step(motion, stamp).values
+        later = machine.step(motion, stamp + 10**9 * 10**9).values
+        assert later.position[2] == first.position[2]
+        assert later[1:] == first[1:]
+        turned = Fraction(stamp, 10**9) + 10**9
+        assert later.position[0] == pytest.approx(float(2 * turned) * math.pi, rel=3e-16)
 
 
 def test_log_times_are_stamps_and_start_at_zero(tmp_path):
