@@ -78,6 +78,7 @@ setup(
             'colcon-common-extensions',
             'hypothesis',
             'mpmath',
+            'mujoco',
             'mypy',
             'pytest',
             'rosbags',

@@ -131,6 +131,11 @@ def _unknown(name: str, mechanism: str, valid: list[str]) -> str:
     near = difflib.get_close_matches(name, valid, n=1)
     hint = f'; did you mean {near[0]}?' if near else '.'
     known = ', '.join(valid)
+    elsewhere = [
+        other for other in MECHANISMS if name in (leaf.name for leaf in parameter_leaves(other))
+    ]
+    if elsewhere:
+        hint = f' but of a {elsewhere[0]}.'
     return f'{shown(name)} is not a parameter of a {mechanism}{hint} Valid names: {known}'
 
 

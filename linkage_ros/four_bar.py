@@ -22,7 +22,7 @@ import math
 
 from linkage_ros.links import Links
 from linkage_ros.mechanism import OPEN, FourBar
-from linkage_ros.numeric import Functions, Real, short_sum
+from linkage_ros.numeric import Functions, Real, nearest_turns, short_sum
 from linkage_ros.structure import Joint, Point, Structure, TurningBody
 from linkage_ros.transmission import TransmissionMap
 
@@ -58,16 +58,16 @@ class FourBarKinematics:
             sum_bc = sum_dr
 
         delta = mechanism.frame.angle
-        turns_away = round(delta / (2 * math.pi))
         four_bc = 4 * b * c
         self.structure = structure(mechanism)
         self.map = TransmissionMap(
             reference=(delta, 0.0),
-            kappa=math.sqrt(r * d / (b * c)) * (-1 if turns_away % 2 else 1),
+            kappa=math.sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
             p=far * (sum_bc + sum_dr) / four_bc,
             q=near * cross / four_bc,
-            far=(sum_bc - diff_dr) * (sum_bc + diff_dr) / four_bc,
-            near=(sum_dr - diff_bc) * (sum_dr + diff_bc) / four_bc,
+            # Of a loop that just closes, rounding could make them negative.
+            far=max((sum_bc - diff_dr) * (sum_bc + diff_dr) / four_bc, 0.0),
+            near=max((sum_dr - diff_bc) * (sum_dr + diff_bc) / four_bc, 0.0),
         )
         self.side = side
         self._axis = (math.cos(delta), math.sin(delta))

@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 from linkage_ros.bodies import Body, Coupler, Frame, Guide, Slider
 from linkage_ros.errors import MechanismError
-from linkage_ros.numeric import is_rounding, short_sum
+from linkage_ros.numeric import is_rounding, rounded, short_sum
 from linkage_ros.quantities import Checked, quantity
 
 OPEN = 'open'
@@ -53,10 +53,11 @@ class FourBar(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         longest, *others = sorted(self._lengths(), reverse=True)
-        if longest > sum(others):
+        if short_sum(longest, longest, *(-other for other in others)) > 0:
+            lack = math.fsum((longest, *(-other for other in others)))
             raise MechanismError(
-                f'the longest link, {longest:g} m, is longer than the other three together, '
-                f'{sum(others):g} m: the loop cannot close; shorten it or lengthen the others'
+                f'the longest link, {longest:g} m, is longer than the other three together by '
+                f'{lack:.6g} m: the loop cannot close; shorten it or lengthen the others'
             )
 
     def _lengths(self) -> tuple[float, float, float, float]:
@@ -96,7 +97,7 @@ class FourBar(Checked):
         return min(links, key=lambda name: links[name])
 
     def limits(self, *, far: bool, near: bool) -> Iterator[str]:
-        """What stops a crank, each with the cure.
+        """What stops a crank.
 
         Args:
             far: Whether it cannot point away from the rocker pivot.
@@ -107,16 +108,32 @@ class FourBar(Checked):
         """
         r, b, c, d = self._lengths()
         if far:
-            yield (
-                f'coupler + rocker = {b + c:g} m are shorter than frame + crank = {d + r:g} m: '
-                f'lengthen them or shorten the crank by {d + r - b - c:.3g} m'
-            )
+            lack = math.fsum((d, r, -b, -c))
+            yield f'coupler + rocker are {lack:.6g} m shorter than frame + crank'
         if near:
-            lack = abs(b - c) - abs(d - r)
-            yield (
-                f'coupler and rocker differ by {abs(b - c):g} m, more than frame and crank by '
-                f'{abs(d - r):g} m: bring the former nearer or the latter apart by {lack:.3g} m'
-            )
+            lack = abs(math.fsum((b, -c))) - abs(math.fsum((d, -r)))
+            yield f'coupler and rocker differ by {lack:.6g} m more than frame and crank'
+
+    def cures(self) -> Iterator[str]:
+        """What would make a limited crank turn: each clause by itself, as short as can be."""
+        r, b, c, d = self._lengths()
+        short, long = sorted((b, c))
+        triangle = (short, long, -d), (d, short, -long)
+        at_most = min(short_sum(self.longest, *terms) for terms in triangle)
+        upper = rounded(short + long - d, up=False)
+        lower = rounded(d + long - short, up=True)
+        fits, shortened = float(lower) <= float(upper), r > float(upper)
+        if fits:
+            way = 'shorten' if shortened else 'lengthen'
+            yield f'{way} the crank to between {lower} and {upper} m'
+        if 0 < at_most < r and not (fits and shortened):
+            yield f'shorten the crank to at most {rounded(at_most, up=False)} m'
+        longer = rounded(max(d + r - long, long - abs(d - r)), up=True)
+        if short < float(longer) <= long + abs(d - r):
+            yield f'lengthen the {"coupler" if b < c else "rocker"} to at least {longer} m'
+        elif at_most <= 0:
+            equal = rounded((d + r) / 2, up=True)
+            yield f'make coupler and rocker equal, at least {equal} m each'
 
 
 @dataclass(frozen=True)
@@ -149,10 +166,11 @@ class SliderCrank(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         r, b, e = self._lengths()
-        if abs(e) > r + b:
+        if short_sum(self.longest, abs(e), -r, -b) > 0:
             raise MechanismError(
-                f'the offset of the slider, {e:g} m, is larger than crank + coupler, {r + b:g} '
-                'm: the loop cannot close; lower it or lengthen them'
+                f'the offset of the slider, {e:g} m, is farther from 0 than crank + coupler '
+                f'reach, by {math.fsum((abs(e), -r, -b)):.6g} m: the loop cannot close; bring it '
+                'nearer to 0 or lengthen them'
             )
 
     def _lengths(self) -> tuple[float, float, float]:
@@ -188,7 +206,7 @@ class SliderCrank(Checked):
         return 'rotating-coupler' if coupler < 0 else 'non-Grashof'
 
     def limits(self, *, far: bool, near: bool) -> Iterator[str]:
-        """What stops a crank, each with the cure.
+        """What stops a crank.
 
         Args:
             far: Whether it cannot point to the left of the guide.
@@ -198,13 +216,22 @@ class SliderCrank(Checked):
             A clause for people.
         """
         r, b, e = self._lengths()
-        for stopped, word, side, reach in ((far, '-', 'left', r - e), (near, '+', 'right', r + e)):
+        for stopped, word, side, offset in ((far, '-', 'left', -e), (near, '+', 'right', e)):
             if stopped:
+                lack = math.fsum((r, offset, -b))
                 yield (
-                    f"on the guide's {side}, crank {word} offset = {reach:g} m are longer than "
-                    f'the coupler, {b:g} m: lengthen the coupler or shorten the crank by '
-                    f'{reach - b:.3g} m'
+                    f"on the guide's {side}, crank {word} offset are {lack:.6g} m longer than the "
+                    'coupler'
                 )
+
+    def cures(self) -> Iterator[str]:
+        """What would make a limited crank turn: each clause by itself, as short as can be."""
+        r, b, e = self._lengths()
+        yield f'lengthen the coupler to at least {rounded(r + abs(e), up=True)} m'
+        if (shorter := short_sum(self.longest, b, -abs(e))) > 0:
+            yield f'shorten the crank to at most {rounded(shorter, up=False)} m'
+        if (nearer := short_sum(self.longest, b, -r)) > 0:
+            yield f'bring the offset to within {rounded(nearer, up=False)} m of 0'
 
 
 Mechanism: TypeAlias = FourBar | SliderCrank

@@ -21,7 +21,8 @@ class Mobility(NamedTuple):
         period_turns: Turns of the crank after which the motion repeats.
         arcs: Where the crank can be, (from, to) with from in [0, 2 pi), rad; the whole turn
             where it turns fully.
-        limits: What stops the crank, each with the cure; empty where it turns fully.
+        limits: What stops the crank; empty where it turns fully.
+        cures: What would make it turn, each by itself; empty where it does.
         equalities: Sums of lengths that are not 0 in binary and count as 0, in words.
     """
 
@@ -30,6 +31,7 @@ class Mobility(NamedTuple):
     period_turns: int
     arcs: tuple[Arc, ...]
     limits: tuple[str, ...]
+    cures: tuple[str, ...]
     equalities: tuple[str, ...]
 
 
@@ -49,6 +51,7 @@ def assess(mechanism: Mechanism, transmission: TransmissionMap) -> Mobility:
         transmission.period_turns,
         transmission.arcs(),
         tuple(mechanism.limits(far=transmission.p < 0, near=transmission.q < 0)),
+        () if transmission.turns_fully else tuple(mechanism.cures()),
         tuple(equalities(mechanism)),
     )
 
@@ -61,14 +64,14 @@ def refusal(mobility: Mobility, purpose: str) -> str:
         purpose: What it cannot do, such as 'turn fully' or 'reach 57.3 deg'.
 
     Returns:
-        The class, the cause with its cure, and the reachable arcs in degrees.
+        The class, the cause, the cures and the reachable arcs in degrees.
     """
     arcs = ' and '.join(
         f'{math.degrees(start):.6g} to {math.degrees(end):.6g} deg' for start, end in mobility.arcs
     )
     return (
         f'the crank of this {mobility.grashof} linkage cannot {purpose}: '
-        f'{"; ".join(mobility.limits)}; it reaches {arcs}'
+        f'{"; ".join(mobility.limits)}; {" or ".join(mobility.cures)}; it reaches {arcs}'
     )
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any, Protocol, TypeAlias
 
@@ -61,6 +62,20 @@ def wrap(angle: Real, functions: Functions) -> Real:
     return (angle - turns * TWO_PI[0]) - turns * TWO_PI[1]
 
 
+def nearest_turns(angle: float) -> int:
+    """How many whole turns bring an angle nearest to zero, exactly.
+
+    In doubles an odd multiple of pi would be a tie: the nearest double to 3 pi lies below it.
+
+    Args:
+        angle: rad.
+
+    Returns:
+        The number of turns.
+    """
+    return round(Fraction(angle) / (Fraction(TWO_PI[0]) + Fraction(TWO_PI[1])))
+
+
 def short_sum(longest: float, *terms: float) -> float:
     """The exact sum of link lengths, rounded once; 0 where it is below 4 ulp of the longest.
 
@@ -81,3 +96,21 @@ def short_sum(longest: float, *terms: float) -> float:
 def is_rounding(longest: float, total: float) -> bool:
     """Whether an exact sum of lengths up to the longest counts as 0."""
     return abs(total) < 4 * math.ulp(longest)
+
+
+def rounded(length: float, *, up: bool) -> str:
+    """A bound in six digits: rounded to the side on which it still holds.
+
+    Args:
+        length: The bound, m.
+        up: Whether it is a least value; otherwise a largest.
+
+    Returns:
+        Its text.
+    """
+    text = f'{length:.6g}'
+    gap = length - float(text) if up else float(text) - length
+    if length <= 0 or gap <= 0 or is_rounding(length, gap):
+        return text
+    unit = 10.0 ** (math.floor(math.log10(length)) - 5)
+    return f'{float(text) + (unit if up else -unit):.6g}'

@@ -49,7 +49,7 @@ class Quantity:
         unit = f' {self.unit}' if self.unit else ''
         return {
             'number': f'a number from {self.low:g} to {self.high:g}{unit}',
-            'pair': f'two numbers [x, y], each from {self.low:g} to {self.high:g}{unit}',
+            'pair': f'two numbers, each from {self.low:g} to {self.high:g}{unit}',
             'choice': 'one of ' + ', '.join(self.choices),
             'text': 'text',
             'switch': 'true or false',
@@ -92,7 +92,9 @@ class Quantity:
         return number + 0.0 if self.low <= number <= self.high else None
 
     def _pair(self, value: object) -> tuple[float, float] | None:
-        if isinstance(value, (str, bytes)) or not hasattr(value, '__iter__'):
+        # Sets have no order, iterators are used up, mappings would give their keys.
+        is_row = hasattr(value, '__len__') and hasattr(value, '__getitem__')
+        if isinstance(value, (str, bytes, Mapping)) or not is_row:
             return None
         numbers = [self._number(item) for item in typing.cast('typing.Iterable[object]', value)]
         if len(numbers) != 2 or numbers[0] is None or numbers[1] is None:
@@ -103,7 +105,7 @@ class Quantity:
 def shown(value: object) -> str:
     """A value as an error message shows it: on one line and not endless."""
     try:
-        words = repr(value)
+        words = ' '.join(repr(value).split())
     except ValueError:  # Python writes no whole number of thousands of digits
         return 'a number of thousands of digits'
     return words if len(words) <= 80 else words[:77] + '...'
@@ -128,10 +130,17 @@ class Checked:
     """Base of the frozen dataclasses whose fields are quantities: they are checked when made."""
 
     def __post_init__(self) -> None:
+        hints = typing.get_type_hints(type(self))
         for field in dataclasses.fields(typing.cast('Any', self)):
             value = getattr(self, field.name)
             described = field.metadata.get('quantity')
-            if described is not None and not (value is None and field.default is None):
+            if described is None:
+                kind = hints[field.name]
+                if not isinstance(value, kind):
+                    raise ConfigurationError(
+                        f'{field.name} = {shown(value)}: must be a {kind.__name__}'
+                    )
+            elif not (value is None and field.default is None):
                 object.__setattr__(self, field.name, described.clean(field.name, value))
 
 

@@ -23,7 +23,7 @@ import math
 
 from linkage_ros.links import Links
 from linkage_ros.mechanism import OPEN, SliderCrank
-from linkage_ros.numeric import HALF_PI, Functions, Real, short_sum, two_sum
+from linkage_ros.numeric import HALF_PI, Functions, Real, nearest_turns, short_sum, two_sum
 from linkage_ros.structure import Joint, Point, SlidingBody, Structure, TurningBody
 from linkage_ros.transmission import TransmissionMap
 
@@ -41,16 +41,15 @@ class SliderCrankKinematics:
         r, b, e = mechanism.crank.length, mechanism.coupler.length, mechanism.slider.offset
         guide = mechanism.frame.angle
         far, near = (short_sum(mechanism.longest, *terms) for terms in mechanism.sums.values())
-        turns_away = round(guide / (2 * math.pi))
         high, low = two_sum(guide, -HALF_PI[0])
         self.structure = structure(mechanism)
         self.map = TransmissionMap(
             reference=(high, low - HALF_PI[1]),
-            kappa=math.sqrt(r / b) * (-1 if turns_away % 2 else 1),
+            kappa=math.sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
             p=far / (2 * b),
             q=near / (2 * b),
-            far=math.fsum((b, e, r)) / (2 * b),
-            near=math.fsum((b, -e, r)) / (2 * b),
+            far=short_sum(mechanism.longest, b, e, r) / (2 * b),
+            near=short_sum(mechanism.longest, b, -e, r) / (2 * b),
         )
         gx, gy = math.cos(guide), math.sin(guide)
         self._guide = (gx, gy), (gx / r, gy / r), (gx / b, gy / b)

@@ -23,6 +23,7 @@ from linkage_ros.state import PointMotion, State, point_motion
 _CHUNK = 16384
 # A named tuple's own constructor unpacks and repacks; at 3 us a state that would show.
 _new = tuple.__new__
+_EPSILON = 2.0**-52
 
 
 class Solver:
@@ -103,7 +104,8 @@ class Solver:
         points = self.structure.points
         if name not in points:
             raise ConfigurationError(f'point {name!r}: must be one of {", ".join(points)}')
-        return point_motion(points[name], state)
+        with np.errstate(under='ignore'):
+            return point_motion(points[name], state)
 
     def reactions(self, state: State) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
@@ -119,8 +121,11 @@ class Solver:
                 have no finite value.
         """
         functions, kinematics = functions_of(state.torque), self.kinematics
-        sine = kinematics.side * kinematics.map.sine(state.position[0], functions)
-        at_change_point = np.atleast_1d(state.position[0])[np.atleast_1d(sine) == 0]
+        with np.errstate(under='ignore'):
+            sine = kinematics.side * kinematics.map.sine(state.position[0], functions)
+        # No double lies on pi itself: within its rounding the change point is meant.
+        nothing = 2 * _EPSILON * abs(kinematics.map.kappa)
+        at_change_point = np.atleast_1d(state.position[0])[np.abs(np.atleast_1d(sine)) <= nothing]
         if at_change_point.size:
             crank = float(at_change_point[0])
             raise UnreachableError(
@@ -129,7 +134,8 @@ class Solver:
                 crank_angle=crank,
                 arcs=self.mobility.arcs,
             )
-        return reactions(self.mechanism, self.structure, state, sine)
+        with np.errstate(under='ignore'):
+            return reactions(self.mechanism, self.structure, state, sine)
 
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
         if self._limited:

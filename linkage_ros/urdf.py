@@ -65,7 +65,9 @@ def _add_link(robot: ET.Element, name: str, body: Body | Slider, width: float, l
         length, height, inertia, center = body.length, width, body.inertia, body.center
         _add_origin(visual, length / 2, 0.0, layer * width)
     else:
-        length, height, inertia, center = 6 * width, 4 * width, 0.0, (0.0, 0.0)
+        length, height, center = 6 * width, 4 * width, (0.0, 0.0)
+        # It does not turn: any inertia gives the same motion, but simulators refuse none at all.
+        inertia = body.mass * (length**2 + height**2) / 12
         _add_origin(visual, 0.0, 0.0, layer * width)
     box = ET.SubElement(ET.SubElement(visual, 'geometry'), 'box')
     box.set('size', f'{length!r} {height!r} {width!r}')

@@ -434,6 +434,14 @@ def test_branch_does_not_depend_on_turns_in_the_frame_angle(name, turns):
     assert max(worst_errors(solver, [-2.0, 0.3, 1.0, 3.0, 5.0, 9.0], 2.0, 1.5)) < 1e-13
 
 
+@pytest.mark.parametrize('odd', [1, -1, 3, -3, 7, -7, 17, 19, 21, 315])
+@pytest.mark.parametrize('name', ['p0', 'q0_rocker_longest', 'kite_r_d'])
+def test_frame_angle_of_half_turns_counts_as_the_nearer_to_zero(name, odd):
+    """The double nearest to 3 pi lies below it: it stands for almost pi, not for -pi."""
+    solver = Solver(four_bar(CHANGE_POINTS[name], odd * math.pi))
+    assert max(worst_errors(solver, [-2.0, 0.3, 1.0, 3.0, 5.0, 9.0], 2.0, 1.5)) < 1e-13
+
+
 @pytest.mark.parametrize('assembly', ASSEMBLIES)
 @pytest.mark.parametrize(
     'text',

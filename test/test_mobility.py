@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import random
 import re
 from fractions import Fraction
 
@@ -14,7 +15,17 @@ from hypothesis import strategies as st
 from mpmath import mp
 from oracle import Oracle
 
-from linkage_ros import Body, Coupler, FourBar, Frame, MechanismError, Solver, UnreachableError
+from linkage_ros import (
+    Body,
+    Coupler,
+    FourBar,
+    Frame,
+    MechanismError,
+    Slider,
+    SliderCrank,
+    Solver,
+    UnreachableError,
+)
 
 TURN = 2 * math.pi
 
@@ -234,31 +245,61 @@ def test_loop_that_cannot_close_is_refused_when_described(lengths):
 
 def test_limits_say_which_lengths_stop_the_crank():
     far, near = mobility((2, 1, 1.5, 2)).limits
-    assert far == (
-        'coupler + rocker = 2.5 m are shorter than frame + crank = 4 m: lengthen them or shorten '
-        'the crank by 1.5 m'
-    )
-    assert near == (
-        'coupler and rocker differ by 0.5 m, more than frame and crank by 0 m: bring the former '
-        'nearer or the latter apart by 0.5 m'
-    )
+    assert far == 'coupler + rocker are 1.5 m shorter than frame + crank'
+    assert near == 'coupler and rocker differ by 0.5 m more than frame and crank'
 
 
-@pytest.mark.parametrize(
-    ('lengths', 'words', 'cured'),
-    [
-        ((4, 2.1, 2.2, 2), 'shorten the crank by', lambda r, b, c, d, x: (r - x, b, c, d)),
-        ((4, 2.1, 2.2, 2), 'lengthen them', lambda r, b, c, d, x: (r, b + x / 2, c + x / 2, d)),
-        ((2, 4, 2.1, 2.2), 'the former nearer', lambda r, b, c, d, x: (r, b - x, c, d)),
-        ((2, 2.1, 4, 2.2), 'the former nearer', lambda r, b, c, d, x: (r, b, c - x, d)),
-    ],
-)
-def test_cure_that_a_limit_names_lets_the_crank_turn(lengths, words, cured):
-    (limit,) = mobility(lengths).limits
-    assert words in limit
-    amount = float(re.search(r'by (\S+) m$', limit)[1])
-    assert mobility(cured(*lengths, amount * 1.001)).turns_fully
-    assert not mobility(cured(*lengths, amount * 0.999)).turns_fully
+CURES = {
+    'shorten the crank to at most': lambda r, b, c, d, x: (x, b, c, d),
+    'shorten the crank to between': lambda r, b, c, d, x: (x, b, c, d),
+    'lengthen the crank to between': lambda r, b, c, d, x: (x, b, c, d),
+    'lengthen the coupler to at least': lambda r, b, c, d, x: (r, x, c, d),
+    'lengthen the rocker to at least': lambda r, b, c, d, x: (r, b, x, d),
+    'make coupler and rocker equal, at least': lambda r, b, c, d, x: (r, x, x, d),
+    'on a guide: lengthen the coupler to at least': lambda r, b, e, x: (r, x, e),
+    'on a guide: shorten the crank to at most': lambda r, b, e, x: (x, b, e),
+    'on a guide: bring the offset to within': lambda r, b, e, x: (r, b, math.copysign(x, e)),
+}
+
+
+def of(lengths):
+    """The mobility of a four-bar, or of a slider-crank where there are but three lengths."""
+    if len(lengths) == 4:
+        return mobility(lengths)
+    r, b, e = lengths
+    return Solver(SliderCrank(Body(r), Coupler(b), Slider(e))).mobility
+
+
+@pytest.mark.parametrize('lengths', [4, 3])
+def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
+    """Four-bars and slider-cranks with random lengths, and with round ones."""
+    rng, seen, count = random.Random(7), set(), lengths
+    for number in range(4000):
+        if number % 2:
+            lengths = [rng.uniform(0.1, 5) for _ in range(count)]
+        else:
+            lengths = [rng.randint(1, 9) / rng.choice([1, 3, 10]) for _ in range(count)]
+        if count == 3:
+            lengths[2] *= rng.choice([-1, 0, 1])
+        try:
+            found = of(lengths)
+        except MechanismError:
+            continue  # it cannot be put together
+        assert bool(found.cures) != found.turns_fully
+        for cure in found.cures:
+            words, *bounds = re.fullmatch(
+                r'(.+?) ([0-9.e+-]+)(?: and ([0-9.e+-]+))? m(?: each| of 0)?', cure
+            ).groups()
+            bounds = [float(bound) for bound in bounds if bound]
+            words = words if count == 4 else f'on a guide: {words}'
+            seen.add(words)
+            for bound in bounds:
+                assert of(CURES[words](*lengths, bound)).turns_fully, (lengths, cure)
+            longer = 'lengthen' in words or 'at least' in words
+            less = bounds[0] * 0.9999 if longer else bounds[-1] * 1.0001
+            if 'crank to at most' not in words or count == 3 or lengths[1] != lengths[2]:
+                assert not of(CURES[words](*lengths, less)).turns_fully, (lengths, cure)
+    assert seen == {words for words in CURES if (count == 3) == words.startswith('on a guide')}
 
 
 def test_error_of_a_state_carries_the_reach_and_the_cure():
@@ -266,7 +307,8 @@ def test_error_of_a_state_carries_the_reach_and_the_cure():
     with pytest.raises(
         UnreachableError,
         match=r'^the crank of this triple-rocker linkage cannot move at 180 deg: coupler '
-        r'\+ rocker = 4\.3 m are shorter than .* the crank by 1\.7 m; .*it reaches .* deg$',
+        r'\+ rocker are 1\.7 m shorter than .*; shorten the crank to between 2\.1 and 2\.3 m or '
+        r'.*; it reaches .* deg$',
     ) as error:
         solver.state(math.pi)
     assert error.value.crank_angle == math.pi
@@ -277,6 +319,7 @@ def test_error_of_a_state_carries_the_reach_and_the_cure():
 def test_full_turn_can_be_required():
     Solver(four_bar((1, 3, 2.5, 2.2))).require_full_turn()
     with pytest.raises(
-        MechanismError, match=r'triple-rocker linkage cannot turn fully: .* by 1\.7 m'
+        MechanismError,
+        match=r'triple-rocker linkage cannot turn fully: .* between 2\.1 and 2\.3 m',
     ):
         Solver(four_bar((4, 2.1, 2.2, 2))).require_full_turn()

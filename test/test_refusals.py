@@ -1,0 +1,429 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is refused, and in which words: one line that names the value and what would be valid.
+
+In the expected lines, an ellipsis stands for any further text.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from linkage_ros import (
+    Body,
+    ConfigurationError,
+    Coupler,
+    FourBar,
+    Frame,
+    Guide,
+    LinkageError,
+    MechanismError,
+    Slider,
+    SliderCrank,
+    Solver,
+    UnreachableError,
+)
+from linkage_ros.configuration import configure, parameter_leaves
+from linkage_ros.motion import SpeedDrive
+
+FOUR, SLIDER = 'four_bar', 'slider_crank'
+GOOD = {
+    FOUR: {
+        'mechanism': FOUR,
+        'frame.length': 0.425,
+        'crank.length': 0.1,
+        'coupler.length': 0.315,
+        'rocker.length': 0.5,
+        'rpm': 150.0,
+    },
+    SLIDER: {
+        'mechanism': SLIDER,
+        'crank.length': 0.1,
+        'coupler.length': 0.3,
+        'slider.offset': 0.05,
+        'rpm': 150.0,
+    },
+}
+LEFT_OUT = object()
+NAN, INF = math.nan, math.inf
+
+A_LENGTH = 'must be a number from 1e-09 to 1e+09 m'
+AN_OFFSET = 'must be a number from -1e+09 to 1e+09 m'
+A_PAIR = 'must be two numbers … each from -1e+09 to 1e+09 m'
+AN_RPM = 'must be a number from -1e+06 to 1e+06 rpm'
+A_MASS = 'must be a number from 0 to 1e+12 kg'
+AN_INERTIA = 'must be a number from 0 to 1e+12 kg m^2'
+AN_ANGLE = 'must be a number from -1000 to 1000 rad'
+A_RATE = 'must be a number from 0.01 to 100000 Hz'
+NO_LOOP = 'm: the loop cannot close; shorten it or lengthen the others'
+NO_REACH = 'm: the loop cannot close; bring it nearer to 0 or lengthen them'
+
+
+def names(kind):
+    return 'Valid names: ' + ', '.join(leaf.name for leaf in parameter_leaves(kind))
+
+
+# One parameter of a good configuration is changed, added or left out.
+BAD_VALUES = [
+    # Lengths.
+    (FOUR, 'crank.length', 0, f'crank.length = 0: {A_LENGTH}'),
+    (FOUR, 'coupler.length', -0.3, f'coupler.length = -0.3: {A_LENGTH}'),
+    (FOUR, 'rocker.length', NAN, f'rocker.length = nan: {A_LENGTH}'),
+    (FOUR, 'frame.length', INF, f'frame.length = inf: {A_LENGTH}'),
+    (FOUR, 'frame.length', 1e10, f'frame.length = 10000000000.0: {A_LENGTH}'),
+    (FOUR, 'crank.length', 1e-10, f'crank.length = 1e-10: {A_LENGTH}'),
+    (FOUR, 'crank.length', '0.1', f"crank.length = '0.1': {A_LENGTH}"),
+    (FOUR, 'rocker.length', [0.5], f'rocker.length = [0.5]: {A_LENGTH}'),
+    (FOUR, 'coupler.length', True, f'coupler.length = True: {A_LENGTH}'),
+    (FOUR, 'frame.length', None, f'frame.length = None: {A_LENGTH}'),
+    (SLIDER, 'crank.length', -0.0, f'crank.length = -0.0: {A_LENGTH}'),
+    (SLIDER, 'coupler.length', -INF, f'coupler.length = -inf: {A_LENGTH}'),
+    (SLIDER, 'coupler.length', 5e-324, f'coupler.length = 5e-324: {A_LENGTH}'),
+    (SLIDER, 'crank.length', 10**400, f'crank.length = 10000000…: {A_LENGTH}'),
+    (SLIDER, 'crank.length', '10 cm', f"crank.length = '10 cm': {A_LENGTH}"),
+    (SLIDER, 'crank.length', 'a\nb', rf"crank.length = 'a\nb': {A_LENGTH}"),
+    (SLIDER, 'slider.offset', NAN, f'slider.offset = nan: {AN_OFFSET}'),
+    (SLIDER, 'slider.offset', -1e10, f'slider.offset = -10000000000.0: {AN_OFFSET}'),
+    (SLIDER, 'slider.offset', 'left', f"slider.offset = 'left': {AN_OFFSET}"),
+    (SLIDER, 'slider.offset', [0.1], f'slider.offset = [0.1]: {AN_OFFSET}'),
+    (SLIDER, 'slider.offset', False, f'slider.offset = False: {AN_OFFSET}'),
+    # Masses, forces, centres, the traced point, gravity.
+    (FOUR, 'crank.mass', -1, f'crank.mass = -1: {A_MASS}'),
+    (FOUR, 'rocker.mass', NAN, f'rocker.mass = nan: {A_MASS}'),
+    (FOUR, 'coupler.mass', 1e13, f'coupler.mass = 10000000000000.0: {A_MASS}'),
+    (FOUR, 'rocker.inertia', -1e-9, f'rocker.inertia = -1e-09: {AN_INERTIA}'),
+    (SLIDER, 'coupler.inertia', 'light', f"coupler.inertia = 'light': {AN_INERTIA}"),
+    (SLIDER, 'slider.mass', -0.5, f'slider.mass = -0.5: {A_MASS}'),
+    (SLIDER, 'slider.damping', -0.1, 'slider.damping = -0.1: must be a number from 0 … N s/m'),
+    (SLIDER, 'slider.force', INF, 'slider.force = inf: must be a number from -1e+12 to 1e+12 N'),
+    (FOUR, 'coupler.center', [0.1], f'coupler.center = [0.1]: {A_PAIR}'),
+    (FOUR, 'rocker.center', [1, 2, 3], f'rocker.center = [1, 2, 3]: {A_PAIR}'),
+    (FOUR, 'crank.center', 0.1, f'crank.center = 0.1: {A_PAIR}'),
+    (SLIDER, 'coupler.center', '0.1 0.2', f"coupler.center = '0.1 0.2': {A_PAIR}"),
+    (SLIDER, 'crank.center', [NAN, 0], f'crank.center = [nan, 0]: {A_PAIR}'),
+    (FOUR, 'coupler.point', [0.1], f'coupler.point = [0.1]: {A_PAIR}'),
+    (SLIDER, 'coupler.point', [0, 1e10], f'coupler.point = [0, 10000000000.0]: {A_PAIR}'),
+    (SLIDER, 'coupler.point', 'tip', f"coupler.point = 'tip': {A_PAIR}"),
+    (FOUR, 'gravity', 9.81, 'gravity = 9.81: must be two numbers, each from …'),
+    (SLIDER, 'gravity', [0, -9.81, 0], 'gravity = [0, -9.81, 0]: must be two numbers, …'),
+    (FOUR, 'gravity', [0, -1e7], 'gravity = [0, -10000000.0]: … from -1e+06 to 1e+06 m/s^2'),
+    # Angles and motion.
+    (FOUR, 'frame.angle', '30 deg', f"frame.angle = '30 deg': {AN_ANGLE}"),
+    (SLIDER, 'frame.angle', 1e4, f'frame.angle = 10000.0: {AN_ANGLE}'),
+    (FOUR, 'crank_angle', INF, 'crank_angle = inf: must be a number from -1e+06 to 1e+06 rad'),
+    (FOUR, 'rpm', 1e7, f'rpm = 10000000.0: {AN_RPM}'),
+    (SLIDER, 'rpm', 'fast', f"rpm = 'fast': {AN_RPM}"),
+    (FOUR, 'start_rpm', -1e7, f'start_rpm = -10000000.0: {AN_RPM}'),
+    (SLIDER, 'crank_acceleration', -1, 'crank_acceleration = -1: must be a number from 0 …'),
+    (FOUR, 'rate_hz', 0, f'rate_hz = 0: {A_RATE}'),
+    (SLIDER, 'rate_hz', 1e6, f'rate_hz = 1000000.0: {A_RATE}'),
+    (SLIDER, 'rate_hz', NAN, f'rate_hz = nan: {A_RATE}'),
+    # Words and switches.
+    (FOUR, 'mechanism', 'five_bar', "mechanism = 'five_bar': must be one of four_bar, slider_…"),
+    (SLIDER, 'mechanism', 'SliderCrank', "mechanism = 'SliderCrank': must be one of four_bar, …"),
+    (FOUR, 'mechanism', 4, 'mechanism = 4: must be one of four_bar, slider_crank…'),
+    (FOUR, 'drive', 'hand', "drive = 'hand': must be one of speed…"),
+    (FOUR, 'assembly', 'Open', "assembly = 'Open': must be one of open, crossed"),
+    (SLIDER, 'assembly', 'left', "assembly = 'left': must be one of open, crossed"),
+    (SLIDER, 'assembly', -1, 'assembly = -1: must be one of open, crossed'),
+    (FOUR, 'log', 5, 'log = 5: must be text'),
+    (SLIDER, 'log_overwrite', 'yes', "log_overwrite = 'yes': must be true or false"),
+    (SLIDER, 'viewer', True, 'viewer = True: must be text'),
+    (FOUR, 'viewer_bind', ['a', 'b'], "viewer_bind = ['a', 'b']: must be text"),
+    # Names: misspelt, another mechanism's, of no mechanism.
+    (FOUR, 'crank.lenght', 1, f"'crank.lenght' is … did you mean crank.length? {names(FOUR)}"),
+    (SLIDER, 'slider.ofset', 1, f"'slider.ofset' is … mean slider.offset? {names(SLIDER)}"),
+    (SLIDER, 'coupler.centre', [0, 0], "'coupler.centre' is … mean coupler.center? …"),
+    (FOUR, 'coupler.point.x', 1, "'coupler.point.x' is … mean coupler.point? …"),
+    (SLIDER, 'rmp', 1, "'rmp' is not a parameter of a slider_crank; did you mean rpm? …"),
+    (SLIDER, 'rocker.length', 1, f'… of a slider_crank but of a four_bar. {names(SLIDER)}'),
+    (SLIDER, 'frame.length', 1, f"'frame.length' is … of a slider_crank…{names(SLIDER)}"),
+    (SLIDER, 'rocker.mass', 1, f"'rocker.mass' is … of a slider_crank…{names(SLIDER)}"),
+    (FOUR, 'slider.offset', 0, f'… of a four_bar but of a slider_crank. {names(FOUR)}'),
+    (FOUR, 'slider.damping', 1, f"'slider.damping' is … of a four_bar…{names(FOUR)}"),
+    (FOUR, 'frame.mass', 1, f"'frame.mass' is … of a four_bar…{names(FOUR)}"),
+    (SLIDER, 'wheel.radius', 1, f"'wheel.radius' is … of a slider_crank…{names(SLIDER)}"),
+    (SLIDER, 'a\nb', 1, rf"'a\nb' is not a parameter of a slider_crank…{names(SLIDER)}"),
+    # What is required.
+    (FOUR, 'frame.length', LEFT_OUT, f'frame.length is missing: {A_LENGTH}'),
+    (FOUR, 'crank.length', LEFT_OUT, f'crank.length is missing: {A_LENGTH}'),
+    (FOUR, 'rocker.length', LEFT_OUT, f'rocker.length is missing: {A_LENGTH}'),
+    (FOUR, 'rpm', LEFT_OUT, f'rpm is missing: {AN_RPM}'),
+    (SLIDER, 'crank.length', LEFT_OUT, f'crank.length is missing: {A_LENGTH}'),
+    (SLIDER, 'coupler.length', LEFT_OUT, f'coupler.length is missing: {A_LENGTH}'),
+    (SLIDER, 'rpm', LEFT_OUT, f'rpm is missing: {AN_RPM}'),
+]
+
+# Crank, coupler, rocker and frame, or crank, coupler and offset: no position at all.
+NO_ASSEMBLY = [
+    (FOUR, (9, 1, 1, 1), f'the longest link, 9 m, … by 6 {NO_LOOP}'),
+    (FOUR, (1, 9, 1, 1), f'the longest link, 9 m, … by 6 {NO_LOOP}'),
+    (FOUR, (1, 1, 9, 1), f'the longest link, 9 m, … by 6 {NO_LOOP}'),
+    (FOUR, (1, 1, 1, 3.01), f'the longest link, 3.01 m, … by 0.01 {NO_LOOP}'),
+    (SLIDER, (1, 2, 3.5), f'the offset of the slider, 3.5 m, … by 0.5 {NO_REACH}'),
+    (SLIDER, (0.2, 2.8, 3.01), f'the offset of the slider, 3.01 m, … by 0.01 {NO_REACH}'),
+]
+
+
+# ---------------------------------------------------------------- cranks that cannot turn
+
+LEFT, RIGHT = "on the guide's left, crank -", "on the guide's right, crank +"
+FAR, NEAR = 'coupler + rocker are', 'coupler and rocker differ by'
+TRIPLE, CHANGE, NEITHER = 'triple-rocker', 'change-point', 'non-Grashof'
+COUPLER = 'rotating-coupler'
+# Crank, coupler, rocker and frame, or crank, coupler and offset; what stops the crank, and by how
+# much; what the cures say (test_mobility follows them).
+LIMITED = [
+    (FOUR, TRIPLE, (4, 2.1, 2.2, 2), {FAR: 1.7}, 'shorten … between 2.1 and 2.3 m or …'),
+    (FOUR, TRIPLE, (2, 2.1, 2.2, 4), {FAR: 1.7}, 'shorten the crank to at most 0.3 m or …'),
+    (FOUR, TRIPLE, (2, 1.9, 2, 2.5), {FAR: 0.6}, 'shorten the crank to at most 1.4 m or …'),
+    (FOUR, TRIPLE, (2, 4, 2.1, 2.2), {NEAR: 1.7}, '… lengthen the rocker to at least 3.8 m'),
+    (FOUR, TRIPLE, (2.2, 2.1, 4, 2), {NEAR: 1.7}, '… crank to between 3.9 and 4.1 m or …'),
+    (
+        FOUR,
+        TRIPLE,
+        (5, 1, 1.2, 4),
+        {FAR: 6.8},
+        'make coupler and rocker equal, at least 4.5 m each',
+    ),
+    (FOUR, CHANGE, (3, 1, 2, 2), {FAR: 2}, 'shorten the crank to at most 1 m or …'),
+    (
+        FOUR,
+        'double-rocker',
+        (2.5, 1, 2.2, 2),
+        {FAR: 1.3, NEAR: 0.7},
+        '… coupler to at least 2.3 m',
+    ),
+    (FOUR, 'rocker-crank', (2.5, 2.2, 1, 2), {FAR: 1.3, NEAR: 0.7}, '… rocker to at least 2.3 m'),
+    (SLIDER, NEITHER, (2, 2.5, 1), {RIGHT: 0.5}, 'lengthen the coupler to at least 3 m or …'),
+    (SLIDER, NEITHER, (2, 2.5, -1), {LEFT: 0.5}, '… shorten the crank to at most 1.5 m or …'),
+    (SLIDER, NEITHER, (1, 1.5, 0.6), {RIGHT: 0.1}, '… bring the offset to within 0.5 m of 0'),
+    (SLIDER, NEITHER, (1, 1.5, -0.6), {LEFT: 0.1}, '… bring the offset to within 0.5 m of 0'),
+    (SLIDER, NEITHER, (1, 2, 2.5), {RIGHT: 1.5}, '… 3.5 m or bring the offset to within 1 m of 0'),
+    (SLIDER, CHANGE, (3, 2, 1), {RIGHT: 2}, '… shorten the crank to at most 1 m'),
+    (SLIDER, CHANGE, (3, 2, -1), {LEFT: 2}, '… shorten the crank to at most 1 m'),
+    (SLIDER, CHANGE, (2, 1, 1), {RIGHT: 2}, 'lengthen the coupler to at least 3 m'),
+    (SLIDER, COUPLER, (2, 1, 0), {LEFT: 1, RIGHT: 1}, 'lengthen … 2 m or … at most 1 m'),
+    (SLIDER, COUPLER, (3, 1, 0.5), {LEFT: 1.5, RIGHT: 2.5}, '… 3.5 m or … at most 0.5 m'),
+]
+DIRECTION = 0.3  # of frame or guide, rad
+
+
+def parameters(kind, lengths):
+    """A configuration that is good but perhaps for its lengths."""
+    named = ['crank.length', 'coupler.length']
+    named += ['rocker.length', 'frame.length'] if kind == FOUR else ['slider.offset']
+    return {**GOOD[kind], 'frame.angle': DIRECTION, **dict(zip(named, lengths, strict=True))}
+
+
+def described(kind, lengths):
+    """The same mechanism from dataclasses, which do not ask for a full turn."""
+    if kind == FOUR:
+        r, b, c, d = lengths
+        return FourBar(Frame(d, DIRECTION), Body(r), Coupler(b), Body(c))
+    r, b, e = lengths
+    return SliderCrank(Body(r), Coupler(b), Slider(e), Guide(DIRECTION))
+
+
+def closes(kind, lengths, crank):
+    """Whether the loop closes at a crank angle, by the triangle of coupler and output link."""
+    if kind == FOUR:
+        r, b, c, d = lengths
+        diagonal = abs(d - r * np.exp(1j * (crank - DIRECTION)))
+        return abs(b - c) <= diagonal <= b + c
+    r, b, e = lengths
+    return abs(e - r * math.sin(crank - DIRECTION)) <= b
+
+
+# ---------------------------------------------------------------- asked of a mechanism in Python
+
+CRANK_ROCKER = FourBar(Frame(2.0), Body(1.0), Coupler(3.0), Body(2.5))
+TRACED = replace(CRANK_ROCKER, coupler=Coupler(3.0, mass=1.0, point=(1.5, 0.2)))
+PARALLELOGRAM = FourBar(Frame(2.0, 0.25), Body(1.0), Coupler(2.0, 1.0), Body(1.0))
+STRETCHED = FourBar(Frame(2.0), Body(4.0), Coupler(2.1), Body(2.2))
+CENTRIC = SliderCrank(Body(1.0), Coupler(2.5), Slider(mass=1.0))
+EQUAL_ROD = SliderCrank(Body(1.0), Coupler(1.0), Slider(mass=1.0))
+OFFSET = SliderCrank(Body(2.0), Coupler(2.5), Slider(1.0))
+
+CANNOT_MOVE = 'the crank of this triple-rocker linkage cannot move at'
+OVERFLOW = 'the torque overflows at a speed up to 1e+200 rad/s … 0 rad/s^2: lower them'
+BAD_CALLS = [
+    # Parts and mechanisms.
+    (lambda: Body(-1.0), f'length = -1.0: {A_LENGTH}'),
+    (lambda: Body(1.0, mass=-2.0), f'mass = -2.0: {A_MASS}'),
+    (lambda: Body(1.0, inertia=NAN), f'inertia = nan: {AN_INERTIA}'),
+    (lambda: Body(1.0, center=(1.0,)), f'center = (1.0,): {A_PAIR}'),
+    (lambda: Body(1.0, center=(1.0, 2.0, 3.0)), f'center = (1.0, 2.0, 3.0): {A_PAIR}'),
+    (lambda: Coupler(1.0, point='tip'), f"point = 'tip': {A_PAIR}"),
+    (lambda: Frame(0.0), f'length = 0.0: {A_LENGTH}'),
+    (lambda: Frame(1.0, angle=2e3), f'angle = 2000.0: {AN_ANGLE}'),
+    (lambda: Guide('level'), f"angle = 'level': {AN_ANGLE}"),
+    (lambda: Slider(offset=NAN), f'offset = nan: {AN_OFFSET}'),
+    (lambda: Slider(damping=-1.0), 'damping = -1.0: must be a number from 0 … N s/m'),
+    (lambda: replace(CRANK_ROCKER, assembly='up'), "assembly = 'up': … one of open, crossed"),
+    (lambda: replace(CENTRIC, assembly=None), 'assembly = None: must be one of open, crossed'),
+    (lambda: replace(CENTRIC, gravity=-9.81), 'gravity = -9.81: must be two numbers, …'),
+    (
+        lambda: replace(CRANK_ROCKER, rocker=Body(7.0)),
+        'the longest link, 7 m, is longer … by 1 m: …',
+    ),
+    (lambda: replace(CENTRIC, slider=Slider(4.0)), 'the offset of the slider, 4 m, … by 0.5 m: …'),
+    (lambda: SpeedDrive(2e6), f'rpm = 2000000.0: {AN_RPM}'),
+    (lambda: SpeedDrive(60.0, start_rpm=NAN), f'start_rpm = nan: {AN_RPM}'),
+    (lambda: SpeedDrive(60.0, crank_acceleration=-1.0), 'crank_acceleration = -1.0: must be …'),
+    # States.
+    (lambda: state(STRETCHED, math.pi), f'{CANNOT_MOVE} 180 deg: … it reaches … deg'),
+    (lambda: state(STRETCHED, [0.1, 3.0, 3.1]), f'{CANNOT_MOVE} 171.887339 deg: … reaches …'),
+    (lambda: state(OFFSET, -math.pi / 2), '… cannot move at -90 deg: … it reaches … deg'),
+    (lambda: state(OFFSET, np.full((2, 2), 5.0)), '… cannot move at 286.478898 deg: … reaches …'),
+    (lambda: Solver(STRETCHED).require_full_turn(), '… cannot turn fully: … it reaches … deg'),
+    (lambda: state(CRANK_ROCKER, NAN), 'crank angle = nan: must be a finite number'),
+    (lambda: state(CRANK_ROCKER, [0.0, -INF]), 'crank angle = -inf: must be a finite number'),
+    (lambda: state(CENTRIC, 0.0, INF), 'speed = inf: must be a finite number'),
+    (lambda: state(CENTRIC, [0.0, 1.0], [1.0, NAN]), 'speed = nan: must be a finite number'),
+    (lambda: state(CRANK_ROCKER, 0.0, 1.0, NAN), 'acceleration = nan: must be a finite number'),
+    (lambda: state(TRACED, 1.0, 1e200), OVERFLOW),
+    (lambda: state(CENTRIC, [1.0, 2.0], 1e200), OVERFLOW),
+    (
+        lambda: FourBar(Frame(2.0), Body(1.0), Body(3.0), Body(2.5)),
+        'coupler = Body(…: must be a Coupler',
+    ),
+    (lambda: FourBar(2.0, Body(1.0), Coupler(3.0), Body(2.5)), 'frame = 2.0: must be a Frame'),
+    (lambda: replace(CENTRIC, frame=Frame(1.0)), 'frame = Frame(…: must be a Guide'),
+    (lambda: Coupler(1.0, point={1.0, 2.0}), f'point = {{1.0, 2.0}}: {A_PAIR}'),
+    (lambda: Body(1.0, center={1: 2, 3: 4}), f'center = {{1: 2, 3: 4}}: {A_PAIR}'),
+    (lambda: Coupler(1.0, point=iter([1, 2])), f'point = <… object at …>: {A_PAIR}'),
+    (lambda: Coupler(1.0, point=np.eye(2)), f'point = array([[1., 0.], [0., 1.]]): {A_PAIR}'),
+    # Points and reactions.
+    (lambda: point(CRANK_ROCKER, 'C'), "point 'C': must be one of A0, A, B, B0"),
+    (lambda: point(TRACED, 'D'), "point 'D': must be one of A0, A, B, B0, C"),
+    (lambda: point(CENTRIC, 'B0'), "point 'B0': must be one of A0, A, B"),
+    (lambda: point(CENTRIC, 'a0'), "point 'a0': must be one of A0, A, B"),
+    (lambda: forces(PARALLELOGRAM, 0.25), 'at 14.3239449 deg … change point; ask for angles …'),
+    (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 90 deg … change point; ask for angles beside it'),
+    (lambda: forces(PARALLELOGRAM, [0.2, 0.25, 0.3]), 'at 14.3239449 deg all links lie in one …'),
+]
+
+
+def state(mechanism, *motion):
+    return Solver(mechanism).state(*motion)
+
+
+def point(mechanism, name):
+    return Solver(mechanism).point(state(mechanism, 1.0), name)
+
+
+def forces(mechanism, crank):
+    return Solver(mechanism).reactions(state(mechanism, crank, 2.0))
+
+
+# ---------------------------------------------------------------- the tests
+
+
+def refused(call, expected, error=LinkageError):
+    """The one line with which a call is refused, which has to read as expected."""
+    with pytest.raises(error) as caught:
+        call()
+    words = str(caught.value)
+    parts = map(re.escape, re.split(' ?… ?', expected))
+    assert re.fullmatch('.*'.join(parts), words), words  # a dot is no line break
+    assert words.splitlines() == [words]
+    assert words.isprintable()
+    assert len(words) < 600
+    return words
+
+
+def test_what_is_changed_in_the_table_was_good():
+    for kind, values in GOOD.items():
+        assert configure(values).kind.mechanism == kind
+    for mechanism in (CRANK_ROCKER, TRACED, PARALLELOGRAM, CENTRIC):
+        assert np.isfinite(state(mechanism, [0.1, 2.0], 3.0, -4.0).torque).all()
+        assert all(map(math.isfinite, forces(mechanism, 0.2).shaking_force))
+    assert len(BAD_VALUES) >= 45
+
+
+@pytest.mark.parametrize(('kind', 'name', 'value', 'expected'), BAD_VALUES)
+def test_bad_value_is_refused(kind, name, value, expected):
+    values = {**GOOD[kind], name: value}
+    if value is LEFT_OUT:
+        del values[name]
+    words = refused(lambda: configure(values), expected, ConfigurationError)
+    assert words.startswith((name, repr(name)))
+
+
+@pytest.mark.parametrize(('kind', 'lengths', 'expected'), NO_ASSEMBLY)
+def test_loop_that_cannot_close_is_refused(kind, lengths, expected):
+    refused(lambda: configure(parameters(kind, lengths)), expected, MechanismError)
+    refused(lambda: described(kind, lengths), expected, MechanismError)
+
+
+def limits(words):
+    """What stops a crank according to a message, and by how much, m; and the cures."""
+    *clauses, cures = words.partition(': ')[2].rpartition('; it reaches ')[0].split('; ')
+    found = {
+        start: float(re.search(r' (\S+) m (?:shorter|more|longer) than', clause)[1])
+        for clause in clauses
+        for start in (FAR, NEAR, LEFT, RIGHT)
+        if clause.startswith(start)
+    }
+    return found, cures
+
+
+def reach(words):
+    """The arcs in a message, rad."""
+    arcs = words.rpartition('it reaches ')[2].split(' and ')
+    ends = [re.fullmatch(r'(\S+) to (\S+) deg', arc).groups() for arc in arcs]
+    return [tuple(math.radians(float(end)) for end in pair) for pair in ends]
+
+
+@pytest.mark.parametrize(('kind', 'grashof', 'lengths', 'stops', 'cure'), LIMITED)
+def test_crank_that_cannot_turn_is_refused_with_class_and_reach(
+    kind, grashof, lengths, stops, cure
+):
+    words = refused(
+        lambda: configure(parameters(kind, lengths)),
+        f'the crank of this {grashof} linkage cannot turn fully: … it reaches … deg',
+        MechanismError,
+    )
+    found, cures = limits(words)
+    assert found == stops
+    assert re.fullmatch('.*'.join(map(re.escape, re.split(' ?… ?', cure))), cures), cures
+    arcs, hair = reach(words), math.radians(0.01)
+    for start, end in arcs:
+        # The loop closes between the ends, and not beside them.
+        for inside in np.linspace(start + hair, end - hair, 9):
+            assert closes(kind, lengths, inside)
+        assert not closes(kind, lengths, start - hair)
+        assert not closes(kind, lengths, end + hair)
+    whole = np.linspace(0, 2 * math.pi, 1000)
+    share = np.mean([closes(kind, lengths, crank) for crank in whole])
+    assert share * 2 * math.pi == pytest.approx(sum(end - start for start, end in arcs), abs=0.02)
+
+
+@pytest.mark.parametrize(('kind', 'grashof', 'lengths', 'stops', 'cure'), LIMITED)
+def test_state_out_of_reach_is_refused_with_the_same_words(kind, grashof, lengths, stops, cure):
+    solver = Solver(described(kind, lengths))
+    full = refused(solver.require_full_turn, '…', MechanismError)
+    crank = reach(full)[0][1] + 0.02
+    words = refused(lambda: solver.state(crank, 1.0), '…', UnreachableError)
+    assert words == full.replace('turn fully', f'move at {math.degrees(crank):.9g} deg')
+    assert np.isfinite(solver.state(crank - 0.04, 1.0).torque)
+
+
+def test_every_class_of_limited_crank_is_in_the_table():
+    kinds = {(kind, grashof) for kind, grashof, *_ in LIMITED}
+    assert kinds == {
+        *((FOUR, grashof) for grashof in ('triple-rocker', 'double-rocker', 'rocker-crank')),
+        *((SLIDER, grashof) for grashof in ('non-Grashof', 'rotating-coupler')),
+        *((kind, 'change-point') for kind in (FOUR, SLIDER)),
+    }
+
+
+@pytest.mark.parametrize(('call', 'expected'), BAD_CALLS)
+def test_bad_call_is_refused(call, expected):
+    refused(call, expected)
