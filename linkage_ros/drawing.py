@@ -29,6 +29,7 @@ class Drawing:
     Attributes:
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pins: Names of the moving points, in the order of `place`.
+        output: Name of the output link.
         paths: What B and, if there is one, the coupler point C trace out, by the name of the
             link whose point it is; each of shape (n, 2), m.
         ground: The marks of the fixed link, lines of shape (n, 2), m.
@@ -50,7 +51,8 @@ class Drawing:
         crank = np.linspace(0, turns * 2 * math.pi, turns * _STEPS_PER_TURN + 1)
         swept = self.place(np.stack(solver.state(crank).position, axis=-1))
         output = self._joints[2]
-        self.paths = {output.name: swept[:, 1]}
+        self.output = output.name
+        self.paths = {self.output: swept[:, 1]}
         if 'C' in self.pins:
             self.paths['coupler'] = swept[:, 2]
         everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])

@@ -213,13 +213,22 @@ def change_point():
     return configure({**CONFIGURATION.parameters(), **changed})
 
 
-@pytest.mark.parametrize('configuration', [CONFIGURATION, change_point()], ids=['once', 'twice'])
+DRAWN = {
+    'once': CONFIGURATION,
+    'twice': change_point(),
+    'compressor': load('compressor'),
+    'slider-crank': replace(load('slider_crank'), drive=CONFIGURATION.drive),
+}
+
+
+@pytest.mark.parametrize('configuration', DRAWN.values(), ids=DRAWN)
 def test_the_bounds_hold_all_that_ever_moves(configuration):
     drawing = Drawing(configuration.mechanism)
     samples, _ = run_of(configuration, 1000, rate=997)
     points = drawing.points(np.array([sample.position for sample in samples]))
     still = [drawing.pivots, *drawing.ground]
-    everything = np.concatenate([points.reshape(-1, 2), *still])
+    moving = [line.reshape(-1, 2) for line in drawing.links(points).values()]
+    everything = np.concatenate([*moving, *still])
     margins = [
         everything.min(axis=0) - drawing.bounds[0],
         drawing.bounds[1] - everything.max(axis=0),
@@ -229,17 +238,49 @@ def test_the_bounds_hold_all_that_ever_moves(configuration):
     assert np.max(margins) < 0.1 * width
 
 
-@pytest.mark.parametrize('configuration', [CONFIGURATION, change_point()], ids=['once', 'twice'])
+@pytest.mark.parametrize('configuration', DRAWN.values(), ids=DRAWN)
 def test_paths_are_whole_and_lie_under_their_points(configuration):
     drawing = Drawing(configuration.mechanism)
     samples, _ = run_of(configuration, 400, rate=397)
     points = drawing.points(np.array([sample.position for sample in samples]))
     step = 2 * math.pi / 360
-    for path, point in (('rocker', points[:, 1]), ('coupler', points[:, 2])):
+    assert list(drawing.paths) == [drawing.output, 'coupler'][: points.shape[1] - 1]
+    for path, point in zip(drawing.paths, points.swapaxes(0, 1)[1:], strict=True):
         line = drawing.paths[path]
         assert abs(line[0] - line[-1]).max() < 1e-12
         nearest = [np.hypot(*(line - at).T).min() for at in point]
         assert max(nearest) < step
+
+
+@pytest.mark.parametrize('preset', ['compressor', 'slider_crank'])
+def test_a_slider_is_a_block_about_its_pin_on_a_guide(tmp_path, preset):
+    configuration = load(preset)
+    samples, _ = run_of(configuration, 200)
+    show(tmp_path / 'run.rrd', samples, configuration)
+    found = read(tmp_path / 'run.rrd')
+    assert found['/joint_states/position']['SeriesLines:names'] == [['crank', 'coupler', 'slider']]
+    pins = np.array(found['/linkage/pins']['Points2D:positions'])
+    blocks = np.array(found['/linkage/slider']['LineStrips2D:strips'])[:, 0]
+    assert blocks.shape[1:] == (5, 2)
+    assert abs(blocks[:, :4].mean(axis=1) - pins[:, 1]).max() < 1e-6
+    # Where ROS has it: the joint's position along the guide, from the foot of the perpendicular.
+    mechanism = configuration.mechanism
+    guide = np.exp(1j * mechanism.frame.angle)
+    slid = np.array([sample.position[2] for sample in samples[::4]])
+    exact = (slid + 1j * mechanism.slider.offset) * guide
+    assert abs(pins[:, 1] @ (1, 1j) - exact).max() < 1e-6
+    # Its sides lie along the guide.
+    sides = (blocks[:, 1] - blocks[:, 0]) @ (1, 1j) * guide.conj()
+    assert abs(sides.imag).max() < 1e-6
+
+
+def test_slider_plots_have_their_own_units(tmp_path):
+    configuration = load('compressor')
+    show(tmp_path / 'run.rrd', run_of(configuration, 5)[0], configuration)
+    layout = read(tmp_path / 'run.rrd', blueprint=True)
+    titles = {columns['ViewBlueprint:display_name'][0][0] for columns in layout.values()
+              if 'ViewBlueprint:display_name' in columns}  # fmt: skip
+    assert {'Slider position, m', 'Slider velocity, m/s', 'Joint angles, rad'} < titles
 
 
 def test_without_a_coupler_point_there_are_two_pins_and_one_path(tmp_path):

@@ -188,6 +188,35 @@ def test_the_tree_has_these_links_and_joints():
         assert joint.find('limit') is None
 
 
+@pytest.mark.parametrize('preset', ['compressor', 'slider_crank'])
+def test_a_slider_is_a_prismatic_joint_along_its_guide(preset):
+    mechanism = load(preset).mechanism
+    tree = Tree(make_urdf(mechanism))
+    joint = tree.joints['slider']
+    assert (joint.get('type'), joint.find('axis').get('xyz')) == ('prismatic', '1 0 0')
+    assert joint.find('parent').get('link') == 'base_link'
+    limit = {name: float(value) for name, value in joint.find('limit').items()}
+    reach = mechanism.crank.length + mechanism.coupler.length
+    assert (limit['lower'], limit['upper']) == (-reach, reach)
+    origin = joint.find('origin')
+    x, y, z = map(float, origin.get('xyz').split())
+    roll, pitch, yaw = map(float, origin.get('rpy').split())
+    assert (z, roll, pitch, yaw) == (0.0, 0.0, 0.0, mechanism.frame.angle)
+    solver = Solver(mechanism)
+    for stamp in STAMPS[::20]:
+        crank = MOTION.at(stamp)
+        state = solver.state(crank.angle, crank.speed, crank.acceleration)
+        position = joint_values(solver.structure.joints, state, crank).position
+        # The coupler's end, by way of the two turning joints, is the slider's origin.
+        a = mechanism.crank.length * cmath.exp(1j * position[0])
+        end = a + mechanism.coupler.length * cmath.exp(1j * (position[0] + position[1]))
+        slider = complex(x, y) + position[2] * cmath.exp(1j * yaw)
+        assert abs(end - slider) < 1e-14 * reach
+    inertial = tree.links['slider'].find('inertial')
+    assert float(inertial.find('mass').get('value')) == mechanism.slider.mass
+    assert float(inertial.find('inertia').get('izz')) > 0  # simulators want some
+
+
 def test_masses_centres_and_inertias_are_the_mechanisms():
     bodies = {
         'crank': {'mass': 1.25, 'inertia': 0.0245, 'center': (0.01, -0.02)},
