@@ -60,3 +60,41 @@ POINT_STAMPED = _interface(
     'std_msgs/Header header\nPoint point\n',
     (*_HEADER, ('geometry_msgs/Point', 'float64 x\nfloat64 y\nfloat64 z\n')),
 )
+JOINT_TRAJECTORY = _interface(
+    'trajectory_msgs/msg/JointTrajectory',
+    '179b33eba59d676f6d967ac71fe35e7ca2f64b2f3928f4a018cec115e213796e',
+    'std_msgs/Header header\nstring[] joint_names\nJointTrajectoryPoint[] points\n',
+    (
+        *_HEADER,
+        (
+            'trajectory_msgs/JointTrajectoryPoint',
+            (
+                'float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\n'
+                'float64[] effort\nbuiltin_interfaces/Duration time_from_start\n'
+            ),
+        ),
+        ('builtin_interfaces/Duration', 'int32 sec\nuint32 nanosec\n'),
+    ),
+)
+DIAGNOSTIC_ARRAY = _interface(
+    'diagnostic_msgs/msg/DiagnosticArray',
+    '5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e',
+    'std_msgs/Header header\nDiagnosticStatus[] status\n',
+    (
+        *_HEADER,
+        (
+            'diagnostic_msgs/DiagnosticStatus',
+            (
+                'byte OK=0\nbyte WARN=1\nbyte ERROR=2\nbyte STALE=3\n'
+                'byte level\nstring name\nstring message\nstring hardware_id\nKeyValue[] values\n'
+            ),
+        ),
+        ('diagnostic_msgs/KeyValue', 'string key\nstring value\n'),
+    ),
+)
+CLOCK = _interface(
+    'rosgraph_msgs/msg/Clock',
+    '692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564',
+    'builtin_interfaces/Time clock\n',
+    (_HEADER[1],),
+)

@@ -17,15 +17,17 @@ from linkage_ros.messages import (
     COUPLER_POINT,
     DRIVING_TORQUE,
     JOINT_STATES,
+    MECHANISM_STATE,
     JointStateCodec,
     PointCodec,
     Topic,
+    TrajectoryCodec,
     encode_float64,
     encode_string,
 )
 from linkage_ros.motion import CrankMotion
 from linkage_ros.solver import Solver
-from linkage_ros.state import point_motion
+from linkage_ros.state import State, loop_residual, point_motion
 from linkage_ros.travel import travel
 from linkage_ros.urdf import make_urdf
 
@@ -36,10 +38,12 @@ class Step(NamedTuple):
     """One stamp's state and messages.
 
     Attributes:
+        state: Of the mechanism.
         values: The joints.
         messages: CDR bytes, one message for each of `Machine.topics`.
     """
 
+    state: State
     values: JointValues
     messages: tuple[bytes, ...]
 
@@ -62,10 +66,11 @@ class Machine:
         self.description = encode_string(make_urdf(configuration.mechanism))
         self._tree, points = self.solver.structure.joints, self.solver.structure.points
         self._coupler_point = points.get('C')
-        self.topics: tuple[Topic, ...] = (JOINT_STATES, DRIVING_TORQUE)
+        self.topics: tuple[Topic, ...] = (JOINT_STATES, DRIVING_TORQUE, MECHANISM_STATE)
         if self._coupler_point:
             self.topics += (COUPLER_POINT,)
-        self._states, self._point = JointStateCodec(self.joints), PointCodec()
+        self._states, self._trajectory = JointStateCodec(self.joints), TrajectoryCodec(self.joints)
+        self._point = PointCodec()
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
         self._rate = Fraction(repr(configuration.session.rate_hz)).as_integer_ratio()
 
@@ -110,9 +115,18 @@ class Machine:
         state = self.solver.state(crank.angle, crank.speed, crank.acceleration)
         values = joint_values(self._tree, state, crank)
         position, velocity, _, effort = values
-        states = self._states.encode(stamp, position, velocity, effort)
-        messages: tuple[bytes, ...] = (states, encode_float64(effort[0]))
+        messages: tuple[bytes, ...] = (
+            self._states.encode(stamp, position, velocity, effort),
+            encode_float64(effort[0]),
+            self._trajectory.encode(stamp, *values),
+        )
         if self._coupler_point:
             place = point_motion(self._coupler_point, state).position
             messages += (self._point.encode(stamp, *place),)
-        return Step(values, messages)
+        return Step(state, values, messages)
+
+    def residual(self, state: State) -> float:
+        """How far the loop is from closed in a state, m."""
+        return loop_residual(
+            self.solver.structure, self.configuration.mechanism.coupler.length, state
+        )

@@ -8,22 +8,25 @@ import gc
 import itertools
 import sys
 import time
-from collections.abc import Callable
 
 import rclpy
-from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from linkage_ros import cli, ros
-from linkage_ros.configuration import Configuration, check_live, configure, preset_note
-from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.clock_stepper import ClockStepper
+from linkage_ros.configuration import Configuration, configure, preset_note
+from linkage_ros.diagnostics import WARN, Health, Watch, encode_diagnostics
+from linkage_ros.errors import LogError
 from linkage_ros.log import LogItem, LogWriter
 from linkage_ros.machine import Machine
-from linkage_ros.messages import ROBOT_DESCRIPTION
+from linkage_ros.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
 from linkage_ros.motion import CrankMotion
 from linkage_ros.parameter_file import read_parameter_file
 from linkage_ros.ros_parameters import declare
+from linkage_ros.state import State
 from linkage_ros.stepper import Stepper
 from linkage_ros.stream import Sample, View
 from linkage_ros.worker import Worker
@@ -33,13 +36,16 @@ _NAME = 'linkage_node'
 _LOG_CAPACITY, _VIEW_CAPACITY = 120_000, 4_000
 # s between batches. With the log's flush period this bounds what a killed run loses.
 _LOG_PERIOD, _VIEW_PERIOD = 0.05, 0.03
+# As ROS's own clocks listen, but a burst is not thinned out.
+_CLOCK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     """Publishes the states of one mechanism at its rate.
 
-    Publishes: the machine's topics and robot_description. Parameters: those of the configuration;
-    rpm may be set at any time.
+    Publishes: the machine's topics, robot_description and, once a second, /diagnostics.
+    Subscribes: /clock, with use_sim_time. Parameters: those of the configuration; rpm may be set
+    at any time.
     """
 
     def __init__(self, stop: cli.Stop) -> None:
@@ -47,14 +53,13 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             super().__init__(_NAME)
         given = {name: p.value for name, p in self._parameter_overrides.items()}
         configuration = configure(given)
-        if self.get_parameter('use_sim_time').value:
-            raise ConfigurationError('use_sim_time = true: must be false in this version')
-        declare(self, configuration)
+        declare(self, configuration, self._set_live)
         self._stop = stop
         self._machine = Machine(configuration)
         self._rpm = configuration.drive.rpm
         self._outputs = [ros.create_publisher(self, topic) for topic in self._machine.topics]
         self._description = ros.create_publisher(self, ROBOT_DESCRIPTION)
+        self._diagnostics = ros.create_publisher(self, DIAGNOSTICS)
         self._shown = view = self._make_view(configuration)
         try:
             self._log = self._open_log(configuration)
@@ -63,12 +68,12 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 view.discard()
             raise
         self._view = self._work(view)
-        self._stepper = Stepper(self._machine, self._step, self._restamp, self._fail)
-        self._missed_before = 0
-        self._lost = {'log': 0, 'view': 0}
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._apply_parameters)
-        self.create_timer(1.0, self._report)
+        self._make_stepper(simulated=self.get_parameter('use_sim_time').value)
+        self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
+        self._state: State | None = None
+        self._diagnosis: bytes | None = None
+        # Simulated time may stand still; whether all goes well is asked in real time.
+        self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(preset_note(given) + self._machine.summary())
 
     def start(self) -> None:
@@ -105,9 +110,9 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if not session.log:
             return None
         log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
-        topics = (*self._machine.topics, ROBOT_DESCRIPTION)
-        publishers = (*self._outputs, self._description)
-        *self._channels, self._description_channel = (
+        topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
+        publishers = (*self._outputs, self._description, self._diagnostics)
+        *self._channels, self._description_channel, self._diagnostics_channel = (
             log.add_topic(topic, publisher.topic_name)
             for topic, publisher in zip(topics, publishers, strict=True)
         )
@@ -136,6 +141,18 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             'view', view, capacity=_VIEW_CAPACITY, period=_VIEW_PERIOD, on_error=self._view_failed
         )
 
+    def _make_stepper(self, *, simulated: bool) -> None:
+        calls = self._machine, self._step, self._restamp, self._fail
+        self._stepper: Stepper | ClockStepper = Stepper(*calls)
+        if not simulated:
+            return
+        self._stepper = clock = ClockStepper(*calls)
+
+        def hear(message: ClockMessage) -> None:
+            clock.hear(message.clock.sec * 10**9 + message.clock.nanosec)
+
+        self.create_subscription(ClockMessage, '/clock', hear, _CLOCK_QOS)
+
     def _begin(self, stamp: int) -> None:
         self._motion = self._machine.begin(stamp)
         now = time.time_ns()
@@ -149,12 +166,19 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if self._rpm != self._motion.rpm:
             self._move(self._motion.change(stamp, self._rpm))
         step = self._machine.step(self._motion, stamp)
+        self._state = step.state
         now = time.time_ns()
-        for publisher, message in zip(self._outputs, step.messages, strict=True):
-            publisher.publish(message)
+        for topic, publisher, message in zip(
+            self._machine.topics, self._outputs, step.messages, strict=True
+        ):
+            if not topic.on_demand or publisher.get_subscription_count():
+                publisher.publish(message)
         if self._log is not None:
             for channel, message in zip(self._channels, step.messages, strict=True):
                 self._log.offer((channel, now, message))
+            diagnosis, self._diagnosis = self._diagnosis, None
+            if diagnosis is not None:
+                self._log.offer((self._diagnostics_channel, now, diagnosis))
         if self._view is not None:
             position, velocity, _, effort = step.values
             self._view.offer(Sample(stamp, position, velocity, effort))
@@ -168,39 +192,42 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if self._log is not None:
             self._log.offer(motion)
 
-    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        try:
-            for parameter in parameters:
-                check_live(parameter.name, parameter.value)
-        except ConfigurationError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _apply_parameters(self, parameters: list[Parameter]) -> None:
-        for parameter in parameters:
-            if parameter.name == 'rpm':
-                self._rpm = parameter.value
+    def _set_live(self, name: str, value: float) -> None:
+        if name == 'rpm':
+            self._rpm = value
 
     def _report(self) -> None:
-        missed = self._stepper.counts.missed
-        if missed > self._missed_before:
-            self.get_logger().warning(
-                f'{missed - self._missed_before} ticks missed in the last second, '
-                f'{missed} so far: the machine is too busy for this rate_hz'
-            )
-        self._missed_before = missed
-        # One that failed has said so already; what it no longer gets is no news.
-        if self._log is not None and self._log.error is None:
-            self._say_lost('log', self._log.dropped, self.get_logger().error)
-        if self._view is not None and self._view.error is None and self._shown is not None:
-            # Dropped on the way to the view, and by the view for a viewer that lags.
-            lost = self._view.dropped + self._shown.dropped
-            self._say_lost('view', lost, self.get_logger().warning)
+        """Publishes the diagnostics, and says what went wrong since the last report."""
+        parts = {'log': self._log_health(), 'viewer': self._viewer_health()}
+        statuses = self._watch.report(self._stepper.counts, self._figures(), parts)
+        for status in statuses:
+            if status.level == WARN:  # what has failed was said when it did
+                self.get_logger().warning(status.message)
+        stamp = self.get_clock().now().nanoseconds
+        self._diagnosis = encode_diagnostics(stamp, statuses)
+        self._diagnostics.publish(self._diagnosis)
 
-    def _say_lost(self, name: str, lost: int, say: Callable[[str], None]) -> None:
-        if lost > self._lost[name]:
-            self._lost[name] = lost
-            say(f'the {name} lags: {lost} of its messages are lost so far')
+    def _figures(self) -> dict[str, str]:
+        if self._state is None:
+            return {'waiting for': '/clock'}
+        return {
+            'crank speed, rad/s': f'{self._state.velocity[0]:.6g}',
+            'driving torque, N m': f'{self._state.torque:.6g}',
+            'loop residual, m': f'{self._machine.residual(self._state):.3g}',
+        }
+
+    def _log_health(self) -> Health:
+        if self._log is None:
+            return Health('')
+        path = self._machine.configuration.session.log
+        return Health(path, self._log.dropped, self._log.error)
+
+    def _viewer_health(self) -> Health:
+        if self._view is None or self._shown is None:
+            return Health('')
+        target = self._machine.configuration.session.viewer
+        # Dropped on the way to the view, and by the view for a viewer that lags.
+        return Health(target, self._view.dropped + self._shown.dropped, self._view.error)
 
     def _log_failed(self, error: Exception) -> None:
         self.get_logger().error(f'the log ends here, the motion goes on: {error}')

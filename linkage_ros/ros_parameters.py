@@ -1,14 +1,22 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The configuration as parameters of an rclpy node, each with its descriptor."""
+"""The configuration as parameters of an rclpy node: descriptors, checks, live changes."""
 
 from __future__ import annotations
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType
+from collections.abc import Callable
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    ParameterDescriptor,
+    ParameterType,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from linkage_ros.configuration import Configuration, parameter_leaves
+from linkage_ros.configuration import Configuration, check_live, parameter_leaves
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.quantities import Quantity
 
 _TYPES = {
@@ -42,12 +50,15 @@ def describe(name: str, quantity: Quantity) -> ParameterDescriptor:
     )
 
 
-def declare(node: Node, configuration: Configuration) -> None:
+def declare(
+    node: Node, configuration: Configuration, set_live: Callable[[str, float], None]
+) -> None:
     """Declares every parameter of a configuration with the value that is in force.
 
     Args:
         node: The node.
         configuration: Already checked; the node's own overrides are part of it.
+        set_live: Called with name and value of a parameter that was set while the node runs.
     """
     values = configuration.parameters()
     live = []
@@ -68,4 +79,23 @@ def declare(node: Node, configuration: Configuration) -> None:
             for parameter in parameters
         ]
 
+    def apply(parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name in live:
+                set_live(parameter.name, parameter.value)
+
     node.add_pre_set_parameters_callback(take_whole_numbers)
+    node.add_on_set_parameters_callback(_check)
+    node.add_post_set_parameters_callback(apply)
+
+
+def _check(parameters: list[Parameter]) -> SetParametersResult:
+    try:
+        for parameter in parameters:
+            check_live(parameter.name, parameter.value)
+    except ConfigurationError as error:
+        return SetParametersResult(successful=False, reason=str(error))
+    if any(parameter.name == 'use_sim_time' for parameter in parameters):
+        reason = 'use_sim_time is read when the node starts: start it again'
+        return SetParametersResult(successful=False, reason=reason)
+    return SetParametersResult(successful=True)

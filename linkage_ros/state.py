@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
+import cmath
 from typing import NamedTuple, TypeAlias
 
 from linkage_ros.links import PerLink
 from linkage_ros.numeric import Real, functions_of
-from linkage_ros.structure import Point
+from linkage_ros.structure import Point, Structure
 
 Vector: TypeAlias = tuple[Real, Real]
 
@@ -71,3 +72,25 @@ def point_motion(point: Point, state: State) -> PointMotion:
             ax = ax - (acceleration * py + square * px)
             ay = ay + (acceleration * px - square * py)
     return PointMotion((x, y), (vx, vy), (ax, ay))
+
+
+def loop_residual(structure: Structure, coupler: float, state: State) -> float:
+    """How far apart the two ways to B end: over crank and coupler, and over the output link.
+
+    Args:
+        structure: Of the mechanism.
+        coupler: Its coupler's length, m.
+        state: Floats.
+
+    Returns:
+        The distance, m.
+    """
+    _, beta, output = state.position
+    joint = structure.joints[2]
+    arm = point_motion(structure.points['A'], state).position
+    reached = complex(*arm) + cmath.rect(coupler, beta)
+    if joint.slides:
+        owed = joint.origin + cmath.rect(output, joint.angle)
+    else:
+        owed = complex(*point_motion(structure.points['B'], state).position)
+    return abs(reached - owed)

@@ -54,7 +54,7 @@ class Stepper:
 
     Attributes:
         counts: What became of the ticks.
-        error: What a call failed with, which ended the thread; None while all is well.
+        error: What a call failed with, which ended the motion; None while all is well.
     """
 
     def __init__(
@@ -64,13 +64,13 @@ class Stepper:
         restamp: Callable[[int, int], None],
         on_error: Callable[[BaseException], None],
     ) -> None:
-        """Prepares the thread; `start` starts it.
+        """Prepares the motion; `start` starts it.
 
         Args:
             ticks: The rate.
             step: Called at each tick with its stamp, ns.
             restamp: Called before a step whose stamp was to be `old`, ns, and will be `new`.
-            on_error: Called, from the thread, with what a call failed with.
+            on_error: Called with what a call failed with, from where the steps are made.
         """
         self.counts = Timekeeping()
         self.error: BaseException | None = None

@@ -45,6 +45,7 @@ ROOMS = {
     'rcl_interfaces': (ROS, ROS),
     'sensor_msgs': (ROS, {*ROS, 'demo'}),
     'std_msgs': (ROS, {*ROS, 'demo'}),
+    'rosgraph_msgs': (ROS, ROS),
 }
 # What a shell starts: nothing of the package is built on these, but the demo on the recorder.
 EDGES = {'node', 'record', 'replay', 'log_tool', 'chart_tool', 'demo'}

@@ -18,13 +18,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from linkage_ros.interfaces import FLOAT64, JOINT_STATE, STRING
+from linkage_ros.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
+from linkage_ros.interfaces import (
+    DIAGNOSTIC_ARRAY,
+    FLOAT64,
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    POINT_STAMPED,
+    STRING,
+)
 from linkage_ros.messages import (
     TOPICS,
     JointStateCodec,
+    PointCodec,
+    TrajectoryCodec,
     encode_float64,
     encode_string,
 )
+from linkage_ros.ros import message_class
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('crank', 'coupler', 'rocker')
@@ -242,7 +253,7 @@ def test_the_message_with_other_lengths_is_what_it_is_called():
 
 @pytest.mark.parametrize('data', [pytest.param(data, id=name) for name, data in broken()])
 def test_decode_refuses_other_messages(data):
-    with pytest.raises(ValueError, match='not a JointState of the joints crank, coupler, rocker'):
+    with pytest.raises(ValueError, match='no message of the joints crank, coupler, rocker'):
         JointStateCodec(JOINTS).decode(data)
 
 
@@ -343,8 +354,70 @@ def test_rosbags_makes_the_same_type_hash_from_the_definition(interface):
     assert store.hash_rihs01(interface.name) == interface.hash
 
 
-def test_topics_are_relative_unique_and_only_the_description_is_latched():
+def test_topics_are_unique_and_only_the_description_is_latched():
     names = [topic.name for topic in TOPICS]
-    assert names == ['joint_states', 'driving_torque', 'coupler_point', 'robot_description']
-    assert [topic.latched for topic in TOPICS] == [False, False, False, True]
-    assert [topic.depth for topic in TOPICS] == [10, 10, 10, 1]
+    assert names == [
+        *('joint_states', 'driving_torque', 'mechanism_state', 'coupler_point'),
+        *('/diagnostics', 'robot_description'),
+    ]
+    assert [topic.name for topic in TOPICS if topic.latched] == ['robot_description']
+    assert [topic.depth for topic in TOPICS] == [10, 10, 10, 10, 10, 1]
+    assert [topic.name for topic in TOPICS if topic.on_demand] == ['mechanism_state']
+
+
+# ---------------------------------------------------------------- the other types
+
+
+def stamp_of(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+@pytest.mark.parametrize('names', NAMES, ids='-'.join)
+def test_trajectories_are_read_back(names, fast_dds):
+    rows = [numbers(len(names), offset) for offset in (0, 2, 5, 7)]
+    for stamp, frame in zip(STAMPS, FRAMES * 2, strict=False):
+        codec = TrajectoryCodec(names, frame)
+        data = codec.encode(stamp, *rows)
+        assert codec.decode(data) == (stamp, tuple(x for row in rows for x in row))
+        for message in every_decoding(data, JOINT_TRAJECTORY, fast_dds):
+            assert (stamp_of(message), message.header.frame_id) == (stamp, frame)
+            assert list(message.joint_names) == list(names)
+            (point,) = message.points
+            got = point.positions, point.velocities, point.accelerations, point.effort
+            assert all(same_bits(list(x), row) for x, row in zip(got, rows, strict=True))
+            assert (point.time_from_start.sec, point.time_from_start.nanosec) == (0, 0)
+        with pytest.raises(ValueError, match='no message of the joints'):
+            codec.decode(JointStateCodec(names, frame).encode(stamp, *rows[:3]))
+
+
+def test_points_are_read_back(fast_dds):
+    for stamp, frame in zip(STAMPS, FRAMES * 2, strict=False):
+        data = PointCodec(frame).encode(stamp, 0.1, -5e-324)
+        for message in every_decoding(data, POINT_STAMPED, fast_dds):
+            assert (stamp_of(message), message.header.frame_id) == (stamp, frame)
+            assert (message.point.x, message.point.y, message.point.z) == (0.1, -5e-324, 0.0)
+
+
+STATUSES = [
+    Status(OK, 'linkage_node: motion', '200.0 Hz kept', {'rate kept, Hz': '200.00', 'x': ''}),
+    Status(WARN, 'n' * 7, 'a', {}),
+    Status(ERROR, '', 'no space left; f\u00fcnf', {'target': '/tmp/run.mcap', 'lost': '12'}),
+]
+
+
+@pytest.mark.parametrize('count', range(4))
+def test_diagnostics_are_read_back(count, fast_dds):
+    data = encode_diagnostics(STAMPS[5], STATUSES[:count])
+    assert len(data) % 4 == 0
+    for message in every_decoding(data, DIAGNOSTIC_ARRAY, fast_dds):
+        assert stamp_of(message) == STAMPS[5]
+        for status, expected in zip(message.status, STATUSES[:count], strict=True):
+            level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
+            values = {pair.key: pair.value for pair in status.values}
+            assert (level, status.name, status.message, values) == tuple(expected)
+
+
+def every_decoding(data, interface, fast_dds):
+    """The message as rosbags and as Fast DDS read it."""
+    yield STORE.deserialize_cdr(data, interface.name)
+    yield fast_dds.deserialize_message(data, message_class(interface.name))

@@ -117,7 +117,8 @@ def test_the_log_explains_every_state_to_the_bit(ten_seconds):
     log, messages = logged(ten_seconds[1])
     machine = Machine(log.configuration)
     (motion,) = log.motions
-    topics = '/joint_states', '/driving_torque', '/coupler_point'
+    topics = [f'/{topic.name}' for topic in machine.topics]
+    assert topics == ['/joint_states', '/driving_torque', '/mechanism_state', '/coupler_point']
     for published in zip(*(messages[topic] for topic in topics), strict=True):
         stamp, _ = CODEC.decode(published[0].data)
         step = machine.step(motion, stamp)
@@ -266,7 +267,6 @@ BAD = [
     (['-p', 'log:='], 'override rule'),
     (['-p', 'log:=/nowhere/run.mcap'], 'cannot be written: No such file'),
     (['-p', 'viewer:=nonsense'], 'nonsense'),
-    (['-p', 'use_sim_time:=true'], 'use_sim_time'),
     (['-p', 'use_sim_time:=3'], 'use_sim_time'),
     (['-r', '__ns:=9x'], 'remap rule'),
     (['--params-file', '/nowhere.yaml'], '/nowhere.yaml'),
@@ -319,8 +319,8 @@ def test_a_namespace_moves_topics_and_log_alike(tmp_path):
         assert stop(process)[0] == 0
     log, _ = logged(path)
     names = {topic.name for topic in log.topics}
-    others = {f'/left/{name}' for name in ('joint_states', 'coupler_point', 'robot_description')}
-    assert names == {'/left/torque', *others}
+    moved = 'joint_states', 'torque', 'mechanism_state', 'coupler_point', 'robot_description'
+    assert names == {'/diagnostics', *(f'/left/{name}' for name in moved)}
 
 
 def test_a_bad_viewer_or_log_leaves_nothing_behind(tmp_path):
@@ -372,4 +372,4 @@ def test_what_a_lagging_viewer_missed_is_said(tmp_path):
             wait_for(lambda: len(listener.received['/joint_states']) > 1200)
             code, output = stop(process)
     assert code == 0, output
-    assert re.search(r'the view lags: \d+ of its messages are lost so far', output), output
+    assert re.search(r'the viewer lags: \d+ of its items are lost so far', output), output

@@ -1,0 +1,178 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The real node on simulated time, what it says of its health, and what it says on demand."""
+
+from __future__ import annotations
+
+import resource
+import time
+from itertools import pairwise
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterType
+from rclpy.serialization import deserialize_message
+from ros_harness import Listener, fresh_domain, node_arguments, running, wait_for
+from rosgraph_msgs.msg import Clock
+from test_node import CODEC, TYPES, decoded, logged, set_parameter, stop
+from trajectory_msgs.msg import JointTrajectory
+
+from linkage_ros.machine import Machine
+
+STATES = {'/joint_states': TYPES['/joint_states']}
+MS = 10**6
+
+
+class FakeClock:
+    """Publishes /clock as a simulator does."""
+
+    def __init__(self, listener):
+        self._publisher = listener.node.create_publisher(Clock, '/clock', 10)
+        self.now = 50 * 10**9
+
+    def tell(self, now=None):
+        self.now = self.now if now is None else now
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(self.now, 10**9)
+        self._publisher.publish(message)
+
+    def run(self, seconds, rate=1.0, step=0.01):
+        """Lets it run for a while of its own time, at a rate of real time."""
+        for _ in range(round(seconds / step)):
+            self.tell(self.now + round(step * 1e9))
+            time.sleep(step / rate)
+
+
+def stamps(listener):
+    return [stamp for stamp, _ in decoded(listener.received['/joint_states'])]
+
+
+def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = node_arguments(use_sim_time='true', log=path)
+    with (
+        Listener(domain, STATES) as listener,
+        running('node', *arguments, domain=domain) as process,
+    ):
+        clock = FakeClock(listener)
+        time.sleep(1.0)
+        assert stamps(listener) == []  # no clock, no time
+        # Discovery takes a moment: the same time is told until it is heard.
+        wait_for(lambda: clock.tell() or listener.received['/joint_states'], 20.0)
+        start = clock.now
+        clock.run(1.0, rate=0.5)
+        wait_for(lambda: stamps(listener)[-1] == start + 1000 * MS)
+        for _ in range(50):
+            clock.tell()
+            time.sleep(0.01)
+        count = len(stamps(listener))
+        time.sleep(0.2)
+        assert len(stamps(listener)) == count == 201  # it stood still
+        clock.tell(start - 10**9)
+        clock.run(0.5)
+        wait_for(lambda: stamps(listener)[-1] == start - 10**9 + 500 * MS)
+        code, output = stop(process)
+    assert code == 0, output
+    assert 'the clock was stepped by -2.005 s' in output
+    got = stamps(listener)
+    first, second = got[:201], got[201:]
+    assert first == [start + 5 * MS * i for i in range(201)]
+    assert second == [start - 10**9 + 5 * MS * i for i in range(101)]
+    # The crank goes on from where it was. The log is in the order of publishing.
+    log, messages = logged(path)
+    numbers = [values for _, values in decoded(m.data for m in messages['/joint_states'])]
+    turned = [b[0] - a[0] for a, b in pairwise(numbers)]
+    assert turned == pytest.approx([numbers[0][3] * 0.005] * 301, rel=1e-9)
+    assert [motion.stamp for motion in log.motions] == [start, start - 10**9]
+    machine = Machine(log.configuration)
+    for message, number in zip(messages['/joint_states'], range(302), strict=True):
+        motion = log.motions[number > 200]
+        assert machine.step(motion, CODEC.decode(message.data)[0]).messages[0] == message.data
+
+
+def test_simulated_time_cannot_be_switched_while_running():
+    domain = fresh_domain()
+    with (
+        Listener(domain, STATES) as listener,
+        running('node', *node_arguments(), domain=domain) as process,
+    ):
+        wait_for(lambda: listener.received['/joint_states'])
+        result = set_parameter(
+            listener, 'use_sim_time', type=ParameterType.PARAMETER_BOOL, bool_value=True
+        )
+        assert not result.successful
+        assert 'start it again' in result.reason
+        assert stop(process)[0] == 0
+
+
+def diagnostics(listener):
+    return [
+        deserialize_message(data, DiagnosticArray) for data in listener.received['/diagnostics']
+    ]
+
+
+def test_diagnostics_come_once_a_second_and_stand_in_the_log(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    types = {**STATES, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
+    with (
+        Listener(domain, types) as listener,
+        running('node', *node_arguments(log=path), domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received['/diagnostics']) >= 4)
+        assert stop(process)[0] == 0
+    told = diagnostics(listener)
+    times = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in told]
+    assert all(0.5 < b - a < 2.5 for a, b in pairwise(times[:4]))
+    motion, log, viewer = told[2].status
+    names = ['linkage_node: motion', 'linkage_node: log', 'linkage_node: viewer']
+    assert [motion.name, log.name, viewer.name] == names
+    values = {pair.key: pair.value for pair in motion.values}
+    assert 100 < float(values['rate kept, Hz']) < 250
+    assert float(values['loop residual, m']) < 1e-15
+    assert float(values['crank speed, rad/s']) == pytest.approx(15.708)
+    assert (log.level, log.message, viewer.message) == (b'\0', 'well', 'off')
+    assert {pair.key: pair.value for pair in log.values} == {'target': str(path), 'lost': '0'}
+    _, messages = logged(path)
+    recorded = [message.data for message in messages['/diagnostics']]
+    assert recorded
+    assert set(recorded) <= set(listener.received['/diagnostics'])
+
+
+def test_a_log_that_fails_is_an_error_in_diagnostics_and_the_states_go_on(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    types = {**STATES, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
+    with (
+        Listener(domain, types) as listener,
+        running('node', *node_arguments(log=path), domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received['/joint_states']) > 100)
+        # As a full disk would: no file of the node may grow beyond this.
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 5000,) * 2)
+        wait_for(lambda: [m.status[1].level for m in diagnostics(listener)][-1:] == [b'\2'])
+        count = len(listener.received['/joint_states'])
+        wait_for(lambda: len(listener.received['/joint_states']) > count + 200)
+        code, output = stop(process)
+    assert code == 1
+    (_, log, _) = diagnostics(listener)[-1].status
+    assert log.message == f'ended: {path} cannot be written: File too large'
+    assert output.count('the log ends here, the motion goes on') == 1
+
+
+def test_mechanism_state_is_published_only_while_somebody_listens():
+    domain = fresh_domain()
+    types = {**STATES, '/mechanism_state': 'trajectory_msgs/msg/JointTrajectory'}
+    with (
+        Listener(domain, types) as listener,
+        running('node', *node_arguments(), domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received['/mechanism_state']) > 100)
+        assert stop(process)[0] == 0
+    states = dict(decoded(listener.received['/joint_states']))
+    for data in listener.received['/mechanism_state']:
+        message = deserialize_message(data, JointTrajectory)
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        (point,) = message.points
+        assert list(message.joint_names) == ['crank', 'coupler', 'rocker']
+        assert [*point.positions, *point.velocities, *point.effort] == [*states[stamp]]
+        assert len(point.accelerations) == 3
+        assert point.accelerations[0] == 0.0
