@@ -47,6 +47,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         shared('config', '*.yaml'),
         shared('launch', '*.launch.py'),
+        shared('rviz', '*.rviz'),
     ],
     entry_points={
         'console_scripts': [

@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node and robot_state_publisher, for a parameter file or a preset: the linkage in tf.
 
-ros2 launch linkage_ros demo.launch.py params:=quadrilateral log:=run.mcap
+ros2 launch linkage_ros demo.launch.py params:=quadrilateral log:=run.mcap rviz:=true
 """
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
 
 from linkage_ros.configuration import find, load
 from linkage_ros.urdf import make_urdf
@@ -47,7 +49,21 @@ def generate_launch_description() -> LaunchDescription:
                 'params', default_value='quadrilateral', description='parameter file or preset'
             ),
             DeclareLaunchArgument('log', default_value='', description='.mcap file to write'),
-            DeclareLaunchArgument('viewer', default_value='', description='spawn, URL or .rrd'),
+            DeclareLaunchArgument(
+                'viewer', default_value='', description='spawn, web, URL or .rrd'
+            ),
+            DeclareLaunchArgument('rviz', default_value='false', description='open RViz as well'),
             OpaqueFunction(function=start),
+            Node(
+                package='rviz2',
+                executable='rviz2',
+                arguments=[
+                    '-d',
+                    PathJoinSubstitution(
+                        [FindPackageShare('linkage_ros'), 'rviz', 'linkage.rviz']
+                    ),
+                ],
+                condition=IfCondition(LaunchConfiguration('rviz')),
+            ),
         ]
     )

@@ -42,18 +42,18 @@ class Session(Checked):
         rate_hz: States a second.
         log: Path of the MCAP file; empty: no log.
         log_overwrite: Whether an existing log or .rrd file may be replaced.
-        viewer: 'spawn', a Rerun URL or the path of an .rrd file; empty: no viewer.
-        viewer_bind: Address on which the data for a spawned viewer is served.
+        viewer: 'spawn', 'web', a Rerun URL or the path of an .rrd file; empty: no viewer.
+        viewer_bind: Address on which a spawned viewer's data, or the page, are served.
     """
 
     rate_hz: float = quantity('number', 'states a second', 'Hz', span=(0.01, 1e5), default=200.0)
     log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
     log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)
     viewer: str = quantity(
-        'text', 'spawn, rerun+http://HOST:PORT/proxy or a .rrd path; empty: no viewer', default=''
+        'text', 'spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path; empty: none', default=''
     )
     viewer_bind: str = quantity(
-        'text', 'address on which a spawned viewer is served', default='127.0.0.1'
+        'text', 'address on which a spawned viewer or the page is served', default='127.0.0.1'
     )
 
 

@@ -127,6 +127,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         view = View(
             configuration, session.viewer, session.viewer_bind, overwrite=session.log_overwrite
         )
+        if view.page:
+            self.get_logger().info(f'watch it in a browser: {view.page}')
         if view.exposed:
             self.get_logger().warning(
                 f'the view is served at {view.url} to whoever reaches it; viewer_bind = '

@@ -26,7 +26,18 @@ from linkage_ros.drawing import Array, Drawing
 from linkage_ros.errors import ViewerError
 from linkage_ros.layout import QUANTITIES, TIMELINE, fixed_components, layout
 from linkage_ros.solver import Solver
-from linkage_ros.viewer import SPAWN, Window, create_file, find_viewer, free_address, viewer_url
+from linkage_ros.viewer import (
+    SPAWN,
+    WEB,
+    Program,
+    create_file,
+    find_viewer,
+    free_address,
+    host_page,
+    open_window,
+    require_screen,
+    viewer_url,
+)
 
 # Rerun costs 60 MB and most of a second: it is imported where it is used, which is in a View.
 if TYPE_CHECKING:
@@ -67,6 +78,7 @@ class View:
 
     'spawn' serves the data and opens a viewer window on it. As usual with Rerun, the window
     stays open with all it has got when the run ends, and closing it does not disturb the run.
+    'web' serves the data and hosts Rerun's page for a browser, while the run lasts.
     A URL is that of a viewer that is running already.
     A file keeps all but the last two seconds however the run ends. It has no index, which would
     be collected in memory all the time; `rerun rrd optimize` adds one.
@@ -76,6 +88,7 @@ class View:
 
     Attributes:
         url: Where windows connect; None: nothing is served here.
+        page: The page for a browser; None: there is none.
         exposed: Whether other machines can read what is served.
         dropped: Samples left out because the viewer lagged.
     """
@@ -92,8 +105,8 @@ class View:
 
         Args:
             configuration: Of the run.
-            target: 'spawn', 'rerun+http://HOST:PORT/proxy' or the path of an .rrd file.
-            bind: Address on which the data for a spawned window is served.
+            target: 'spawn', 'web', 'rerun+http://HOST:PORT/proxy' or the path of an .rrd file.
+            bind: Address on which the data for a window or a page, and the page, are served.
             overwrite: Whether to replace an existing file.
 
         Raises:
@@ -101,6 +114,7 @@ class View:
         """
         _import_rerun()
         self.url: str | None = None
+        self.page: str | None = None
         self.exposed = False
         self.dropped = 0
         self._target = target
@@ -110,13 +124,20 @@ class View:
         self._drawing = Drawing(configuration.mechanism)
         self._last_frame = -1
         self._wall_clock: bool | None = None
-        program = find_viewer() if target == SPAWN else None
+        if target == SPAWN:
+            require_screen()
+        binary = find_viewer() if target in (SPAWN, WEB) else None
         self._recording = self._open(bind, overwrite)
         self._recording.send_blueprint(layout(configuration, self._drawing.bounds))
         joints = Solver(configuration.mechanism).links
         for entity, components in fixed_components(self._drawing, joints).items():
             self._recording.log(entity, components, static=True, strict=True)
-        self._window = Window(program, self.url) if program and self.url else None
+        self._program: Program | None = None
+        if binary and self.url:
+            if target == SPAWN:
+                self._program = open_window(binary, self.url)
+            else:
+                self._program, self.page = host_page(binary, self.url, bind)
 
     def consume(self, samples: Sequence[Sample]) -> None:
         """Shows what has come since the last call; may be nothing.
@@ -127,17 +148,17 @@ class View:
         Raises:
             ViewerError: The window could not open, the viewer is gone or the disk is full.
         """
-        if self._window:
-            self._window.check()
+        if self._program:
+            self._program.check()
         self._waiting += samples
         if time.monotonic() >= self._due or len(self._waiting) >= _BATCH:
             self._release()
 
     def close(self) -> None:
         """Sends what is left and lets the viewer go: within 3 s, even if it is stuck."""
-        if self._window:
-            self._window.let_go()
-            self._window = None
+        if self._program:
+            self._program.let_go()
+            self._program = None
         try:
             self._release()
         finally:
@@ -160,7 +181,7 @@ class View:
         import rerun as rr
 
         sink: rr.GrpcServerSink | rr.GrpcSink | rr.FileSink
-        if self._target == SPAWN:
+        if self._target in (SPAWN, WEB):
             host, port, self.exposed = free_address(bind)
             sink = rr.GrpcServerSink(host, port, server_memory_limit=_SERVED)
             self.url = f'rerun+http://{host}:{port}/proxy'

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The viewer as a program: its window, its address, and what may be typed to name one."""
+"""The viewer as a program: its window or page, and what may be typed to name one."""
 
 from __future__ import annotations
 
@@ -9,45 +9,51 @@ import importlib.util
 import ipaddress
 import os
 import re
+import shutil
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
 from pathlib import Path
 
 from linkage_ros.errors import ViewerError
 from linkage_ros.quantities import shown
 
-SPAWN = 'spawn'
-TARGETS = 'spawn, rerun+http://HOST:PORT/proxy or the path of an .rrd file'
+SPAWN, WEB = 'spawn', 'web'
+TARGETS = 'spawn, web, rerun+http://HOST:PORT/proxy or the path of an .rrd file'
 
 _URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
+_LOOPBACK = '127.0.0.1'
 _MEMORY = '1GB'  # beyond which the window forgets the oldest
 _ANSWER_SECONDS = 3.0  # a viewer that was started a moment ago needs about one
 
 
-class Window:
-    """A viewer window: a process that outlives this one, so that what it shows stays."""
+class Program:
+    """Rerun's viewer as a process of its own, which shows what is served at an address."""
 
-    def __init__(self, binary: Path, url: str) -> None:
-        """Opens a window.
+    def __init__(self, command: list[str | Path], *, outlives: bool) -> None:
+        """Starts it.
 
         Args:
-            binary: Of the viewer.
-            url: Where it gets its data.
+            command: The binary, where it gets its data, and options.
+            outlives: Whether it stays when this process ends, even by a signal of the terminal.
 
         Raises:
             ViewerError: The program cannot be run.
         """
         # `CI` is all that keeps the viewer from reporting its use without changing the user's
-        # settings. Its port, on which it would take data itself, must not be open to others.
+        # settings.
         environment = {'RUST_LOG': 'error', **os.environ, 'CI': '1'}
-        options = ['--bind', '127.0.0.1', '--port', 'auto', '--hide-welcome-screen']
+        with_us = [] if outlives or not (found := shutil.which('setpriv')) else [
+            found, '--pdeathsig', 'TERM',
+        ]  # fmt: skip
+        self._outlives = outlives
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115, let_go closes it
         try:
             self.process = subprocess.Popen(  # noqa: S603, the program is Rerun's own
-                [binary, url, *options, '--memory-limit', _MEMORY],
+                [*with_us, *command],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=self._errors,
@@ -56,10 +62,10 @@ class Window:
             )
         except OSError as error:
             self._errors.close()
-            raise ViewerError(f'{binary} cannot be run: {error.strerror or error}') from error
+            raise ViewerError(f'{command[0]} cannot be run: {error.strerror or error}') from error
 
     def check(self) -> None:
-        """Passes if the window is open or was closed.
+        """Passes if it runs or was ended by its user.
 
         Raises:
             ViewerError: The viewer gave up by itself.
@@ -68,28 +74,77 @@ class Window:
             self._errors.seek(0)
             *_, cause = [b'no reason given', *self._errors.read().splitlines()]
             words = cause.decode(errors='replace').removeprefix('Error: ')
-            raise ViewerError(f'the viewer window could not be opened: {words[:300]}')
+            raise ViewerError(f'the viewer could not be opened: {words[:300]}')
 
     def let_go(self) -> None:
-        """Leaves the window to itself."""
+        """Leaves it to itself, or ends it if it is not to outlive us."""
+        if not self._outlives:
+            self.process.terminate()
+            self.process.wait()
         self._errors.close()
 
 
-def find_viewer() -> Path:
-    """Finds the program that opens a window.
+def open_window(binary: Path, data: str) -> Program:
+    """Opens a window that stays, with what it shows, when this process ends.
+
+    Args:
+        binary: Of the viewer.
+        data: URL where it gets its data.
 
     Returns:
-        The binary itself: the `rerun` command is a wrapper that does not pass signals on.
+        The process.
 
     Raises:
-        ViewerError: It is not installed, or there is no screen.
+        ViewerError: The program cannot be run.
+    """
+    # Its port, on which it would take data itself, must not be open to others.
+    options = ['--bind', _LOOPBACK, '--port', 'auto', '--hide-welcome-screen']
+    return Program([binary, data, *options, '--memory-limit', _MEMORY], outlives=True)
+
+
+def host_page(binary: Path, data: str, bind: str) -> tuple[Program, str]:
+    """Hosts Rerun's page, for a browser, as long as this process runs.
+
+    Args:
+        binary: Of the viewer.
+        data: URL where the page gets its data.
+        bind: Address to host it on, as in `free_address`.
+
+    Returns:
+        The process, and the page's URL.
+
+    Raises:
+        ViewerError: The program cannot be run.
+    """
+    host, port, _ = free_address(bind)
+    options = ['--serve-web', '--bind', bind, '--web-viewer-port', str(port), '--port', 'auto']
+    page = f'http://{host}:{port}/?url={urllib.parse.quote(data, safe="")}'
+    return Program([binary, data, *options], outlives=False), page
+
+
+def require_screen() -> None:
+    """Passes where a window can be opened.
+
+    Raises:
+        ViewerError: There is no screen.
     """
     screens = ('DISPLAY', 'WAYLAND_DISPLAY', 'WAYLAND_SOCKET')
     if sys.platform == 'linux' and not any(os.environ.get(name) for name in screens):
         raise ViewerError(
             'no screen for a viewer window (neither DISPLAY nor WAYLAND_DISPLAY is set): '
-            'give an .rrd file or the URL of a viewer on another machine'
+            'give web for a page, an .rrd file or the URL of a viewer on another machine'
         )
+
+
+def find_viewer() -> Path:
+    """Finds the viewer's program.
+
+    Returns:
+        The binary itself: the `rerun` command is a wrapper that does not pass signals on.
+
+    Raises:
+        ViewerError: It is not installed.
+    """
     named = os.environ.get('RERUN_CLI_PATH')
     package = importlib.util.find_spec('rerun_cli')
     folder = Path(package.origin).parent if package and package.origin else Path()

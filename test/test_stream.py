@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import signal
 import socket
 import stat
 import subprocess
 import sys
 import time
+import urllib.parse
+import urllib.request
 import warnings
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -326,7 +329,7 @@ def test_y_is_up_and_a_link_has_the_colour_of_its_curves(tmp_path):
     ['foo', '', 'http://x', 'http://x/run.rrd', 'rerun+http://127.0.0.1:9876', 'run.mcap'],
 )
 def test_other_targets_are_refused_in_a_line_that_names_the_right_ones(target):
-    valid = r'spawn, rerun\+http://HOST:PORT/proxy or the path of an \.rrd file'
+    valid = r'spawn, web, rerun\+http://HOST:PORT/proxy or the path of an \.rrd file'
     with pytest.raises(ViewerError, match=rf'^viewer = {target!r} is not one of: {valid}$'.replace(
         'rerun+http://127', r'rerun\+http://127')):  # fmt: skip
         View(CONFIGURATION, target)
@@ -409,7 +412,7 @@ def window(tmp_path, monkeypatch):
 @contextmanager
 def opened(*arguments, **options):
     view = View(CONFIGURATION, *arguments, **options)
-    process = view._window.process if view._window else None
+    process = view._program.process if view._program else None
     try:
         yield view, process
     finally:
@@ -522,7 +525,7 @@ def test_a_window_that_cannot_open_says_why(window):
     window('echo noise >&2; echo "Error: winit: no X server" >&2; exit 1')
     with opened('spawn') as (view, process):
         process.wait(PATIENCE)
-        with pytest.raises(ViewerError, match=r'window could not be opened: winit: no X server$'):
+        with pytest.raises(ViewerError, match=r'viewer could not be opened: winit: no X server$'):
             view.consume([])
 
 
@@ -542,7 +545,6 @@ def test_a_program_that_does_not_run_is_named(window, tmp_path):
 
 def test_the_program_is_found_beside_the_sdk(monkeypatch):
     monkeypatch.delenv('RERUN_CLI_PATH', raising=False)
-    monkeypatch.setenv('DISPLAY', ':99')
     assert viewer.find_viewer() == PROGRAM
 
 
@@ -550,8 +552,61 @@ def test_the_program_is_found_beside_the_sdk(monkeypatch):
 def test_without_a_screen_there_is_no_window(monkeypatch):
     for name in ('DISPLAY', 'WAYLAND_DISPLAY', 'WAYLAND_SOCKET'):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(ViewerError, match=r'^no screen for a viewer window .*DISPLAY.*: give an'):
+    with pytest.raises(ViewerError, match=r'^no screen for a viewer window .*DISPLAY.*: give web'):
         View(CONFIGURATION, 'spawn')
+
+
+# ---------------------------------------------------------------- a page for a browser
+
+HOSTING = """
+import sys, time
+from linkage_ros.configuration import load
+from linkage_ros.stream import View
+view = View(load('quadrilateral'), 'web')
+print(view._program.process.pid, view.page, flush=True)
+time.sleep(60)
+"""
+
+
+def fetched(page):
+    with urllib.request.urlopen(page, timeout=PATIENCE) as answer:
+        return answer.read().decode()
+
+
+def reached(page):
+    try:
+        return fetched(page)
+    except OSError:
+        return ''
+
+
+def test_a_page_is_hosted_here_alone_without_a_screen_while_the_run_lasts(monkeypatch):
+    for name in ('DISPLAY', 'WAYLAND_DISPLAY', 'WAYLAND_SOCKET'):
+        monkeypatch.delenv(name, raising=False)
+    with opened('web') as (view, process):
+        wait_until(lambda: 'rerun' in reached(view.page).lower())
+        assert re.fullmatch(r'http://127\.0\.0\.1:\d+/\?url=rerun%2Bhttp%3A.*%2Fproxy', view.page)
+        data = urllib.parse.parse_qs(urllib.parse.urlsplit(view.page).query)['url']
+        assert data == [view.url]
+        view.consume(run_of(CONFIGURATION, 10)[0])
+        port = urllib.parse.urlsplit(view.page).port
+        sockets = [line.split() for line in Path('/proc/net/tcp').read_text().splitlines()]
+        served = [s[1] for s in sockets if s[1].endswith(f':{port:04X}') and s[3] == '0A']
+        assert served == [f'0100007F:{port:04X}']  # 127.0.0.1, and nothing else
+        assert process.poll() is None
+    assert process.poll() is not None
+    assert reached(view.page) == ''
+
+
+def test_a_page_ends_with_a_run_that_is_killed():
+    with subprocess.Popen(
+        [sys.executable, '-c', HOSTING], stdout=subprocess.PIPE, text=True
+    ) as run:
+        pid, page = run.stdout.readline().split()
+        wait_until(lambda: reached(page))
+        run.kill()
+        wait_until(lambda: not reached(page))
+    wait_until(lambda: not Path(f'/proc/{pid}/exe').exists())
 
 
 # ---------------------------------------------------------------- a viewer elsewhere
