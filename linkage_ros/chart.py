@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -13,14 +15,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from linkage_ros.curves import Curves
+from linkage_ros.curves import Curves, extent
 from linkage_ros.drawing import Array, Drawing
 from linkage_ros.palette import COLORS, GREY, Color
 
 # Inches: the picture, its parts from top to bottom, the numbers on the right.
-_WIDTH, _MARGIN, _HEADER, _ROW, _FOOT = 11.0, 3.3, 2.4, 1.6, 0.4
+_WIDTH, _MARGIN, _HEADER, _ROW, _FOOT = 11.0, 3.5, 2.4, 1.75, 0.45
 _LEFT = 0.75  # for the labels of each diagram
 _TORQUE = 'Driving torque'
+_SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel.'}
+_STYLES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': (204, 121, 167),
     'guide': (86, 180, 233), 'x': COLORS['coupler'], 'y': COLORS['crank'],
@@ -55,6 +59,7 @@ class _Page:
             self.figure.text(
                 left, 1 - (top + number * step) / self._height, line.text, fontsize=size,
                 family=line.family, color=line.color, weight=line.weight, va='top',
+                parse_math=False,
             )  # fmt: skip
 
 
@@ -79,13 +84,16 @@ def draw_motion(curves: Curves, title: Sequence[str], path: Path) -> None:
     width = _WIDTH - _MARGIN - _LEFT
     _draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves)
     first, *others = title
-    page.write(0.15, 9.0, [_Words(first, weight='bold'), *(_Words(line) for line in others)])
+    words = [_Words(line) for text in others for line in textwrap.wrap(text, 46)]
+    page.write(0.15, 9.0, [_Words(textwrap.shorten(first, 40), weight='bold'), *words])
     for number, row in enumerate(rows):
         top = _HEADER + _ROW * number
         share = (width + _LEFT) / len(row)
         for place, panel in enumerate(row):
-            axes = page.axes(_LEFT + place * share, top, share - _LEFT, _ROW - 0.15)
-            _draw(axes, curves, panel, last=number == len(rows) - 1)
+            axes = page.axes(_LEFT + place * share, top, share - _LEFT, _ROW - 0.38)
+            # Numbers where the panel below has another width, or there is none.
+            below = rows[number + 1] if number + 1 < len(rows) else []
+            _draw(axes, curves, panel, numbered=len(below) != len(row))
         page.write(top, 7.0, [line for panel in row for line in _margin(curves, panel)])
     page.figure.savefig(path)
 
@@ -94,7 +102,7 @@ def _motion_rows(curves: Curves) -> list[list[_Panel]]:
     rows = []
     joints = curves.solver.structure.joints[1:]
     for quantity, title in (
-        ('position', 'Link direction'), ('velocity', 'Rate'), ('acceleration', 'Acceleration'),
+        ('position', 'Direction'), ('velocity', 'Rate'), ('acceleration', 'Accel.'),
     ):  # fmt: skip
         row = []
         for slides in (False, True):
@@ -107,11 +115,24 @@ def _motion_rows(curves: Curves) -> list[list[_Panel]]:
                     if in_degrees else column.values
                     for column in found
                 }  # fmt: skip
-                row.append(_Panel(f'Slider {quantity}' if slides else title, unit, values))
+                values = {name: _quieted(curves, quantity, v) for name, v in values.items()}
+                row.append(_Panel(f'Slider {_SHORT[quantity]}' if slides else title, unit, values))
         rows.append(row)
     torque = curves.columns['driving_torque']
     rows.append([_Panel(_TORQUE, torque.unit, {'crank': torque.values})])
     return rows
+
+
+def _quieted(curves: Curves, quantity: str, values: Array) -> Array:
+    """0 for what rounding alone keeps from 0, as the rate of a parallelogram's coupler."""
+    size = max(1.0, curves.solver.mechanism.longest)
+    crank = curves.columns
+    natural = {
+        'position': 1.0,
+        'velocity': abs(curves.speed),
+        'acceleration': curves.speed**2 + np.abs(crank['crank.acceleration'].values).max(),
+    }[quantity]
+    return values if np.abs(values).max() > 1e-12 * natural * size else np.zeros_like(values)
 
 
 def _reaction_rows(curves: Curves) -> list[list[_Panel]]:
@@ -124,24 +145,27 @@ def _reaction_rows(curves: Curves) -> list[list[_Panel]]:
         forces['guide'] = columns['guide_force']
     shaking = {axis: columns[f'shaking_force.{axis}'] for axis in 'xy'}
     return [
-        [_Panel('Joint forces', 'N', forces)],
+        [_Panel('Pin forces (guide signed)' if 'guide' in forces else 'Pin forces', 'N', forces)],
         [_Panel('Shaking force', 'N', shaking)],
         [_Panel('Shaking moment', 'N m', {'moment': columns['shaking_moment']})],
     ]
 
 
-def _draw(axes: Axes, curves: Curves, panel: _Panel, *, last: bool) -> None:
+def _draw(axes: Axes, curves: Curves, panel: _Panel, *, numbered: bool) -> None:
     degrees = np.degrees(curves.crank)
-    for name, values in panel.curves.items():
-        axes.plot(degrees, values, color=_color(name), linewidth=1.6, label=name)
+    # Forces may coincide: dashed, they show what lies below.
+    styles = _STYLES if panel.unit == 'N' else _STYLES[:1]
+    for (name, values), style in zip(panel.curves.items(), itertools.cycle(styles), strict=False):
+        axes.plot(degrees, values, linestyle=style, color=_color(name), linewidth=1.6)
     axes.set_xlim(0, degrees[-1])
     axes.set_xticks(np.linspace(0, degrees[-1], 9))
     axes.grid(color='0.88', linewidth=0.6)
     axes.axhline(0, color='0.6', linewidth=0.8, zorder=0) if _spans_zero(panel) else None
     axes.set_ylabel(f'{panel.title}, {panel.unit}', fontsize=8)
-    axes.tick_params(labelsize=8, labelbottom=last)
-    if last:
-        axes.set_xlabel('Crank angle, deg', fontsize=9)
+    axes.tick_params(labelsize=7.5, labelbottom=numbered)
+    axes.yaxis.set_major_formatter(lambda value, _: f'{value:.4g}')
+    if numbered:
+        axes.set_xlabel('Crank angle, deg', fontsize=8, labelpad=1)
 
 
 def _spans_zero(panel: _Panel) -> bool:
@@ -150,24 +174,22 @@ def _spans_zero(panel: _Panel) -> bool:
 
 def _margin(curves: Curves, panel: _Panel) -> list[_Words]:
     """Peaks, where they are, and rms of every curve of a panel, in the curve's colour."""
-    heading = f'{panel.unit:<8}{"min":>9}{"at deg":>8}{"max":>9}{"at deg":>8}{"rms":>9}'
+    heading = f'{panel.unit:<9}{"min":>10} {"at deg":>6} {"max":>10} {"at deg":>6} {"rms":>9}'
     lines = [_Words(heading, '0.4', family='monospace')]
     rows = [(_short(name), values, _color(name)) for name, values in panel.curves.items()]
     if panel.title == _TORQUE:
         power = curves.columns['driving_power'].values
         rows = [('torque', rows[0][1], rows[0][2]), ('power, W', power, (0.1, 0.1, 0.1))]
     for name, values, color in rows:
-        extent = curves.extent(values)
-        low_at, high_at = math.degrees(extent.low_at), math.degrees(extent.high_at)
+        found = extent(curves.crank, values)
+        low_at, high_at = math.degrees(found.low_at), math.degrees(found.high_at)
         words = (
-            f'{name:<8}{extent.low:>9.4g}{low_at:>8.1f}{extent.high:>9.4g}{high_at:>8.1f}'
-            f'{extent.rms:>9.4g}'
+            f'{name:<9}{found.low:>10.4g} {low_at:>6.1f} {found.high:>10.4g} {high_at:>6.1f} '
+            f'{found.rms:>9.4g}'
         )
         lines.append(_Words(words, color, family='monospace'))
     if panel.title == _TORQUE:
-        # A mean that only rounding keeps from 0 is 0: all the work comes back.
-        mean = extent.mean if abs(extent.mean) > 1e-12 * extent.rms else 0.0
-        lines.append(_Words(f'mean power {mean:.4g} W', family='monospace'))
+        lines.append(_Words(f'mean power {curves.mean_power():.4g} W', family='monospace'))
     return [*lines, _Words('')]
 
 
@@ -176,7 +198,7 @@ def _short(name: str) -> str:
 
 
 def _draw_linkage(axes: Axes, curves: Curves) -> None:
-    """The mechanism an eighth of a turn after the start, and what its points trace out."""
+    """The mechanism at a crank angle of 45 deg, and what its points trace out."""
     mechanism = curves.solver.mechanism
     drawing = Drawing(mechanism)
     state = curves.solver.state([math.pi / 4], 0.0)

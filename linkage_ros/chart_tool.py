@@ -57,6 +57,8 @@ def motion(options: argparse.Namespace) -> None:
         options.out.mkdir(parents=True, exist_ok=True)
         curves.save(table)
         draw_motion(curves, title, picture)
+    except FileExistsError as error:
+        raise ConfigurationError(f'{options.out} is no folder: name another') from error
     except OSError as error:
         raise ConfigurationError(f'{options.out} cannot be written: {error.strerror}') from error
     print(', '.join(title))
@@ -88,7 +90,11 @@ def _parser() -> argparse.ArgumentParser:
         '--reactions', action='store_true', help='add joint forces, shaking force and moment'
     )
     curves.add_argument(
-        '--out', type=Path, default=Path(), metavar='DIR', help='folder (default: this one)'
+        '--out',
+        type=Path,
+        default=Path(),
+        metavar='DIR',
+        help='folder for PNG and CSV, which are replaced (default: this one)',
     )
     return parser
 

@@ -60,7 +60,8 @@ class Curves:
 
     Attributes:
         solver: Of the mechanism.
-        crank: Crank angles from 0 to the end of the period, 0.5 deg apart, rad.
+        crank: Crank angles from 0 to the end of the period, 0.5 deg apart, and as fine as it
+            takes next to change points, rad.
         speed: rad/s.
         columns: All quantities, by name; angles without jumps.
     """
@@ -88,9 +89,8 @@ class Curves:
         """
         self.solver = solver = Solver(mechanism)
         solver.require_full_turn()
-        turns = solver.mobility.period_turns
-        self.speed = speed
-        self.crank = np.linspace(0, turns * 2 * math.pi, turns * _STEPS_PER_TURN + 1)
+        self.speed, self._acceleration = speed, acceleration
+        self.crank = solver.kinematics.map.samples(_STEPS_PER_TURN)
         state = solver.state(self.crank, speed, acceleration)
         columns = [Column('crank_angle', 'rad', self.crank), *self._links(state)]
         columns += [
@@ -148,21 +148,17 @@ class Curves:
         ]
         return [*columns, Column('shaking_moment', 'N m', reactions.shaking_moment)]
 
-    def extent(self, values: Array) -> Extent:
-        """How large a quantity gets, among its samples.
+    def mean_power(self) -> float:
+        """Mean driving power over the crank angle, W.
 
-        Args:
-            values: Over the crank angles, such as those of a column.
-
-        Returns:
-            Its extent.
+        At a constant speed, weights and inertia take back what they give: what remains is the
+        guide's resistance, and what accelerates the crank. No cancellation spoils these.
         """
-        low, high = int(np.argmin(values)), int(np.argmax(values))
-        once = values[:-1]  # the end of the period is its start
-        return Extent(
-            float(values[low]), float(self.crank[low]), float(values[high]),
-            float(self.crank[high]), float(once.mean()), math.sqrt(float(np.mean(once * once))),
-        )  # fmt: skip
+        power = self.speed * self._acceleration * self.solver.inertia(self.crank)
+        if slider := self.solver.structure.slider:
+            rate = self.columns[f'{self.solver.links[2]}.velocity'].values
+            power = power + slider.damping * rate * rate
+        return extent(self.crank, np.broadcast_to(power, self.crank.shape)).mean
 
     def save(self, path: Path) -> None:
         """Writes all columns to a CSV file; every number reads back to the last bit.
@@ -176,3 +172,40 @@ class Curves:
             writer.writerow(f'{column.name} [{column.unit}]' for column in columns)
             rows = zip(*(column.values.tolist() for column in columns), strict=True)
             writer.writerows([repr(value) for value in row] for row in rows)
+
+
+def extent(crank: Array, values: Array) -> Extent:
+    """How large a quantity gets over the period.
+
+    Args:
+        crank: Crank angles in rising order, over the whole period, rad.
+        values: At these.
+
+    Returns:
+        Its extent; peaks between the angles by the parabola through the three nearest.
+    """
+    low, low_at = _peak(crank, -values)
+    high, high_at = _peak(crank, values)
+    period = float(crank[-1] - crank[0])
+    mean = _integral(crank, values) / period
+    rms = math.sqrt(_integral(crank, values * values) / period)
+    return Extent(-low, low_at, high, high_at, mean, rms)
+
+
+def _integral(crank: Array, values: Array) -> float:
+    return float(np.sum(np.diff(crank) * (values[1:] + values[:-1])) / 2)
+
+
+def _peak(crank: Array, values: Array) -> tuple[float, float]:
+    top = int(np.argmax(values))
+    # The end of the period is its start.
+    if top in (0, len(values) - 1):
+        return float(values[top]), 0.0
+    x, y = crank[top - 1 : top + 2] - crank[top], values[top - 1 : top + 2] - values[top]
+    left, right = y[0] / x[0], y[2] / x[2]
+    bend = (right - left) / (x[2] - x[0])
+    slope = left - bend * x[0]
+    if not bend < 0:
+        return float(values[top]), float(crank[top])
+    aside = -0.5 * slope / bend
+    return float(values[top] - 0.25 * slope * slope / bend), float(crank[top] + aside)

@@ -73,13 +73,13 @@ class MassDistribution:
         t1, t2, t3 = d1 * e1, d2 * e2, d3 * e3
         if weight1:
             x, y = weight1
-            t1 = t1 - (y * c1 - x * s1)
+            t1 = t1 - (y * c1 - x * s1 if x else y * c1)
         if weight2:
             x, y = weight2
-            t2 = t2 - (y * c2 - x * s2)
+            t2 = t2 - (y * c2 - x * s2 if x else y * c2)
         if weight3:
             x, y = weight3
-            t3 = t3 - (y * c3 - x * s3)
+            t3 = t3 - (y * c3 - x * s3 if x else y * c3)
         if self._resistance:
             damping, force = self._resistance
             t3 = t3 + (damping * w3 - force)

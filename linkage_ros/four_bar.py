@@ -66,8 +66,9 @@ class FourBarKinematics:
             p=far * (sum_bc + sum_dr) / four_bc,
             q=near * cross / four_bc,
             # Of a loop that just closes, rounding could make them negative.
-            far=max((sum_bc - diff_dr) * (sum_bc + diff_dr) / four_bc, 0.0),
-            near=max((sum_dr - diff_bc) * (sum_dr + diff_bc) / four_bc, 0.0),
+            far=max(math.fsum((b, c, -d, r)) * math.fsum((b, c, d, -r)) / four_bc, 0.0),
+            near=max(math.fsum((d, r, -b, c)) * math.fsum((d, r, b, -c)) / four_bc, 0.0),
+            pass_by=abs(diff_dr) / (2 * math.sqrt(r * d)),
         )
         self.side = side
         self._axis = (math.cos(delta), math.sin(delta))

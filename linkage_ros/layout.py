@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkage_ros.configuration import Configuration
+from linkage_ros.curves import extent
 from linkage_ros.drawing import Array, Drawing
 from linkage_ros.palette import COLORS, GREY
 from linkage_ros.solver import Solver
@@ -104,9 +105,9 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
         angles.insert(0, plot('Slider position, m', 'position', sliding))
         rates.insert(0, plot('Slider velocity, m/s', 'velocity', sliding))
     # Passive joints have none. In a small window the axis may show no number but 0.
-    turns = np.linspace(0, 4 * math.pi, 1441)
-    torque = solver.state(turns, rpm * math.pi / 30).torque
-    title = f'Driving torque, N m ({torque.min():.3g} to {torque.max():.3g} at {rpm:g} rpm)'
+    turns = solver.kinematics.map.samples(720)
+    torque = extent(turns, solver.state(turns, rpm * math.pi / 30).torque)
+    title = f'Driving torque, N m ({torque.low:.3g} to {torque.high:.3g} at {rpm:g} rpm)'
     effort = plot(title, 'effort', [crank.name])
     curves = rrb.Vertical(rrb.Tabs(*angles), rrb.Tabs(*rates), effort, row_shares=[1, 1, 2])
     return rrb.Blueprint(

@@ -25,7 +25,7 @@ from linkage_ros.messages import (
     encode_float64,
     encode_string,
 )
-from linkage_ros.motion import CrankMotion
+from linkage_ros.motion import CrankMotion, SpeedDrive
 from linkage_ros.solver import Solver
 from linkage_ros.state import State, loop_residual, point_motion
 from linkage_ros.travel import travel
@@ -82,7 +82,7 @@ class Machine:
         return (
             f'{kind.mechanism}, {self.configuration.mechanism.assembly}, '
             f'{self.solver.mobility.grashof}, {", ".join(travel(self.solver).words())}, '
-            f'{drive.rpm:g} rpm at {session.rate_hz:g} Hz'
+            f'{_speed(drive)} at {session.rate_hz:g} Hz'
         )
 
     def begin(self, stamp: int) -> CrankMotion:
@@ -130,3 +130,11 @@ class Machine:
         return loop_residual(
             self.solver.structure, self.configuration.mechanism.coupler.length, state
         )
+
+
+def _speed(drive: SpeedDrive) -> str:
+    if drive.start_rpm is None or not drive.crank_acceleration:
+        return f'{drive.rpm:g} rpm'
+    return (
+        f'from {drive.start_rpm:g} to {drive.rpm:g} rpm with {drive.crank_acceleration:g} rad/s^2'
+    )

@@ -60,14 +60,16 @@ def declare(
         configuration: Already checked; the node's own overrides are part of it.
         set_live: Called with name and value of a parameter that was set while the node runs.
     """
-    values = configuration.parameters()
+    drive = configuration.drive
+    start_rpm = drive.rpm if drive.start_rpm is None else drive.start_rpm
+    values = {**configuration.parameters(), 'start_rpm': start_rpm}
     live = []
     for name, quantity, _ in parameter_leaves(configuration.kind.mechanism):
-        descriptor = describe(name, quantity)
-        # What was left out and means "none" has its type and its descriptor, but no value.
-        value = values.get(name, Parameter.Type(descriptor.type))
-        # The overrides are in the configuration; rclpy would refuse 60 for 60.0.
-        node.declare_parameter(name, value, descriptor, ignore_override=True)
+        # What means "none" where it is left out has no value to show; rclpy fails to dump such.
+        if name in values:
+            # The overrides are in the configuration; rclpy would refuse 60 for 60.0.
+            descriptor = describe(name, quantity)
+            node.declare_parameter(name, values[name], descriptor, ignore_override=True)
         if quantity.live:
             live.append(name)
 

@@ -137,6 +137,24 @@ class Solver:
         with np.errstate(under='ignore'):
             return reactions(self.mechanism, self.structure, state, sine)
 
+    def inertia(self, crank: Real) -> Real:
+        """The moment of inertia of the whole mechanism, as the crank feels it.
+
+        Args:
+            crank: Crank angle, rad; a float, or an array.
+
+        Returns:
+            kg m^2: torque per crank acceleration; a float, or an array.
+
+        Raises:
+            UnreachableError: The loop cannot close at a crank angle.
+        """
+        functions = functions_of(crank)
+        if self._limited:
+            self._require_reachable(crank, functions)
+        ((inertia,),) = self._masses.matrix(self.kinematics.solve(crank, functions))
+        return inertia
+
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
         if self._limited:
             self._require_reachable(crank, functions)
@@ -144,11 +162,14 @@ class Solver:
         position, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
         squared = speed * speed
         velocity = k1 * speed, k2 * speed, k3 * speed
-        accelerations = (
-            c1 * squared + k1 * acceleration,
-            c2 * squared + k2 * acceleration,
-            c3 * squared + k3 * acceleration,
-        )
+        accelerations = c1 * squared, c2 * squared, c3 * squared
+        if acceleration.__class__ is not float or acceleration:
+            e1, e2, e3 = accelerations
+            accelerations = (
+                e1 + k1 * acceleration,
+                e2 + k2 * acceleration,
+                e3 + k3 * acceleration,
+            )
         (torque,) = self._masses.balance(links, velocity, accelerations)
         return _new(State, (position, velocity, accelerations, torque))
 
@@ -170,17 +191,22 @@ class Solver:
             angle, rate, change = (
                 x if isinstance(x, float) else x[piece] for x in (crank, speed, acceleration)
             )
-            if not all(np.isfinite(x).all() for x in (angle, rate, change)):
-                _refuse_not_finite(angle, rate, change)
             with np.errstate(over='ignore', invalid='ignore', under='ignore'):
+                if not _all_finite(angle, rate, change):
+                    _refuse_not_finite(angle, rate, change)
                 state = self._solve(angle, rate, change, ARRAY)
-            if not np.isfinite(state.torque).all():
-                _refuse_not_finite(angle, rate, change)
+                if not _all_finite(state.torque):
+                    _refuse_not_finite(angle, rate, change)
             values = (*state.position, *state.velocity, *state.acceleration, state.torque)
             for row, value in zip(rows, values, strict=True):
                 row[piece] = value
         a1, a2, a3, r1, r2, r3, e1, e2, e3, torque = (row.reshape(shape) for row in rows)
         return State((a1, a2, a3), (r1, r2, r3), (e1, e2, e3), torque)
+
+
+def _all_finite(*values: Real) -> bool:
+    # A sum is cheaper than a look at each; it may overflow where none of them is infinite.
+    return all(isfinite(np.sum(x)) or bool(np.isfinite(x).all()) for x in values)
 
 
 def _refuse_not_finite(crank: Real, speed: Real, acceleration: Real) -> NoReturn:

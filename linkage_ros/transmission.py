@@ -23,9 +23,14 @@ import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import numpy as np
+import numpy.typing as npt
+
 from linkage_ros.numeric import Functions, Real, two_sum
 
 Arc: TypeAlias = tuple[float, float]
+
+_PER_DECADE = 24  # of the steps that become finer
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,7 @@ class TransmissionMap:
         q: sin^2 m at h = 0; negative: the crank cannot reach the near side.
         far: cos^2 m at h = 0: 1 - q without its rounding.
         near: sin^2 m at h = pi/2: 1 - p without its rounding.
+        pass_by: Half angle within which the crank pin passes the rocker pivot, rad.
     """
 
     reference: tuple[float, float]
@@ -49,6 +55,7 @@ class TransmissionMap:
     q: float
     far: float
     near: float
+    pass_by: float = math.inf
 
     @property
     def turns_fully(self) -> bool:
@@ -86,8 +93,37 @@ class TransmissionMap:
         They are at h = 0 and h = pi/2; a crank that cannot reach these stretches the dyad.
         """
         near, far = max(self.q, 0.0) + 0.0, max(self.p, 0.0) + 0.0
-        smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(1.0 - near))
-        return smallest, 2 * math.atan2(math.sqrt(1.0 - far), math.sqrt(far))
+        smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(self.far if near else 1.0))
+        return smallest, 2 * math.atan2(math.sqrt(self.near if far else 1.0), math.sqrt(far))
+
+    def samples(self, steps_per_turn: int) -> npt.NDArray[np.float64]:
+        """Crank angles over one period that miss nothing of the motion.
+
+        Whatever happens fast happens at h = 0 and h = pi/2, next to a change point: within half
+        angles of sqrt(q) / kappa, sqrt(p) / kappa and `pass_by`. There the steps become finer
+        towards these angles, to far below the narrowest.
+
+        Args:
+            steps_per_turn: Of the even steps.
+
+        Returns:
+            Angles from 0 to 2 pi or 4 pi, rad, in rising order.
+        """
+        turns = self.period_turns
+        even = np.linspace(0, turns * 2 * math.pi, turns * steps_per_turn + 1)
+        scales = (math.sqrt(self.p), math.sqrt(self.q))
+        widths = [scale / abs(self.kappa) for scale in scales if scale]
+        narrowest = min([*widths, *([self.pass_by] if self.pass_by else [])], default=math.inf)
+        step = math.pi / steps_per_turn
+        if narrowest > 20 * step:
+            return even
+        decades = math.log10(step * 40 / narrowest) + 2
+        fine = np.geomspace(narrowest * 0.01, step * 40, math.ceil(decades * _PER_DECADE))
+        around = np.concatenate([-fine[::-1], [0.0], fine])
+        first = self.reference[0] % math.pi
+        places = [first + math.pi * i for i in range(-1, 2 * turns + 1)]
+        angles = np.concatenate([even, *(place + around for place in places)])
+        return np.unique(angles[(angles >= 0) & (angles <= even[-1])])
 
     def half_angle(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
         """Half of crank - reference, with the rounding error of that difference carried along.

@@ -12,8 +12,6 @@ import numpy as np
 from linkage_ros.solver import Solver
 
 _STEPS_PER_TURN = 720
-# Samples lie beside the symmetric angles, at which a rate may vanish exactly.
-_BESIDE = 1e-3
 
 
 class Travel(NamedTuple):
@@ -21,8 +19,8 @@ class Travel(NamedTuple):
 
     Attributes:
         output: Its name, 'rocker' or 'slider'.
-        extremes: Where it reverses, lowest and highest position; rad (beyond pi where it swings
-            through the seam) or m. None: it turns fully.
+        extremes: Where it reverses, lowest and highest position, rad or m; beyond pi only where
+            it swings through the seam. None: it turns fully.
         at: Crank angles in [0, 2 pi) or [0, 4 pi) at which it reverses, rad.
         transmission: Smallest and largest transmission angle, between coupler and rocker or
             between coupler and the normal of the guide; rad in [0, pi].
@@ -71,8 +69,10 @@ def travel(solver: Solver) -> Travel:
     """
     solver.require_full_turn()
     turns = solver.mobility.period_turns
-    steps = turns * _STEPS_PER_TURN
-    crank = _BESIDE + np.linspace(0, turns * 2 * math.pi, steps + 1)
+    # Beside the symmetric angles, at which a rate may vanish exactly.
+    crank = solver.kinematics.map.samples(_STEPS_PER_TURN)
+    crank = 0.5 * (crank[1:] + crank[:-1])
+    crank = np.append(crank, crank[0] + turns * 2 * math.pi)
     state = solver.state(crank, 1.0)
     position, rate = state.position[2], state.velocity[2]
     slides = solver.structure.joints[2].slides
@@ -86,9 +86,11 @@ def travel(solver: Solver) -> Travel:
         places = [p + _whole_turns(position[i] - p) for i, p in zip(before, places, strict=True)]
     extremes: tuple[float, float] | None = None
     if slides or not _whole_turns(position[-1] - position[0]):
-        # Without a reversal it is at rest.
-        ends = places or [float(position[0])]
-        extremes = min(ends), max(ends)
+        # An output that nearly rests reverses within rounding, where no change of sign is seen.
+        ends = *places, float(position.min()), float(position.max())
+        low, high = min(ends), max(ends)
+        seam = 0.0 if slides else _whole_turns(0.5 * (low + high))
+        extremes = low - seam, high - seam
     period = turns * 2 * math.pi
     ratio = None
     if len(at) == 2:

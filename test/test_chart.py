@@ -14,9 +14,17 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from linkage_ros import ConfigurationError, Solver, chart_tool
+from linkage_ros import (
+    Body,
+    ConfigurationError,
+    Coupler,
+    FourBar,
+    Frame,
+    Solver,
+    chart_tool,
+)
 from linkage_ros.configuration import load
-from linkage_ros.curves import Curves
+from linkage_ros.curves import Curves, extent
 from linkage_ros.presets import preset_names
 
 CHANGE_POINT = """
@@ -101,18 +109,44 @@ def test_document_4_stands_in_the_table():
     assert row['coupler.acceleration'] == pytest.approx(-0.481125224325, abs=6e-13)
 
 
-def test_extents_are_those_of_the_samples():
+def test_extents_are_those_of_the_motion():
     curves = Curves(load('quadrilateral').mechanism, 5 * math.pi)
-    torque = curves.extent(curves.columns['driving_torque'].values)
-    assert torque.high == pytest.approx(8.475284394410188, rel=1e-14)
-    assert math.degrees(torque.high_at) == pytest.approx(294.0)
-    assert torque.low == pytest.approx(-8.54729141947143, rel=1e-14)
-    assert math.degrees(torque.low_at) == pytest.approx(348.0)
+    torque = extent(curves.crank, curves.columns['driving_torque'].values)
+    # Between 0.5 deg samples, of which the largest is at 294 and the smallest at 348 deg.
+    assert 8.475284394410188 < torque.high < 8.4755
+    assert math.degrees(torque.high_at) == pytest.approx(294.0, abs=0.25)
+    assert -8.5475 < torque.low < -8.54729141947143
+    assert math.degrees(torque.low_at) == pytest.approx(348.0, abs=0.25)
     assert abs(torque.mean) < 1e-14  # all the work comes back
-    sine = curves.extent(3 * np.sin(curves.crank))
-    assert sine.rms == pytest.approx(3 / math.sqrt(2), rel=1e-14)
-    constant = curves.extent(np.full_like(curves.crank, -2.0))
-    assert (constant.mean, constant.rms) == (-2.0, 2.0)
+    assert curves.mean_power() == 0.0
+    wave = extent(curves.crank, 3 * np.sin(curves.crank - 1))
+    assert wave.rms == pytest.approx(3 / math.sqrt(2), rel=1e-12)
+    assert (wave.high, wave.high_at) == pytest.approx((3.0, math.pi / 2 + 1), rel=1e-6)
+    constant = extent(curves.crank, np.full_like(curves.crank, -2.0))
+    assert (constant.mean, constant.rms) == pytest.approx((-2.0, 2.0), rel=1e-14)
+
+
+@pytest.mark.parametrize('preset', preset_names())
+@pytest.mark.parametrize('acceleration', [0.0, 3.0])
+def test_mean_power_is_the_mean_of_the_power(preset, acceleration):
+    curves = Curves(load(preset).mechanism, 4 * math.pi, acceleration)
+    power = extent(curves.crank, curves.columns['driving_power'].values)
+    assert curves.mean_power() == pytest.approx(power.mean, rel=1e-6, abs=1e-12 * power.rms)
+
+
+@pytest.mark.parametrize('gap', [1e-3, 1e-5, 1e-7, 1e-9, 1e-12])
+def test_no_spike_next_to_a_change_point_is_missed(gap):
+    """The faster the motion, the finer the angles; a grid of 0.5 deg sees nothing of it."""
+    crank, body = Body(0.1), {'mass': 1.0, 'inertia': 0.01}
+    coupler, rocker = Coupler(0.2, center=(0.1, 0.0), **body), Body(0.3 + gap, **body)
+    curves = Curves(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
+    found = extent(curves.crank, curves.columns['coupler.acceleration'].values)
+    # At theta = pi itself the acceleration is at its peak, to first order in the gap.
+    at_pi = curves.solver.state(0.3 + math.pi, 2 * math.pi)
+    assert found.high == pytest.approx(at_pi.acceleration[1], rel=max(1e-3, 10 * gap))
+    power = extent(curves.crank, curves.columns['driving_power'].values)
+    assert abs(power.mean) < 0.02 * power.rms
+    assert curves.mean_power() == 0.0
 
 
 def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, monkeypatch, capsys):
@@ -134,6 +168,12 @@ def test_forces_without_bounds_are_refused(tmp_path, monkeypatch, capsys):
     assert 'change point' in line
     assert 'leave the reactions out' in line
     assert not (tmp_path / 'out').exists()
+
+
+def test_file_names_are_no_mathematics(tmp_path, monkeypatch):
+    odd = tmp_path / 'cost_$5_$x{.yaml'
+    odd.write_text(CHANGE_POINT)
+    assert chart(monkeypatch, 'motion', odd, '--out', tmp_path) == 0
 
 
 @pytest.mark.parametrize(

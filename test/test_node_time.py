@@ -4,19 +4,24 @@
 
 from __future__ import annotations
 
+import math
 import resource
 import time
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.serialization import deserialize_message
 from ros_harness import Listener, fresh_domain, node_arguments, running, wait_for
 from rosgraph_msgs.msg import Clock
-from test_node import CODEC, TYPES, decoded, logged, set_parameter, stop
+from test_node import CODEC, TYPES, call, decoded, logged, set_parameter, stop
 from trajectory_msgs.msg import JointTrajectory
 
+from linkage_ros.configuration import load
 from linkage_ros.machine import Machine
 
 STATES = {'/joint_states': TYPES['/joint_states']}
@@ -103,6 +108,62 @@ def test_simulated_time_cannot_be_switched_while_running():
         assert not result.successful
         assert 'start it again' in result.reason
         assert stop(process)[0] == 0
+
+
+def test_parameters_dumped_as_ros2_param_does_give_the_same_run_again(tmp_path):
+    domain = fresh_domain()
+    with (
+        Listener(domain, STATES) as listener,
+        running('node', *node_arguments(rpm='-42.5'), domain=domain) as process,
+    ):
+        wait_for(lambda: listener.received['/joint_states'])
+        listed = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
+        names = sorted(listed.result.names)
+        got = call(listener, GetParameters, 'get_parameters', GetParameters.Request(names=names))
+        assert stop(process)[0] == 0
+    tree = {}
+    for name, value in zip(names, map(plain, got.values), strict=True):
+        *folders, leaf = name.split('.')
+        place = tree
+        for folder in folders:
+            place = place.setdefault(folder, {})
+        place[leaf] = value
+    dumped = tmp_path / 'linkage_node.yaml'
+    dumped.write_text(yaml.dump({'/linkage_node': {'ros__parameters': tree}}))
+    original = load('quadrilateral')
+    drive = replace(original.drive, rpm=-42.5, start_rpm=-42.5)
+    assert load(str(dumped)) == replace(original, drive=drive)
+
+
+def plain(value):
+    """A ParameterValue as `ros2 param dump` writes it."""
+    fields = {1: 'bool', 2: 'integer', 3: 'double', 4: 'string', 8: 'double_array'}
+    got = getattr(value, f'{fields[value.type]}_value')
+    return list(got) if value.type == ParameterType.PARAMETER_DOUBLE_ARRAY else got
+
+
+def test_two_nodes_live_side_by_side_in_one_graph():
+    domain = fresh_domain()
+    types = {
+        '/left/joint_states': STATES['/joint_states'],
+        '/right/joint_states': STATES['/joint_states'],
+        '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    }
+    left = [*node_arguments(rpm='30.0'), '-r', '__ns:=/left']
+    right = [*node_arguments(rpm='-90.0'), '-r', '__ns:=/right']
+    with (
+        Listener(domain, types) as listener,
+        running('node', *left, domain=domain) as first,
+        running('node', *right, domain=domain) as second,
+    ):
+        wait_for(lambda: all(len(listener.received[topic]) > 100 for topic in list(types)[:2]))
+        wait_for(lambda: len({m.status[0].name for m in diagnostics(listener)}) == 2)
+        assert stop(first)[0] == stop(second)[0] == 0
+    names = {status.name for message in diagnostics(listener) for status in message.status}
+    assert {'left/linkage_node: motion', 'right/linkage_node: motion'} <= names
+    for topic, rpm in (('/left/joint_states', 30.0), ('/right/joint_states', -90.0)):
+        speeds = {numbers[3] for _, numbers in decoded(listener.received[topic])}
+        assert list(speeds) == pytest.approx([rpm * math.pi / 30], rel=1e-15)
 
 
 def diagnostics(listener):

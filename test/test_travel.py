@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from linkage_ros import (
@@ -141,6 +141,33 @@ def test_outputs_that_turn_fully_rest_or_take_two_turns(mechanism, span, ratio):
     assert ('turns fully' in words) == (span is None)
     assert 'nan' not in words
     assert '-0 ' not in words
+
+
+@given(
+    st.sampled_from([(1, 2, 2, 1), (1, 2, 1, 2), (1, 3, 2, 2), (1, 1, 1, 1), (1.5, 3, 2.5, 1)]),
+    st.integers(0, 3), st.floats(-14, -1), st.sampled_from([-1, 1]), ANGLES,
+    st.sampled_from(ASSEMBLIES),
+)  # fmt: skip
+def test_swing_is_right_however_near_a_change_point_is(
+    lengths, link, power, sign, angle, assembly
+):
+    """Next to a kite the rocker swings by half a turn within a thousandth of a degree."""
+    lengths = list(lengths)
+    lengths[link] *= 1 + sign * 10**power
+    solver = Solver(four_bar(lengths, assembly, angle))
+    assume(solver.mobility.turns_fully and solver.mobility.grashof != 'change-point')
+    found, (r, b, c, d) = travel(solver), lengths
+    if solver.mobility.grashof == 'double-crank':
+        assert found.span is None
+    else:
+        swing = abs(corner(b + r, c, d) - corner(abs(b - r), c, d))
+        assert found.span == pytest.approx(swing, abs=1e-6)
+
+
+def corner(a, b, c):
+    """The angle opposite the first side, also of triangles that are almost flat."""
+    rise, run = (a - b + c) * (a + b - c), (b + c - a) * (a + b + c)
+    return 2 * math.atan2(math.sqrt(max(rise, 0.0)), math.sqrt(max(run, 0.0)))
 
 
 def test_words_have_the_figures_and_their_units():
