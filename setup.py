@@ -78,6 +78,7 @@ setup(
         'test': [
             'colcon-common-extensions',
             'hypothesis',
+            'mcap-ros2-support',
             'mpmath',
             'mujoco',
             'mypy',

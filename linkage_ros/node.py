@@ -82,6 +82,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         # What exists by now stays; without this, each collection would walk through all of it.
         gc.collect()
         gc.freeze()
+        self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._stepper.start(self._begin)
 
     def close(self) -> bool:
@@ -92,6 +93,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         self._stepper.stop()
         self._report()
+        self._log_diagnosis()  # no step is left to do it
         counts = self._stepper.counts
         self.get_logger().info(
             f'{counts.kept} states published, {counts.missed} ticks missed, '
@@ -178,12 +180,16 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if self._log is not None:
             for channel, message in zip(self._channels, step.messages, strict=True):
                 self._log.offer((channel, now, message))
-            diagnosis, self._diagnosis = self._diagnosis, None
-            if diagnosis is not None:
-                self._log.offer((self._diagnostics_channel, now, diagnosis))
+            self._log_diagnosis()
         if self._view is not None:
             position, velocity, _, effort = step.values
             self._view.offer(Sample(stamp, position, velocity, effort))
+
+    def _log_diagnosis(self) -> None:
+        """Logs the last report; from the thread that logs the states, because queues ask so."""
+        diagnosis, self._diagnosis = self._diagnosis, None
+        if self._log is not None and diagnosis is not None:
+            self._log.offer((self._diagnostics_channel, time.time_ns(), diagnosis))
 
     def _restamp(self, old: int, new: int) -> None:
         self._move(self._motion.change(old, self._motion.rpm, restamp=new))

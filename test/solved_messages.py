@@ -1,0 +1,97 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a log's messages should say, made from the solver's states and no bytes of ours.
+
+A message is a dictionary of its fields. Floats stand there as 16 hexadecimal digits, so that
+equal means equal to the bit: in any other form 0.0 and -0.0 would pass for each other.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from linkage_ros.joints import joint_values
+from linkage_ros.messages import FLOAT64, JOINT_STATE, JOINT_TRAJECTORY, POINT_STAMPED, STRING
+from linkage_ros.solver import Solver
+from linkage_ros.urdf import make_urdf
+
+TYPES = {
+    '/joint_states': JOINT_STATE.name,
+    '/driving_torque': FLOAT64.name,
+    '/mechanism_state': JOINT_TRAJECTORY.name,
+    '/coupler_point': POINT_STAMPED.name,
+    '/robot_description': STRING.name,
+}
+
+
+def plain(value):
+    """A field, or a message of any reader, as comparable as described above."""
+    if isinstance(value, float):
+        return struct.pack('>d', value).hex()
+    if isinstance(value, (str, int)):
+        return value
+    if isinstance(value, bytes):  # rclpy's idea of a byte
+        return value[0]
+    if isinstance(value, dict):
+        return {name: plain(item) for name, item in value.items()}
+    if hasattr(value, 'tolist'):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if hasattr(value, 'get_fields_and_field_types'):
+        names = value.get_fields_and_field_types()
+    else:
+        names = getattr(type(value), '__slots__', None) or vars(value)
+    # rosbags gives constants and the type's name as fields too.
+    fields = [name for name in names if not (name.isupper() or name.startswith('__'))]
+    return {name: plain(getattr(value, name)) for name in fields}
+
+
+def time_of(stamp):
+    """A stamp, ns, as ROS writes it."""
+    seconds, nanoseconds = divmod(stamp, 10**9)
+    return {'sec': seconds, 'nanosec': nanoseconds}
+
+
+def solved_messages(configuration, motion, stamps):
+    """The messages that belong to some stamps.
+
+    Args:
+        configuration: Of the run.
+        motion: The piece of motion that all stamps lie in.
+        stamps: ns.
+
+    Returns:
+        (stamp, message) in order, for each topic; the robot's description has the first stamp.
+    """
+    solver = Solver(configuration.mechanism)
+    messages = {topic: [] for topic in TYPES}
+    description = {'data': make_urdf(configuration.mechanism)}
+    messages['/robot_description'].append((stamps[0], description))
+    names = list(solver.links)
+    for stamp in stamps:
+        crank = motion.at(stamp)
+        state = solver.state(crank.angle, crank.speed, crank.acceleration)
+        position, velocity, acceleration, effort = joint_values(
+            solver.structure.joints, state, crank
+        )
+        header = {'stamp': time_of(stamp), 'frame_id': 'base_link'}
+        rates = {'position': position, 'velocity': velocity, 'effort': effort}
+        point = {
+            'positions': position,
+            'velocities': velocity,
+            'accelerations': acceleration,
+            'effort': effort,
+            'time_from_start': time_of(0),
+        }
+        found = {
+            '/joint_states': {'header': header, 'name': names, **rates},
+            '/driving_torque': {'data': state.torque},
+            '/mechanism_state': {'header': header, 'joint_names': names, 'points': [point]},
+        }
+        if 'C' in solver.structure.points:
+            x, y = solver.point(state, 'C').position
+            found['/coupler_point'] = {'header': header, 'point': {'x': x, 'y': y, 'z': 0.0}}
+        for topic, message in found.items():
+            messages[topic].append((stamp, plain(message)))
+    return {topic: rows for topic, rows in messages.items() if rows}

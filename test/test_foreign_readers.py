@@ -1,0 +1,299 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Logs of every preset and of a live node in readers that share no code with the package.
+
+Each reader decodes by the definitions that stand in the file. The expected values come from the
+solver; see `solved_messages`. The same for Foxglove's readers: benchmarks/readers.py.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags import rosbag2
+from rosbags.highlevel import AnyReader
+from solved_messages import TYPES, plain, solved_messages, time_of
+
+from linkage_ros.configuration import Configuration, load
+from linkage_ros.interfaces import DIAGNOSTIC_ARRAY
+from linkage_ros.log_reader import LogReader
+from linkage_ros.machine import Machine
+from linkage_ros.messages import JointStateCodec
+from linkage_ros.motion import CrankMotion
+from linkage_ros.presets import preset_names
+from linkage_ros.record import record
+
+DOCUMENT = (Path(__file__).parents[1] / 'docs' / 'mcap.md').read_text()
+DIAGNOSTICS = {'/diagnostics': DIAGNOSTIC_ARRAY.name}
+DURATION = 0.4  # s
+
+
+class Log(NamedTuple):
+    path: Path
+    configuration: Configuration
+    messages: dict
+
+
+def recorded(preset, folder):
+    path, configuration = folder / 'run.mcap', load(preset)
+    count = record(configuration, path, duration=DURATION)
+    rate = round(configuration.session.rate_hz)
+    assert count == round(DURATION * rate)
+    stamps = [tick * 10**9 // rate for tick in range(count)]
+    motion = CrankMotion.begin(configuration.drive, 0)
+    return Log(path, configuration, solved_messages(configuration, motion, stamps))
+
+
+def live(folder):
+    """A node that speeds up; what it diagnosed is read by rclpy."""
+    serialization = pytest.importorskip('rclpy.serialization')
+    from ros_harness import Listener, fresh_domain, node_arguments, running, wait_for
+
+    from linkage_ros.ros import message_class
+
+    path, domain = folder / 'run.mcap', fresh_domain()
+    drive = {'start_rpm': -30.0, 'crank_acceleration': 7.1}
+    with (
+        Listener(domain, DIAGNOSTICS) as listener,
+        running('node', *node_arguments(log=path, **drive), domain=domain) as process,
+    ):
+        # A second lies between two reports: the log is flushed into several chunks.
+        wait_for(lambda: len(listener.received['/diagnostics']) >= 2)
+        process.send_signal(signal.SIGINT)
+        output = process.communicate(timeout=20)
+    assert process.returncode == 0, output
+    with LogReader(path) as log:
+        configuration, (motion,) = log.configuration, log.motions
+        found = {topic.name: [] for topic in log.topics}
+        for message in log.messages():
+            found[message.topic].append(message)
+    codec = JointStateCodec(Machine(configuration).joints)
+    stamps = [codec.decode(message.data)[0] for message in found['/joint_states']]
+    assert len(stamps) > 150
+    expected = solved_messages(configuration, motion, stamps)
+    kind = message_class(DIAGNOSTIC_ARRAY.name)
+    expected['/diagnostics'] = [
+        (None, plain(serialization.deserialize_message(message.data, kind)))
+        for message in found['/diagnostics']
+    ]
+    for topic, rows in expected.items():  # a live log's times are those of publishing
+        times = [message.time for message in found[topic]]
+        expected[topic] = [(time, row[1]) for time, row in zip(times, rows, strict=True)]
+    assert len(expected['/diagnostics']) >= 2
+    return Log(path, configuration, expected)
+
+
+@pytest.fixture(scope='module', params=[*preset_names(), 'live'])
+def log(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp(request.param)
+    return live(folder) if request.param == 'live' else recorded(request.param, folder)
+
+
+def assert_same(found, expected):
+    assert set(found) == set(expected)
+    for topic, rows in expected.items():
+        assert len(found[topic]) == len(rows), topic
+        for got, wanted in zip(sorted(found[topic], key=lambda row: row[0]), rows, strict=True):
+            assert got == wanted, topic
+
+
+# ---------------------------------------------------------------- rosbags
+
+
+def read_bag(bag):
+    found = {connection.topic: [] for connection in bag.connections}
+    for connection, time, data in bag.messages():
+        message = plain(bag.deserialize(data, connection.msgtype))
+        found[connection.topic].append((time, message))
+    return found
+
+
+def test_rosbags_reads_the_bare_file(log):
+    with AnyReader([log.path]) as bag:
+        assert_same(read_bag(bag), log.messages)
+        times = [time for rows in log.messages.values() for time, _ in rows]
+        assert (bag.start_time, bag.end_time) == (min(times), max(times) + 1)
+        for connection in bag.connections:
+            assert connection.msgtype == (TYPES | DIAGNOSTICS)[connection.topic]
+            # Worked out by rosbags from the definitions in the file.
+            own = bag.typestore.hash_rihs01(connection.msgtype)
+            with log.path.open('rb') as stream:
+                channels = make_reader(stream).get_summary().channels.values()
+            [channel] = [channel for channel in channels if channel.topic == connection.topic]
+            assert channel.metadata['topic_type_hash'] == own
+
+
+def test_rosbags_turns_it_into_a_folder_of_the_same_bytes(log, tmp_path):
+    program = 'import sys; from rosbags.convert.cli import main; sys.exit(main())'
+    subprocess.run(
+        [sys.executable, '-c', program, '--src', log.path, '--dst', tmp_path / 'run'], check=True
+    )
+    assert (tmp_path / 'run' / 'metadata.yaml').is_file()
+
+    def content(path):
+        with rosbag2.Reader(path) as bag:
+            return sorted((c.topic, time, bytes(data)) for c, time, data in bag.messages())
+
+    assert content(tmp_path / 'run') == content(log.path)
+
+
+# ---------------------------------------------------------------- mcap
+
+
+def test_mcap_decodes_with_its_ros2_support(log):
+    from mcap_ros2 import decoder
+
+    found = {topic: [] for topic in log.messages}
+    with log.path.open('rb') as stream:
+        reader = make_reader(
+            stream, validate_crcs=True, decoder_factories=[decoder.DecoderFactory()]
+        )
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            assert message.log_time == message.publish_time
+            found[channel.topic].append((message.log_time, plain(decoded)))
+    assert_same(found, log.messages)
+
+
+# ---------------------------------------------------------------- Rerun
+
+
+def rows_of(stream):
+    """{entity: {component: [(log time, publish time, stamp or None, value)]}}, in order."""
+    found = {}
+    for chunk in stream:
+        batch = chunk.to_record_batch()
+        columns = dict(zip(batch.schema.names, batch.columns, strict=True))
+        entity = found.setdefault(str(chunk.entity_path), {})
+        if 'message_log_time' not in columns:
+            continue
+        times = [
+            columns.pop(name).cast('int64').to_pylist() if name in columns else [None] * len(batch)
+            for name in ('message_log_time', 'message_publish_time', 'ros2_timestamp')
+        ]
+        for name, column in columns.items():
+            if not name.startswith('rerun.controls'):
+                rows = zip(*times, column.to_pylist(), strict=True)
+                entity.setdefault(name, []).extend(row for row in rows if row[-1] is not None)
+    for entity in found.values():
+        for rows in entity.values():
+            rows.sort(key=lambda row: row[0])
+    return found
+
+
+def read_rerun(stream):
+    """The messages again, from the entities and components that Rerun makes of them."""
+    entities, found = rows_of(stream), {}
+    for entity, components in entities.items():
+        for component, rows in components.items():
+            assert all(log_time == publish_time for log_time, publish_time, _, _ in rows)
+            if component == 'TextDocument:text':
+                found[entity] = [(time, {'data': text}) for time, _, _, [text] in rows]
+            elif component.endswith(':message'):
+                found[entity] = [(time, plain(message)) for time, _, _, [message] in rows]
+                for _, _, stamp, [message] in rows:
+                    assert stamp is None or message['header']['stamp'] == time_of(stamp)
+    joint_states = found['/joint_states'] = []
+    parts = {
+        name: entities[f'/joint_states/{name}'] for name in ('position', 'velocity', 'effort')
+    }
+    frames = entities['/joint_states']['CoordinateFrame:frame']
+    for row, (time, _, stamp, [frame]) in enumerate(frames):
+        message = {'header': {'stamp': time_of(stamp), 'frame_id': frame}}
+        for quantity, components in parts.items():
+            *_, names = components['SeriesLines:names'][row]
+            assert message.setdefault('name', names) == names
+            *_, message[quantity] = components['Scalars:scalars'][row]
+        joint_states.append((time, plain(message)))
+    return found
+
+
+def test_rerun_opens_it_with_named_joints(log):
+    chunk = pytest.importorskip('rerun.chunk')
+    entities = rows_of(chunk.McapReader(log.path).stream())
+    joints = list(Machine(log.configuration).joints)
+    for quantity in ('position', 'velocity', 'effort'):
+        names = entities[f'/joint_states/{quantity}']['SeriesLines:names']
+        assert len(names) == len(log.messages['/joint_states'])
+        assert all(row[-1] == joints for row in names)
+
+
+def test_rerun_reads_every_value(log):
+    chunk = pytest.importorskip('rerun.chunk')
+    assert_same(read_rerun(chunk.McapReader(log.path).stream()), log.messages)
+
+
+def test_rerun_converts_every_value(log, tmp_path):
+    chunk = pytest.importorskip('rerun.chunk')
+    home, target = str(tmp_path / 'home'), tmp_path / 'run.rrd'
+    # Its wrapper would outlive a signal.
+    binary = Path(find_spec('rerun_cli').submodule_search_locations[0], 'rerun')
+    variables = {**os.environ, 'HOME': home, 'XDG_CONFIG_HOME': home, 'NO_COLOR': '1'}
+    subprocess.run([binary, 'analytics', 'disable'], env=variables, check=True)
+    done = subprocess.run(
+        [binary, 'mcap', 'convert', log.path, '-o', target],
+        env=variables, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert 'ERROR' not in done.stderr
+    assert_same(read_rerun(chunk.RrdReader(target).stream()), log.messages)
+
+
+# ---------------------------------------------------------------- what the document shows
+
+
+def blocks():
+    found = re.findall(r'\n\n((?: {4}.*\n|\n)+)', DOCUMENT)
+    return [textwrap.dedent(block) for block in found]
+
+
+def block_with(word):
+    (block,) = [block for block in blocks() if word in block]
+    return block
+
+
+def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypatch):
+    monkeypatch.chdir(log.path.parent)
+    block = block_with('iter_metadata')
+    assert len(block.strip().splitlines()) <= 5
+    exec(compile(block, 'mcap.md', 'exec'), {})
+    about, motion = capsys.readouterr().out.splitlines()
+    assert about.startswith('linkage_ros {')
+    assert f"'crank.length': '{log.configuration.mechanism.crank.length}'" in about
+    assert motion.startswith('linkage_ros/motion {')
+    assert f"'rpm': '{log.configuration.drive.rpm}'" in motion
+
+
+def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch):
+    """pandas itself need not be there: then all lines run but those that name it."""
+    monkeypatch.chdir(log.path.parent)
+    tree = ast.parse(block_with('pandas'))
+    if find_spec('pandas') is None:
+        tree.body = [line for line in tree.body if 'pandas' not in ast.unparse(line)]
+        assert len(tree.body) == len(ast.parse(block_with('pandas')).body) - 2
+    names = {}
+    exec(compile(tree, 'mcap.md', 'exec'), names)
+    rows = log.messages['/mechanism_state']
+    quantities = ('positions', 'velocities', 'accelerations', 'effort')
+    joints = Machine(log.configuration).joints
+    assert list(names['columns']) == [(joint, word) for joint in joints for word in quantities]
+    for (joint, quantity), column in names['columns'].items():
+        place = joints.index(joint)
+        expected = [message['points'][0][quantity][place] for _, message in rows]
+        assert plain(np.asarray(column, float)) == expected
+    assert names['times'] == [time for time, _ in rows]
+    if 'frame' in names:
+        frame = names['frame']
+        assert frame.index.astype('int64').tolist() == names['times']
+        for name, column in names['columns'].items():
+            assert plain(frame[name].to_numpy()) == plain(np.asarray(column))
