@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from mcap.reader import McapReader, make_reader
+from mcap.reader import McapReader, NonSeekingReader, make_reader
 from mcap.records import Channel, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
@@ -25,6 +25,7 @@ from linkage_ros.records import (
 )
 
 _MAGIC_SIZE, _FOOTER_SIZE = 8, 9 + 20
+_CUT = 'it is not complete: its run was killed; linkage_log recover saves what is there'
 
 
 class LoggedMessage(NamedTuple):
@@ -88,11 +89,11 @@ class LogReader(AbstractContextManager['LogReader']):
 
     def _open(self) -> None:
         if self._is_cut():
-            raise LogError('it is not complete: its run was killed before the end')
+            raise LogError(_CUT)
         self._reader: McapReader = make_reader(self._stream, validate_crcs=True)
         summary = self._reader.get_summary()
         if summary is None or summary.statistics is None:
-            raise LogError('it is not complete: its run was killed before the end')
+            raise LogError(_CUT)
         _check_summary(self._stream)
         records = list(self._reader.iter_metadata())
         # The index is under the summary's checksum, the records' names are under none.
@@ -125,13 +126,17 @@ class LogReader(AbstractContextManager['LogReader']):
         return begin == MCAP0_MAGIC != end
 
     def messages(
-        self, topics: Iterable[str] | None = None, start: int | None = None
+        self,
+        topics: Iterable[str] | None = None,
+        start: int | None = None,
+        end: int | None = None,
     ) -> Iterator[LoggedMessage]:
         """Reads messages in the order of their log times.
 
         Args:
             topics: Fully qualified names; None: all.
             start: First log time, ns; None: from the beginning.
+            end: Log time before which to stop, ns; None: at the end.
 
         Yields:
             The messages.
@@ -140,11 +145,32 @@ class LogReader(AbstractContextManager['LogReader']):
             LogError: The file is damaged.
         """
         wanted = None if topics is None else list(topics)
-        stored = self._reader.iter_messages(topics=wanted, starting_at=start)
+        stored = self._reader.iter_messages(topics=wanted, starting_at=start, ending_before=end)
         with _damage_reported(self.path):
             for schema, channel, message in stored:
                 kind = '' if schema is None else schema.name
                 yield LoggedMessage(channel.topic, kind, message.log_time, message.data)
+
+    def written(self) -> Iterator[LoggedMessage]:
+        """Reads all messages in the order of writing, whatever their log times.
+
+        Yields:
+            The messages.
+
+        Raises:
+            LogError: The file is damaged.
+        """
+        expected = {topic.name: topic.messages for topic in self.topics}
+        found = dict.fromkeys(expected, 0)
+        with _damage_reported(self.path), self.path.open('rb') as stream:
+            reader = NonSeekingReader(stream, validate_crcs=True)
+            for schema, channel, message in reader.iter_messages(log_time_order=False):
+                kind, topic = '' if schema is None else schema.name, channel.topic
+                found[topic] = found.get(topic, 0) + 1
+                yield LoggedMessage(topic, kind, message.log_time, message.data)
+            # A damaged opcode hides its record: no checksum covers it.
+            if found != expected:
+                raise LogError('it is damaged: its messages are not as many as its summary says')
 
     def close(self) -> None:
         """Closes the file."""

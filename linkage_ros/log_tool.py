@@ -1,17 +1,23 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_log: looks into a log."""
+"""linkage_log: looks into a log, recomputes it, saves what is left of it."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
+from pathlib import Path
+from typing import NoReturn
 
-from linkage_ros import cli
+from tqdm import tqdm
+
+from linkage_ros import __version__, cli
 from linkage_ros.log_reader import LogReader
 from linkage_ros.machine import Machine
+from linkage_ros.recover import Recovered, recover
+from linkage_ros.verify import Report, verify
 
 _NAME = 'linkage_log'
 _NS = 10**9
@@ -67,19 +73,117 @@ def _moment(stamp: int) -> str:
     return f'{date:%Y-%m-%d %H:%M:%S}.{rest // 1000:06d} UTC'
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = cli.make_parser(_NAME, 'Look into a log of linkage_ros.', ('info run.mcap',))
-    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    show = commands.add_parser('info', help='topics, counts, times, configuration, mechanism')
-    show.add_argument('log', metavar='LOG.mcap')
-    return parser
+def verdict(log: LogReader, report: Report) -> Iterator[str]:
+    """What came of a verification.
+
+    Args:
+        log: The log.
+        report: From `verify`.
+
+    Yields:
+        Lines of text.
+    """
+    if report.difference:
+        yield f'{log.path}: DIFFERS: {report.difference}'
+        yield f'  equal before it: {report.states} states'
+    else:
+        yield f'{log.path}: {report.states} states, every one equal to the bit'
+        yield f'  compared: {", ".join(report.compared) or "nothing"}'
+    if report.others:
+        yield f'  not recomputable, so not compared: {", ".join(report.others)}'
+    if report.absent:
+        yield f'  not in the log: {", ".join(report.absent)}'
+    if report.missed:
+        yield f'  {report.missed} ticks have no state: the run was late, or they are lost'
+    if report.cut:
+        yield f'  the last state is cut off, before {", ".join(report.cut)}'
+    if log.version != __version__:
+        yield f'  written by linkage_ros {log.version}, recomputed by {__version__}'
 
 
-def _run() -> None:
-    options = _parser().parse_args()
+def _verify(options: argparse.Namespace) -> int:
+    with LogReader(options.log) as log:
+        most = max((topic.messages for topic in log.topics), default=0)
+        with _bar(most, ' states') as bar:
+            report = verify(log, bar.update)
+        for line in verdict(log, report):
+            print(line)
+    return 1 if report.difference else 0
+
+
+def saved(path: Path, done: Recovered) -> str:
+    """What came of a recovery, in one line."""
+    losses, lost = done.losses, []
+    if losses.places:
+        known = f' with {losses.messages} messages' if losses.messages else ''
+        lost.append(f'{losses.places} damaged places of {losses.damaged} bytes{known}')
+    elif losses.messages:
+        lost.append(f'{losses.messages} messages of unknown topics')
+    if losses.records:
+        lost.append(f'{losses.records} damaged records of configuration or motion')
+    if losses.tail:
+        lost.append(f'the last {losses.tail} bytes, which are not whole')
+    return (
+        f'{path}: {done.messages} messages saved, {done.duration:.3f} s; '
+        f'lost: {", ".join(lost) or "nothing that was on the disk"}'
+    )
+
+
+def _recover(options: argparse.Namespace) -> int:
+    size = options.log.stat().st_size if options.log.is_file() else 0
+    with _bar(size, 'B') as bar:
+        done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
+    print(saved(options.out, done))
+    return 0
+
+
+def _info(options: argparse.Namespace) -> int:
     with LogReader(options.log) as log:
         for line in info(log):
             print(line)
+    return 0
+
+
+def _bar(total: int, unit: str) -> tqdm[NoReturn]:
+    # Without a bar where stderr is no terminal (disable=None), or where it is done in 2 s.
+    return tqdm(
+        total=total, unit=unit, unit_scale=True, disable=None, delay=2, mininterval=0.5,
+        leave=False,
+    )  # fmt: skip
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = cli.make_parser(
+        _NAME,
+        'Look into a log of linkage_ros, recompute it, save what a killed run left.',
+        ('info run.mcap', 'verify run.mcap', 'recover run.mcap saved.mcap'),
+    )
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+
+    def add(name: str, help_: str, run: Callable[[argparse.Namespace], int], log: str) -> None:
+        command = commands.add_parser(name, help=help_)
+        command.add_argument('log', metavar=log, type=Path)
+        command.set_defaults(run=run)
+
+    add('info', 'topics, counts, times, configuration, mechanism', _info, 'LOG.mcap')
+    add(
+        'verify',
+        'recompute every state from the logged configuration and motions; exit code 0: all are '
+        'equal to the bit, 1: one differs, 2: the log cannot be read',
+        _verify,
+        'LOG.mcap',
+    )
+    add('recover', 'save what a killed run or a damaged disk left', _recover, 'BROKEN.mcap')
+    save = commands.choices['recover']
+    save.add_argument('out', metavar='OUT.mcap', type=Path, help='the complete log to write')
+    save.add_argument('--overwrite', action='store_true', help='replace an existing file')
+    return parser
+
+
+def _run() -> int:
+    options = _parser().parse_args()
+    code: int = options.run(options)
+    return code
 
 
 def main() -> int:

@@ -33,14 +33,16 @@ CORE = {
 }
 # Which files may import what, at their top and within functions.
 ROS = {'ros', 'ros_parameters', 'node'}
+MCAP = {'log', 'log_reader', 'recover', 'salvage'}
 ROOMS = {
-    'mcap': ({'log', 'log_reader'}, {'log', 'log_reader'}),
+    'mcap': (MCAP, MCAP),
+    'zstandard': ({'salvage'}, {'salvage'}),
     'rerun': ({'stream', 'layout'}, {'stream', 'layout'}),
     'matplotlib': ({'chart'}, {'chart'}),
     'scipy': ({'chart'}, {'chart'}),
     'mpmath': ({'chart'}, {'chart'}),
     'yaml': ({'parameter_file'}, {'parameter_file'}),
-    'tqdm': ({'record', 'replay'}, {'record', 'replay'}),
+    'tqdm': ({'record', 'replay', 'log_tool'}, {'record', 'replay', 'log_tool'}),
     'rclpy': (ROS, {*ROS, 'replay', 'demo'}),
     'rcl_interfaces': (ROS, ROS),
     'sensor_msgs': (ROS, {*ROS, 'demo'}),

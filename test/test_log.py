@@ -486,7 +486,7 @@ def small(tmp_path_factory):
     target = tmp_path_factory.mktemp('small') / 'run.mcap'
     codec = JointStateCodec(JOINTS)
     with LogWriter(target, CONFIGURATION, overwrite=False) as log:
-        joints, torque, _, description = (log.add_topic(t, f'/{t.name}') for t in TOPICS)
+        joints, torque, *_, description = (log.add_topic(t, f'/{t.name}') for t in TOPICS)
         log.write_motion(MOTIONS[0])
         log.write(description, START, encode_string(DESCRIPTION))
         for tick, (stamp, *rows, value) in enumerate(STATES[:12]):

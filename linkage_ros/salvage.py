@@ -1,0 +1,214 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Walks through an MCAP file that is cut off or damaged, and passes over what is not whole.
+
+Chunks hold all messages and have checksums. Behind a damaged place the walk goes on at the next
+chunk or record of ours; of a chunk that the file's end cuts off, zstd unpacks whole blocks.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from mmap import mmap
+from typing import NamedTuple
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    Header,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+)
+from mcap.stream_reader import get_chunk_data_stream
+from mcap.writer import MCAP0_MAGIC
+
+_HEAD = 9  # bytes of opcode and length
+_KEPT: dict[int, type[Header | Schema | Channel | Metadata | Attachment]] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.METADATA: Metadata,
+    Opcode.ATTACHMENT: Attachment,
+}
+# The beginning of a chunk or of a metadata record of linkage_ros, wherever it is.
+_LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
+
+
+@dataclass
+class Losses:
+    """What could not be saved.
+
+    Attributes:
+        places: Damaged stretches between whole records.
+        damaged: Their bytes.
+        messages: Messages known to have been there.
+        records: Motion records among them.
+        tail: Bytes at the end that the run was writing when it was killed, or that are damaged.
+    """
+
+    places: int = 0
+    damaged: int = 0
+    messages: int = 0
+    records: int = 0
+    tail: int = 0
+
+
+class Stretch(NamedTuple):
+    """A part of the file: its end, the records in it, and whether they made up a chunk."""
+
+    end: int
+    records: list[McapRecord]
+    is_chunk: bool
+
+
+def is_mcap(data: bytes | mmap) -> bool:
+    """Whether a file begins as MCAP files do."""
+    return data[: len(MCAP0_MAGIC)] == MCAP0_MAGIC
+
+
+def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
+    """Reads the records that can be read, up to the end of the data section.
+
+    Args:
+        data: The file.
+        losses: Is told what cannot be read.
+
+    Yields:
+        Stretches of the file, in order.
+    """
+    at, hurt = len(MCAP0_MAGIC), False
+    while at < len(data):
+        opcode, end = _frame(data, at)
+        if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+            return
+        records = _read(data, at, opcode, end) if _is_whole(data, at) else None
+        if records is not None:
+            if opcode == Opcode.MESSAGE_INDEX and hurt:
+                losses.messages += (end - at - _HEAD - 6) // 16
+            hurt = hurt and opcode != Opcode.CHUNK
+            yield Stretch(end, records, opcode == Opcode.CHUNK)
+            at = end
+            continue
+        hurt = opcode == Opcode.CHUNK
+        is_framed = _is_whole(data, at) and _is_whole(data, end)
+        after = end if is_framed else _next_landmark(data, at + 1)
+        if after is None:
+            losses.tail = len(data) - at
+            yield Stretch(len(data), _begun(data, at), is_chunk=True)
+            return
+        losses.places += 1
+        losses.damaged += after - at
+        at = after
+
+
+def read_summary(data: bytes | mmap) -> list[McapRecord]:
+    """The schemas and channels that a complete file repeats at its end.
+
+    Args:
+        data: The file.
+
+    Returns:
+        The records; none if the file has no end, or a damaged one.
+    """
+    size = _HEAD + 20
+    at = len(data) - len(MCAP0_MAGIC) - size
+    if at < 0 or data[at] != Opcode.FOOTER:
+        return []
+    start, _, expected = struct.unpack_from('<QQI', data, at + _HEAD)
+    if not 0 < start < at or zlib.crc32(data[start : at + size - 4]) != expected:
+        return []
+    records = []
+    while start < at:
+        opcode, end = _frame(data, start)
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            records += _read(data, start, opcode, end) or []
+        start = end
+    return records
+
+
+def _frame(data: bytes | mmap, at: int) -> tuple[int, int]:
+    """Opcode and end of the record at a place; (0, the file's end) where there is none."""
+    if at + _HEAD > len(data):
+        return 0, len(data)
+    opcode, length = struct.unpack_from('<BQ', data, at)
+    return opcode, at + _HEAD + length
+
+
+def _is_whole(data: bytes | mmap, at: int) -> bool:
+    """Whether a record at a place lies within the file, and its length fits its parts."""
+    opcode, end = _frame(data, at)
+    if not Opcode.HEADER <= opcode <= Opcode.DATA_END or end > len(data):
+        return False
+    body = at + _HEAD
+    if opcode == Opcode.MESSAGE_INDEX:
+        return end == body + 6 + _number(data, body + 2, 4)
+    if opcode == Opcode.CHUNK:
+        start = body + 32 + _number(data, body + 28, 4)
+        return end == start + 8 + _number(data, start, 8)
+    return True
+
+
+def _number(data: bytes | mmap, at: int, size: int) -> int:
+    return int.from_bytes(data[at : at + size], 'little')
+
+
+def _next_landmark(data: bytes | mmap, at: int) -> int | None:
+    places = (found.start() for found in _LANDMARK.finditer(data, at))
+    return next((place for place in places if _is_whole(data, place)), None)
+
+
+def _read(data: bytes | mmap, at: int, opcode: int, end: int) -> list[McapRecord] | None:
+    """The records in a stretch of the file; None if it is damaged."""
+    body = data[at + _HEAD : end]
+    stream = ReadDataStream(BytesIO(body))
+    try:
+        if opcode == Opcode.CHUNK:
+            unpacked, size = get_chunk_data_stream(Chunk.read(stream), validate_crc=True)
+            return _unpack(unpacked.read(size))
+        if opcode == Opcode.MESSAGE:
+            return [Message.read(stream, len(body))]
+        kind = _KEPT.get(opcode)
+        return [kind.read(stream)] if kind else []
+    except Exception:  # noqa: BLE001, nothing bounds what damage makes a parser raise
+        return None
+
+
+def _unpack(data: bytes) -> list[McapRecord]:
+    """The whole records at the beginning of a chunk's data."""
+    records: list[McapRecord] = []
+    at = 0
+    while at < len(data):
+        opcode, end = _frame(data, at)
+        if end > len(data) or (found := _read(data, at, opcode, end)) is None:
+            break
+        records += found
+        at = end
+    return records
+
+
+def _begun(data: bytes | mmap, at: int) -> list[McapRecord]:
+    """What can be unpacked of a chunk that the end of the file cuts off."""
+    opcode, end = _frame(data, at)
+    if opcode != Opcode.CHUNK or end <= len(data):
+        return []
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(data[at + _HEAD :])))
+        unpacked = zstandard.ZstdDecompressor().decompressobj().decompress(chunk.data)
+    except Exception:  # noqa: BLE001, as above
+        return []
+    # All of it is there where only the length is damaged, and then it has to be right.
+    size, expected = chunk.uncompressed_size, chunk.uncompressed_crc
+    if len(unpacked) >= size and zlib.crc32(unpacked) != expected:
+        return []
+    return _unpack(unpacked)

@@ -1,0 +1,673 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Logs recomputed: untouched ones are equal to the bit, and every kind of tampering is named."""
+
+from __future__ import annotations
+
+import re
+import struct
+import subprocess
+from pathlib import Path
+
+import pytest
+from mcap.records import Channel, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+from ros_harness import command
+
+from linkage_ros import LogError
+from linkage_ros.configuration import configure, from_strings, load
+from linkage_ros.differences import differing
+from linkage_ros.fields import read_fields
+from linkage_ros.log import LogWriter
+from linkage_ros.log_reader import LogReader
+from linkage_ros.machine import Machine
+from linkage_ros.messages import (
+    DIAGNOSTICS,
+    DRIVING_TORQUE,
+    JOINT_STATES,
+    ROBOT_DESCRIPTION,
+    TOPICS,
+    JointStateCodec,
+    encode_float64,
+)
+from linkage_ros.record import record
+from linkage_ros.records import (
+    CONFIGURATION_RECORD,
+    MOTION_RECORD,
+    _seal,
+    write_configuration,
+)
+from linkage_ros.verify import verify
+
+START = 1_795_000_000_123_456_789
+PRESETS = ('quadrilateral', 'coupler_point', 'slider_crank', 'compressor')
+CHANGE_POINTS = {  # a parallelogram, whose motion repeats after two turns
+    'mechanism': 'four_bar', 'frame.length': 0.3, 'crank.length': 0.1, 'coupler.length': 0.3,
+    'coupler.mass': 0.4, 'rocker.length': 0.1, 'rocker.mass': 1.0, 'rpm': 150.0,
+}  # fmt: skip
+
+
+def checked(path):
+    with LogReader(path) as log:
+        return verify(log)
+
+
+def assert_equal(path, states):
+    report = checked(path)
+    assert report.difference == ''
+    assert (report.states, report.missed, report.cut) == (states, 0, ())
+    return report
+
+
+def live(path, configuration, plan, *, prefix='/', names=None, diagnostics=True, topics=None):
+    """Writes what the node logs: `plan` yields 'rpm', 'step' or 'skip' with a value, or None.
+
+    rpm: set it, at the next tick. step: of the clock, ns. skip: miss so many ticks. None: a tick.
+    """
+    machine = Machine(configuration)
+    motion, rpm, t0, tick = machine.begin(START), configuration.drive.rpm, START, 0
+    with LogWriter(path, configuration, overwrite=True) as log:
+        chosen = [t for t in machine.topics if topics is None or t.name in topics]
+        channels = [log.add_topic(t, prefix + (names or {}).get(t.name, t.name)) for t in chosen]
+        places = [machine.topics.index(topic) for topic in chosen]
+        extra = log.add_topic(DIAGNOSTICS, '/diagnostics') if diagnostics else None
+        description = log.add_topic(ROBOT_DESCRIPTION, f'{prefix}robot_description')
+        log.write_motion(motion)
+        log.write(description, START, machine.description)
+        for kind, value in plan:
+            if kind == 'rpm':
+                rpm = value
+                continue
+            if kind == 'skip':
+                tick += value
+                continue
+            stamp = t0 + machine.elapsed(tick)
+            if kind == 'step':
+                motion = motion.change(stamp, motion.rpm, restamp=stamp + value)
+                log.write_motion(motion)
+                t0, stamp = t0 + value, stamp + value
+            if rpm != motion.rpm:
+                motion = motion.change(stamp, rpm)
+                log.write_motion(motion)
+            messages = machine.step(motion, stamp).messages
+            now = stamp + 40_000 + tick % 7
+            for channel, place in zip(channels, places, strict=True):
+                log.write(channel, now, messages[place])
+            if extra is not None and tick % 50 == 0:
+                log.write(extra, now, b'\0\1\0\0' + bytes(16))
+            tick += 1
+            if tick % 60 == 0:
+                log.flush()
+    return path
+
+
+def ticks(count):
+    return [('tick', None)] * count
+
+
+CHANGES = [
+    *ticks(90), ('rpm', -37.3), *ticks(70), ('skip', 5), *ticks(30), ('step', -2_345_678_901),
+    *ticks(80), ('rpm', 0.0), ('step', 987_654_321), *ticks(40), ('step', -60_000_000),
+    ('rpm', 1 / 3), *ticks(40),
+]  # fmt: skip
+CHANGED = sum(kind in {'tick', 'step'} for kind, _ in CHANGES)
+
+
+# ---------------------------------------------------------------- untouched
+
+
+@pytest.mark.parametrize('preset', PRESETS)
+def test_records_of_all_presets_are_equal_to_the_bit(tmp_path, preset):
+    count = record(load(preset), tmp_path / 'run.mcap', duration=1.3)
+    report = assert_equal(tmp_path / 'run.mcap', count)
+    assert set(report.compared) == {
+        f'/{t.name}' for t in (*Machine(load(preset)).topics, ROBOT_DESCRIPTION)
+    }
+    assert report.others == report.absent == ()
+
+
+@pytest.mark.parametrize('rate', [7.0, 299.7, 300.0, 1000.0])
+@pytest.mark.parametrize(
+    'values',
+    [
+        CHANGE_POINTS,
+        {**CHANGE_POINTS, 'crank_angle': 3.141592653589793, 'rpm': -7.0},
+        {**load('compressor').parameters(), 'start_rpm': 90.0, 'crank_acceleration': 30.0,
+         'rpm': -90.0},
+        {**CHANGE_POINTS, 'start_rpm': -60.0, 'crank_acceleration': 9.0},
+    ],
+)  # fmt: skip
+def test_change_points_and_ramps_through_zero(tmp_path, values, rate):
+    configuration = configure({**values, 'rate_hz': rate})
+    count = record(configuration, tmp_path / 'run.mcap', duration=1.7)
+    assert_equal(tmp_path / 'run.mcap', count)
+
+
+@pytest.mark.parametrize('acceleration', [0.0, 11.0])
+@pytest.mark.parametrize('rate', [200.0, 300.0, 123.4])
+@pytest.mark.parametrize('preset', ['quadrilateral', 'slider_crank'])
+def test_live_runs_with_rpm_changes_gaps_and_clock_steps(tmp_path, preset, rate, acceleration):
+    values = {**load(preset).parameters(), 'rate_hz': rate, 'crank_acceleration': acceleration}
+    path = live(tmp_path / 'run.mcap', configure(values), CHANGES)
+    report = checked(path)
+    assert report.difference == ''
+    assert (report.states, report.missed, report.others) == (CHANGED, 5, ('/diagnostics',))
+
+
+def test_every_kind_of_motion_is_in_that_run(tmp_path):
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), CHANGES)
+    with LogReader(path) as log:
+        stamps = [motion.stamp for motion in log.motions]
+        assert len(stamps) == 7
+        assert stamps != sorted(stamps)
+        assert len(set(stamps)) < len(stamps)  # a step and a new rpm at one tick
+
+
+@pytest.mark.parametrize('topics', [None, ('joint_states',), ('coupler_point',)])
+@pytest.mark.parametrize('acceleration', [0.0, 11.0])
+@pytest.mark.parametrize('rpm', [0.0, 90.0])
+def test_a_clock_set_back_by_whole_ticks_again_and_again(tmp_path, rpm, acceleration, topics):
+    """As a looping bag does on simulated time: pieces overlap, tick for tick."""
+    loop = [*ticks(30), ('rpm', rpm), *ticks(30), ('step', -50 * 5_000_000), *ticks(10)]
+    configuration = configure({'rpm': 20.0, 'crank_acceleration': acceleration})
+    path = live(tmp_path / 'run.mcap', configuration, [*loop, ('rpm', 33.0), *loop, *loop],
+                topics=topics)  # fmt: skip
+    assert_equal(path, 3 * 71)
+
+
+def test_namespaced_and_remapped_topics_are_told_by_type(tmp_path):
+    path = live(
+        tmp_path / 'run.mcap', load('quadrilateral'), ticks(50),
+        prefix='/left/', names={'driving_torque': 'torque', 'joint_states': 'states'},
+    )  # fmt: skip
+    report = assert_equal(path, 50)
+    assert {'/left/torque', '/left/states', '/left/robot_description'} <= set(report.compared)
+
+
+def test_a_subset_of_the_topics_is_verified_and_the_rest_named(tmp_path):
+    path = live(
+        tmp_path / 'run.mcap', load('quadrilateral'), ticks(50),
+        topics=('driving_torque', 'coupler_point'),
+    )  # fmt: skip
+    report = assert_equal(path, 50)
+    assert set(report.absent) == {'joint_states', 'mechanism_state'}
+
+
+def test_a_log_without_stamps_or_motions_cannot_be_verified(tmp_path):
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(5), topics=('driving_torque',))
+    with pytest.raises(LogError, match='cannot be verified: none of its topics has stamps'):
+        checked(path)
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(5))
+    rewrite(path, lambda records: [r for r in records if not is_motion(r)])
+    with pytest.raises(LogError, match='cannot be verified: it has states but no motion record'):
+        checked(path)
+
+
+def test_an_empty_log_and_one_of_the_description_alone(tmp_path):
+    configuration = load('quadrilateral')
+    LogWriter(tmp_path / 'run.mcap', configuration, overwrite=False).close()
+    assert assert_equal(tmp_path / 'run.mcap', 0).compared == ()
+    with LogWriter(tmp_path / 'run.mcap', configuration, overwrite=True) as log:
+        channel = log.add_topic(ROBOT_DESCRIPTION, '/robot_description')
+        log.write(channel, START, Machine(configuration).description)
+    assert assert_equal(tmp_path / 'run.mcap', 0).compared == ('/robot_description',)
+    live(tmp_path / 'run.mcap', configuration, [])
+    assert_equal(tmp_path / 'run.mcap', 0)
+    # The description is compared there, too.
+    rewrite(tmp_path / 'run.mcap', flip('/robot_description', 0, 900, 1))
+    assert checked(tmp_path / 'run.mcap').difference.startswith('/robot_description: data = ')
+
+
+def test_a_state_that_was_cut_off_at_the_very_end_is_said(tmp_path):
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(20), diagnostics=False)
+    rewrite(path, lambda records: records[:-2])
+    report = checked(path)
+    assert report.difference == ''
+    assert (report.states, report.cut) == (19, ('/mechanism_state', '/coupler_point'))
+    # What is there of it is compared all the same.
+    rewrite(path, flip('/joint_states', 19, 100, 1))
+    assert '/joint_states' in checked(path).difference
+
+
+# ---------------------------------------------------------------- tampered, checksums right
+
+
+def is_motion(item):
+    return isinstance(item, Metadata) and item.name == MOTION_RECORD
+
+
+def rewrite(path, edit):
+    """Writes a log anew, its records changed by `edit`, all checksums of MCAP right."""
+    with path.open('rb') as stream:
+        records = []
+        for item in StreamReader(stream).records:
+            if type(item).__name__ == 'DataEnd':
+                break
+            if isinstance(item, (Schema, Channel, Message, Metadata)):
+                records.append(item)
+    records = edit(records)
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2', 'test')
+        for item in records:
+            if isinstance(item, Schema):
+                writer.register_schema(item.name, item.encoding, item.data)
+            elif isinstance(item, Channel):
+                writer.register_channel(
+                    item.topic, item.message_encoding, item.schema_id, item.metadata
+                )
+            elif isinstance(item, Message):
+                writer.add_message(item.channel_id, item.log_time, item.data, item.publish_time)
+            elif isinstance(item, Metadata):
+                writer.add_metadata(item.name, item.metadata)
+        writer.finish()
+    return path
+
+
+def places_of(records, topic):
+    """Where the messages of a topic are."""
+    (number,) = (r.id for r in records if isinstance(r, Channel) and r.topic == topic)
+    return [
+        place for place, r in enumerate(records)
+        if isinstance(r, Message) and r.channel_id == number
+    ]  # fmt: skip
+
+
+def flip(topic, number, byte, bit):
+    def edit(records):
+        message = records[places_of(records, topic)[number]]
+        data = bytearray(message.data)
+        data[byte] ^= bit
+        message.data = bytes(data)
+        return records
+
+    return edit
+
+
+def drop(topic, number):
+    def edit(records):
+        del records[places_of(records, topic)[number]]
+        return records
+
+    return edit
+
+
+def double(topic, number):
+    def edit(records):
+        place = places_of(records, topic)[number]
+        return [*records[: place + 1], records[place], *records[place + 1 :]]
+
+    return edit
+
+
+def swap(topic, number, *, data_only):
+    def edit(records):
+        a, b = places_of(records, topic)[number : number + 2]
+        if data_only:
+            records[a].data, records[b].data = records[b].data, records[a].data
+        else:
+            records[a], records[b] = records[b], records[a]
+        return records
+
+    return edit
+
+
+QUADRILATERAL = ('/joint_states', '/driving_torque', '/mechanism_state', '/coupler_point')
+
+
+@pytest.fixture(params=['record', 'live'])
+def path(request, tmp_path):
+    target = tmp_path / 'run.mcap'
+    if request.param == 'record':
+        record(load('quadrilateral'), target, duration=0.5)
+    else:
+        live(target, load('quadrilateral'), ticks(100))
+    return target
+
+
+def where(path, number):
+    """The stamp of a state as it is shown."""
+    with LogReader(path) as log:
+        stamp = log.motions[0].stamp + Machine(log.configuration).elapsed(number)
+    return f'{stamp // 10**9}.{stamp % 10**9:09d} s'
+
+
+def test_writing_a_log_anew_changes_nothing(path):
+    assert_equal(rewrite(path, lambda records: records), 100)
+
+
+def test_a_flipped_bit_is_named_with_joint_values_stamp_and_size(path):
+    codec = JointStateCodec(('crank', 'coupler', 'rocker'))
+    with LogReader(path) as log:
+        data = [m.data for m in log.messages(['/joint_states'])][40]
+    value = codec.decode(data)[1][4]  # the coupler's velocity
+    place = data.index(struct.pack('<d', value))
+    rewrite(path, flip('/joint_states', 40, place, 0x01))
+    (other,) = struct.unpack('<d', bytes([data[place] ^ 1]) + data[place + 1 : place + 8])
+    report = checked(path)
+    assert report.difference == (
+        f'/joint_states: velocity[coupler] = {other!r} logged, {value!r} recomputed: '
+        f'off by {abs(other - value):.3g}, 1 ulp; '
+        f'state 41, stamp {where(path, 40)}, in piece of motion 1'
+    )
+    assert report.states == 40
+
+
+@pytest.mark.parametrize('topic', [*QUADRILATERAL, '/robot_description'])
+def test_a_flipped_bit_is_found_in_every_byte(path, topic):
+    with LogReader(path) as log:
+        size = len(next(log.messages([topic])).data)
+    number = 0 if topic == '/robot_description' else 3
+    good = path.read_bytes()
+    for byte in range(0, size, 1 + size // 60):
+        path.write_bytes(good)
+        rewrite(path, flip(topic, number, byte, 1 << byte % 8))
+        difference = checked(path).difference
+        # A stamp may say that the message, or another of its state, is out of place.
+        assert difference.startswith((topic, 'the stamp')), (byte, difference)
+        assert '\n' not in difference
+        assert len(difference) < 400
+
+
+@pytest.mark.parametrize('topic', QUADRILATERAL)
+@pytest.mark.parametrize('number', [0, 50])
+def test_a_lost_doubled_or_swapped_message_is_named(path, topic, number):
+    good = path.read_bytes()
+    state = f'in state {number + 1}, logged at'
+    at = f'state {number + 1}, stamp {where(path, number)}'
+    for edit, words in (
+        (drop(topic, number), f'{topic} has no message {state}'),
+        (double(topic, number), f'{topic} has the message logged at'),
+        (swap(topic, number, data_only=False), f'{topic} has two messages swapped: {state}'),
+        (swap(topic, number, data_only=True),
+         f'{topic} has two messages swapped: of {at}'),
+    ):  # fmt: skip
+        path.write_bytes(good)
+        rewrite(path, edit)
+        assert checked(path).difference.startswith(words)
+
+
+def test_a_lost_message_among_equal_ones_is_found(tmp_path):
+    """At rest all torques are equal: only the log times tell."""
+    path = live(tmp_path / 'run.mcap', configure({'rpm': 0.0}), ticks(60))
+    rewrite(path, drop('/driving_torque', 30))
+    assert '/driving_torque has no message in state 31' in checked(path).difference
+
+
+@pytest.mark.parametrize('topic', QUADRILATERAL)
+def test_a_topic_that_breaks_off_is_named(path, topic):
+    def edit(records):
+        gone = set(places_of(records, topic)[10:])
+        return [r for place, r in enumerate(records) if place not in gone]
+
+    rewrite(path, edit)
+    assert f'{topic} has no message in state 11' in checked(path).difference
+
+
+def edit_states(edit):
+    """Changes the list of states, each the list of its messages."""
+
+    def change(records):
+        columns = [places_of(records, topic) for topic in QUADRILATERAL]
+        states = [[records[i] for i in row] for row in zip(*columns, strict=True)]
+        first = columns[0][0]
+        kept = [r for i, r in enumerate(records) if i not in {i for c in columns for i in c}]
+        place = min(first, len(kept))
+        return [*kept[:place], *(m for state in edit(states) for m in state), *kept[place:]]
+
+    return change
+
+
+def test_whole_states_lost_doubled_or_swapped(path):
+    good, is_record = path.read_bytes(), path.read_bytes().find(b'diagnostics') < 0
+    rewrite(path, edit_states(lambda states: states))
+    assert_equal(path, 100)
+    path.write_bytes(good)
+    rewrite(path, edit_states(lambda states: [*states[:50], states[49], *states[50:]]))
+    assert 'is not after the one before it' in checked(path).difference
+    path.write_bytes(good)
+    rewrite(path, edit_states(lambda s: [*s[:50], s[51], s[50], *s[52:]]))
+    swapped = checked(path).difference
+    path.write_bytes(good)
+    rewrite(path, edit_states(lambda states: states[:50] + states[53:]))
+    report = checked(path)
+    if is_record:
+        assert swapped.startswith(f'the stamp {where(path, 51)} of state 51 comes after 1 lost')
+        words = 'of state 51 comes after 3 lost states: a record has every tick'
+        assert words in report.difference
+    else:  # which may have missed ticks
+        assert f'the stamp {where(path, 50)} of state 52 is not after' in swapped
+        assert (report.difference, report.states, report.missed) == ('', 97, 3)
+
+
+def test_stamps_off_the_ticks_are_found(tmp_path):
+    """Every value is right for its stamp, but no tick has that stamp."""
+    configuration = load('quadrilateral')
+    machine = Machine(configuration)
+    for late, words in ((0, ''), (1, 'is no tick of rate_hz = 200: 1 ns late')):
+        with LogWriter(tmp_path / 'run.mcap', configuration, overwrite=True) as log:
+            channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
+            motion = machine.begin(START)
+            log.write_motion(motion)
+            for tick in range(20):
+                stamp = START + machine.elapsed(tick) + (late if tick == 9 else 0)
+                for channel, data in zip(
+                    channels, machine.step(motion, stamp).messages, strict=True
+                ):
+                    log.write(channel, stamp, data)
+        difference = checked(tmp_path / 'run.mcap').difference
+        assert words in difference
+        assert bool(words) == bool(difference)
+
+
+def test_a_log_time_that_is_not_the_stamp_of_a_record_is_found(path):
+    is_record = path.read_bytes().find(b'diagnostics') < 0
+
+    def later(states):
+        for message in states[7]:
+            message.log_time += 1
+        return states
+
+    rewrite(path, edit_states(later))
+    assert ('a record has its stamp' in checked(path).difference) == is_record
+
+
+def test_one_log_time_beside_those_of_its_state_is_found(path):
+    def edit(records):
+        records[places_of(records, '/mechanism_state')[7]].log_time += 1
+        return records
+
+    rewrite(path, edit)
+    assert '/mechanism_state has the log time' in checked(path).difference
+
+
+def reconfigured(**values):
+    def edit(records):
+        for item in records:
+            if isinstance(item, Metadata) and item.name == CONFIGURATION_RECORD:
+                settings = {
+                    k: v for k, v in item.metadata.items() if k not in ('version', 'crc32')
+                }
+                parameters = {**from_strings(settings).parameters(), **values}
+                configuration = configure({k: v for k, v in parameters.items() if v != 'none'})
+                item.metadata = write_configuration(configuration)
+        return records
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'words'),
+    [
+        ('coupler.length', 0.3150000000000001, 'robot_description: data = '),
+        ('coupler.mass', 2.0000000000000004, 'robot_description: data = '),
+        ('gravity', (0.0, -9.810000000000002), '/driving_torque|effort'),
+        ('rpm', 150.00000000000003, 'first motion record has .*150.0, the configuration gives'),
+        ('crank_angle', 1e-9, 'first motion record has phase = 0, the configuration gives'),
+        ('crank_acceleration', 1.0, 'first motion record'),
+        ('assembly', 'crossed', ''),
+        ('frame.angle', 5.4977871437821, ''),
+        ('coupler.point', (0.16, 0.05), '/coupler_point: point.x|point.y'),
+        ('coupler.point', 'none', '/coupler_point is logged, but the configuration has no'),
+        ('rate_hz', 199.0, 'is no tick of rate_hz = 199'),
+    ],
+)
+def test_a_changed_configuration_is_found(path, name, value, words):
+    rewrite(path, reconfigured(**{name: value}))
+    difference = checked(path).difference
+    assert difference
+    assert re.search(words, difference), difference
+
+
+def remotion(number, **fields):
+    def edit(records):
+        item = [r for r in records if is_motion(r)][number]
+        old = {k: v for k, v in item.metadata.items() if k != 'crc32'}
+        item.metadata = _seal({**old, **fields})
+        return records
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    ('number', 'fields', 'words'),
+    [
+        (0, {'phase': '1/1000'}, 'the first motion record has phase = '),
+        (0, {'rpm': '151.0'}, 'the first motion record has '),
+        (0, {'acceleration': '1.0'}, 'the first motion record has acceleration = 1.0'),
+        (0, {'stamp': str(START + 1)}, 'no tick|not after'),
+        (1, {'rpm': '59.99999999999999'}, r'velocity\[crank\] = .*state 61.*motion 2'),
+        (1, {'phase': '1/1000'}, r'position\[crank\] = .*state 61'),
+        (1, {'stamp': str(START + 59 * 5_000_000)}, 'state 61, .*motion 1'),
+        (1, {'stamp': str(START + 61 * 5_000_000)}, 'state 61, .*motion 1'),
+    ],
+)
+def test_a_changed_motion_record_is_found(tmp_path, number, fields, words):
+    plan = [*ticks(60), ('rpm', 60.0), *ticks(60)]
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
+    assert_equal(path, 120)
+    rewrite(path, remotion(number, **fields))
+    assert re.search(words, checked(path).difference), checked(path).difference
+
+
+def test_a_lost_motion_record(tmp_path):
+    plan = [*ticks(60), ('rpm', 60.0), *ticks(60)]
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
+
+    def lose(records):
+        gone = [r for r in records if is_motion(r)][1]
+        return [r for r in records if r is not gone]
+
+    rewrite(path, lose)
+    assert 'velocity[crank]' in checked(path).difference
+
+
+# ---------------------------------------------------------------- damaged, checksums wrong
+
+
+def test_damage_under_a_checksum_is_refused(tmp_path):
+    path = tmp_path / 'run.mcap'
+    record(load('quadrilateral'), path, duration=0.5)
+    good = path.read_bytes()
+    for place in (len(good) // 2, good.index(b'linkage_ros', 60) + 30, len(good) - 40):
+        bad = bytearray(good)
+        bad[place] ^= 0x10
+        path.write_bytes(bad)
+        with pytest.raises(LogError):
+            checked(path)
+
+
+def test_values_that_unpack_but_miss_their_checksum_are_refused(tmp_path):
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(200))
+    data = bytearray(path.read_bytes())
+    data[data.index(b'\x04\0\0\0zstd') - 1] ^= 1  # the checksum is in front of these words
+    path.write_bytes(data)
+    with pytest.raises(LogError, match='crc validation failed'):
+        checked(path)
+
+
+def test_a_record_hidden_by_its_opcode_is_refused(tmp_path):
+    """No checksum covers the opcode of a chunk; the reader by index does not look at it."""
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(200))
+    data = bytearray(path.read_bytes())
+    at, chunks = 8, []
+    while at < len(data) - 8:
+        opcode, length = struct.unpack_from('<BQ', data, at)
+        chunks += [at] if opcode == 6 else []
+        at += 9 + length
+    data[chunks[1]] = 0x86
+    path.write_bytes(data)
+    with pytest.raises(LogError, match='not as many as its summary says'):
+        checked(path)
+
+
+# ---------------------------------------------------------------- words
+
+
+@pytest.mark.parametrize('topic', TOPICS[:4], ids=lambda topic: topic.name)
+def test_every_value_of_a_message_is_named_once(topic):
+    machine = Machine(load('quadrilateral'))
+    data = machine.step(machine.begin(START), START + 12345).messages[machine.topics.index(topic)]
+    fields = read_fields(topic.interface, data)
+    assert fields.get('header.stamp.nanosec', 12345 + START % 10**9) == 12345 + START % 10**9
+    spans = {}
+    for byte in range(4, len(data)):
+        other = data[:byte] + bytes([data[byte] ^ 1]) + data[byte + 1 :]
+        spans.setdefault(differing(topic.interface, other, data).split(' ')[0], []).append(byte)
+    assert {name for name in fields if name not in spans} == set()
+    for name, value in fields.items():
+        if isinstance(value, float):
+            assert len(spans[name]) == 8, name
+
+
+def test_zero_and_minus_zero_and_nan_differ():
+    words = differing(DRIVING_TORQUE.interface, encode_float64(-0.0), encode_float64(0.0))
+    assert words == 'data = -0.0 logged, 0.0 recomputed: off by 0, 1 ulp'
+    nan = differing(DRIVING_TORQUE.interface, encode_float64(float('nan')), encode_float64(1.0))
+    assert nan == 'data = nan logged, 1.0 recomputed: off by nan'
+    short = differing(JOINT_STATES.interface, b'\0\1\0\0', bytes(172))
+    assert short == '4 bytes logged, 172 recomputed'
+
+
+# ---------------------------------------------------------------- command
+
+
+def run(*arguments):
+    return subprocess.run(
+        command('log_tool', *arguments), capture_output=True, text=True, check=False
+    )
+
+
+def test_the_exit_code_tells(tmp_path):
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), [*ticks(30), ('skip', 2), *ticks(9)])
+    done = run('verify', path)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.splitlines() == [
+        f'{path}: 39 states, every one equal to the bit',
+        f'  compared: {", ".join(QUADRILATERAL)}, /robot_description',
+        '  not recomputable, so not compared: /diagnostics',
+        '  2 ticks have no state: the run was late, or they are lost',
+    ]
+    rewrite(path, flip('/coupler_point', 5, 40, 1))
+    done = run('verify', path)
+    assert (done.returncode, done.stderr) == (1, '')
+    assert done.stdout.startswith(f'{path}: DIFFERS: /coupler_point: ')
+    for bad in (tmp_path / 'missing.mcap', Path(__file__)):
+        done = run('verify', bad)
+        assert (done.returncode, done.stdout) == (2, '')
+        assert done.stderr.startswith('linkage_log: ')
+        assert done.stderr.count('\n') == 1
+
+
+def test_another_version_is_named(tmp_path):
+    path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(5))
+
+    def edit(records):
+        about = next(r for r in records if isinstance(r, Metadata))
+        old = {k: v for k, v in about.metadata.items() if k != 'crc32'}
+        about.metadata = _seal({**old, 'version': '0.0.7'})
+        return records
+
+    rewrite(path, edit)
+    assert 'written by linkage_ros 0.0.7, recomputed by' in run('verify', path).stdout
