@@ -5,127 +5,76 @@
 from __future__ import annotations
 
 import argparse
-import queue
+import gc
+import os
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from tqdm import tqdm
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError, LinkageError, LogError
-from linkage_ros.log_reader import LoggedMessage, LogReader
+from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.feed import Item, Piece, cut, feed
+from linkage_ros.keyboard import Keyboard
+from linkage_ros.log_reader import LogReader
 from linkage_ros.machine import Machine
-from linkage_ros.messages import JOINT_STATES, TOPICS, JointStateCodec, Topic
+from linkage_ros.messages import JOINT_STATES, JointStateCodec
+from linkage_ros.pace import FASTEST, SLOWEST, Pace
+from linkage_ros.player import KEYS, Player, Show, Sink
 from linkage_ros.stream import Sample, View
 from linkage_ros.worker import Worker
 
 _NAME = 'linkage_replay'
 _NS = 10**9
-# Messages read ahead, so that unpacking a chunk never holds up the next message.
-_AHEAD = 4_000
-
-Sink = Callable[[LoggedMessage], None]
-
-
-def replay(
-    log: LogReader,
-    sinks: list[Sink],
-    stop: cli.Stop,
-    *,
-    rate: float = 1.0,
-    start_offset: float = 0.0,
-    topics: list[str] | None = None,
-    progress: bool = False,
-) -> int:
-    """Hands the messages of a log to sinks at the times at which they were logged.
-
-    Args:
-        log: The log.
-        sinks: Each gets every message.
-        stop: Ends it early.
-        rate: Log time over real time.
-        start_offset: s of the log to leave out; latched messages in them are handed over.
-        topics: Fully qualified names; None: all.
-        progress: Whether to show a bar on stderr.
-
-    Returns:
-        The number of messages.
-    """
-    start = log.start + round(start_offset * _NS)
-    count, origin = 0, time.monotonic()
-    with _shown((log.end - start) / _NS, progress) as show:
-        for message in _read_ahead(_selected(log, start, topics)):
-            due = origin + max(0, message.time - start) / _NS / rate
-            while (left := due - time.monotonic()) > 0:
-                show((message.time - start) / _NS - left * rate)
-                if stop.wait(min(left, 0.5)):
-                    return count
-            for sink in sinks:
-                sink(message)
-            count += 1
-    return count
-
-
-def _selected(log: LogReader, start: int, topics: list[str] | None) -> Iterator[LoggedMessage]:
-    latched = [topic.name for topic in log.topics if topic.latched]
-    wanted = [topic.name for topic in log.topics] if topics is None else topics
-    early = [name for name in latched if name in wanted] if start > log.start else []
-    last = {m.topic: m for m in log.messages(early) if m.time < start} if early else {}
-    yield from last.values()
-    yield from log.messages(wanted, start)
-
-
-def _read_ahead(messages: Iterator[LoggedMessage]) -> Iterator[LoggedMessage]:
-    """The same messages, read by a thread ahead of their time."""
-    ahead: queue.Queue[LoggedMessage | LinkageError | None] = queue.Queue(_AHEAD)
-
-    def read() -> None:
-        try:
-            for message in messages:
-                ahead.put(message)
-            ahead.put(None)
-        except LinkageError as error:
-            ahead.put(error)
-
-    threading.Thread(target=read, name='reader', daemon=True).start()
-    while (item := ahead.get()) is not None:
-        if isinstance(item, LinkageError):
-            raise item
-        yield item
+_CLOCK_HZ = 40.0
+_LONGEST = 1e9  # s
+_SHOW_SECONDS = 0.25
 
 
 @contextmanager
-def _shown(seconds: float, progress: bool) -> Iterator[Callable[[float], None]]:
-    layout = '{desc}{percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s'
+def _status(log: LogReader, piece: Piece, pace: Pace) -> Iterator[Show]:
+    """A line on stderr: where in the log, at which rate, whether paused; only on a terminal."""
+    end = (min(piece.end, log.end) - log.start) / _NS
     bar = tqdm(
-        total=round(seconds, 3), bar_format=layout, disable=None if progress else True,
-        mininterval=0.5, leave=False,
+        total=max(end, 1e-9), disable=None, leave=False,
+        bar_format='{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s{postfix}',
     )  # fmt: skip
+    due, shown = 0.0, ''
+
+    def show(moment: int) -> None:
+        nonlocal due, shown
+        words = f'rate {pace.rate:g}{", paused" if pace.paused else ""}'
+        if bar.disable or (words == shown and time.monotonic() < due):
+            return
+        due, shown = time.monotonic() + _SHOW_SECONDS, words
+        bar.n = max(0.0, min((moment - log.start) / _NS, end))
+        bar.set_postfix_str(words)
+
     with bar:
-
-        def show(position: float) -> None:
-            bar.update(max(0.0, min(position, seconds) - bar.n))
-
         yield show
 
 
-def _view_sink(log: LogReader, target: str) -> tuple[Sink, Callable[[], None]]:
+@contextmanager
+def _viewing(log: LogReader, target: str) -> Iterator[Sink]:
     """Shows the joint states of a log in Rerun."""
     machine = Machine(log.configuration)
     codec, joints = JointStateCodec(machine.joints), len(machine.joints)
     failed: list[Exception] = []
+    view = View(log.configuration, target, log.configuration.session.viewer_bind)
+    if view.page:
+        print(f'watch it in a browser: {view.page}', flush=True)
     worker: Worker[Sample] = Worker(
         'view',
-        View(log.configuration, target, log.configuration.session.viewer_bind),
+        view,
         capacity=1_000_000,
         period=0.03,
         on_error=failed.append,
     )
 
-    def show(message: LoggedMessage) -> None:
+    def show(item: Item) -> None:
+        message = item.message
         if message.type != JOINT_STATES.interface.name:
             return
         try:
@@ -133,47 +82,15 @@ def _view_sink(log: LogReader, target: str) -> tuple[Sink, Callable[[], None]]:
         except ValueError as error:
             raise LogError(f'{log.path}: a message on {message.topic} is {error}') from error
         rows = (numbers[start : start + joints] for start in range(0, 3 * joints, joints))
-        worker.offer(Sample(stamp, *rows))
+        # A round of a loop goes on where the one before ended.
+        worker.offer(Sample(stamp + item.time - message.time, *rows))
 
-    def close() -> None:
+    try:
+        yield show
+    finally:
         worker.close(timeout=10.0)
         if failed:
             cli.print_error(_NAME, f'the view ended early: {failed[0]}')
-
-    return show, close
-
-
-@contextmanager
-def _publishing(log: LogReader, arguments: list[str]) -> Iterator[Sink]:
-    """Publishes messages on the topics of a log.
-
-    Raises:
-        LogError: A topic has a type that linkage_ros does not write.
-    """
-    import rclpy
-    from rclpy.duration import Duration
-    from rclpy.node import Node
-
-    from linkage_ros import ros
-
-    known = {topic.interface.name: topic for topic in TOPICS}
-    ros.start(arguments)
-    try:
-        with ros.reported_as_configuration():
-            node = Node(_NAME)
-        with ros.served(node):
-            publishers = {}
-            for name, kind, _, latched in log.topics:
-                if kind not in known:
-                    raise LogError(f'{log.path}: {name} has the foreign type {kind}')
-                topic = Topic(name, known[kind].interface, latched, 1 if latched else 10)
-                publishers[name] = ros.create_publisher(node, topic)
-            ros.await_listeners(publishers.values())
-            yield lambda message: publishers[message.topic].publish(message.data)
-            for publisher in publishers.values():
-                publisher.wait_for_all_acked(Duration(seconds=2))
-    finally:
-        rclpy.try_shutdown()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -181,47 +98,58 @@ def _parser() -> argparse.ArgumentParser:
         _NAME,
         'Replay a log of linkage_ros on its topics, in the Rerun viewer, or both.',
         ('run.mcap', 'run.mcap --rate 0.5 --start-offset 2 --topics /joint_states',
-         'run.mcap --viewer spawn --no-ros'),
+         'run.mcap --loop --clock', 'run.mcap --viewer spawn --no-ros'),
     )  # fmt: skip
-    parser.add_argument('log', metavar='LOG.mcap', help='the log')
-    parser.add_argument(
-        '--rate', type=float, default=1.0, metavar='R', help='log time over real time (default 1)'
-    )
-    parser.add_argument(
-        '--start-offset',
-        type=float,
-        default=0.0,
-        metavar='S',
-        help='leave out the first S s',
-    )
-    parser.add_argument('--topics', nargs='+', metavar='NAME', help='replay these topics only')
-    parser.add_argument(
-        '--delay', type=float, default=0.0, metavar='S', help='wait S seconds before the start'
-    )
-    parser.add_argument(
-        '--viewer', default='', metavar='TARGET',
-        help='also show it in Rerun: spawn, rerun+http://HOST:PORT/proxy or a .rrd path',
-    )  # fmt: skip
-    parser.add_argument('--no-ros', action='store_true', help='do not publish, only view')
+    parser.epilog = f'{KEYS}\n\n{parser.epilog}'
+    add = parser.add_argument
+    # fmt: off
+    add('log', metavar='LOG.mcap', help='the log')
+    add('-r', '--rate', type=float, default=1.0, metavar='R',
+        help='log time over real time (default 1)')
+    add('-l', '--loop', action='store_true',
+        help='begin again at the end, until Ctrl-C; the time on /clock goes on')
+    add('--start-offset', type=float, default=0.0, metavar='S', help='leave out the first S s')
+    add('--playback-duration', type=float, metavar='S',
+        help='play S s of the log from there, the end left out')
+    add('-p', '--start-paused', action='store_true', help='wait for a key before the start')
+    add('-d', '--delay', type=float, default=0.0, metavar='S',
+        help='wait S seconds before the start')
+    add('--clock', type=float, nargs='?', const=_CLOCK_HZ, metavar='HZ',
+        help=f'publish the log time on /clock, HZ times a second (default {_CLOCK_HZ:g})')
+    add('--topics', nargs='+', metavar='NAME', help='replay these topics only')
+    add('--viewer', default='', metavar='TARGET',
+        help='also show it in Rerun: spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path')
+    add('--no-ros', action='store_true', help='do not publish, only view')
+    # fmt: on
     return parser
 
 
 def _check(options: argparse.Namespace, log: LogReader) -> None:
     length = (log.end - log.start) / _NS
-    if not 1e-3 <= options.rate <= 1e6:
-        raise ConfigurationError(f'--rate {options.rate:g}: must be a number from 0.001 to 1e+06')
-    if not 0 <= options.start_offset <= length:
-        raise ConfigurationError(
-            f"--start-offset {options.start_offset:g}: must be from 0 to the log's {length:g} s"
-        )
-    if not 0 <= options.delay <= 1e6:
-        raise ConfigurationError(f'--delay {options.delay:g}: must be from 0 to 1e+06 s')
+    duration = 1.0 if options.playback_duration is None else options.playback_duration
+    clock = _CLOCK_HZ if options.clock is None else options.clock
+    for wrong, name, value, words in (
+        (not SLOWEST <= options.rate <= FASTEST, '--rate', options.rate,
+         f'must be a number from {SLOWEST:g} to {FASTEST:g}'),
+        (not 0 <= options.start_offset <= length, '--start-offset', options.start_offset,
+         f"must be from 0 to the log's {length:g} s"),
+        (not 0 < duration <= _LONGEST, '--playback-duration', duration,
+         f'must be a number above 0 up to {_LONGEST:g} s'),
+        (not 0 <= options.delay <= 1e6, '--delay', options.delay, 'must be from 0 to 1e+06 s'),
+        (not 0.01 <= clock <= 1000, '--clock', clock, 'must be from 0.01 to 1000 Hz'),
+    ):  # fmt: skip
+        if wrong:
+            raise ConfigurationError(f'{name} {value:g}: {words}')
     names = [topic.name for topic in log.topics]
     for name in options.topics or ():
         if name not in names:
             raise ConfigurationError(f'--topics {name}: the log has {", ".join(names)}')
     if options.no_ros and not options.viewer:
         raise ConfigurationError('--no-ros leaves nothing to do: give --viewer as well')
+    if options.no_ros and options.clock is not None:
+        raise ConfigurationError('--clock publishes a topic, which --no-ros rules out')
+    if options.start_paused and not os.isatty(0):
+        raise ConfigurationError('--start-paused needs a terminal, whose space bar goes on')
 
 
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
@@ -234,6 +162,28 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
     return arguments[1:start] + arguments[end + 1 :], arguments[:1] + arguments[start:end]
 
 
+def _sinks(
+    stack: ExitStack, options: argparse.Namespace, of_ros: list[str], log: LogReader,
+    piece: Piece, pace: Pace,
+) -> list[Sink]:  # fmt: skip
+    sinks = []
+    if not options.no_ros:
+        try:
+            from linkage_ros.republish import republishing
+        except ModuleNotFoundError as error:
+            if not options.viewer or options.clock is not None:
+                raise ConfigurationError(
+                    'rclpy is not installed, so there are no topics: give --viewer'
+                    + (', and no --clock' if options.clock is not None else '')
+                ) from error
+        else:
+            topics = republishing(_NAME, of_ros, log, piece.topics, pace, options.clock)
+            sinks.append(stack.enter_context(topics))
+    if options.viewer:
+        sinks.append(stack.enter_context(_viewing(log, options.viewer)))
+    return sinks
+
+
 def _run(arguments: list[str]) -> int:
     own, of_ros = _split(arguments)
     options = _parser().parse_args(own)
@@ -241,27 +191,19 @@ def _run(arguments: list[str]) -> int:
     with ExitStack() as stack:
         log = stack.enter_context(LogReader(options.log))
         _check(options, log)
-        sinks = []
-        if not options.no_ros:
-            try:
-                sinks.append(stack.enter_context(_publishing(log, of_ros)))
-            except ModuleNotFoundError as error:
-                if not options.viewer:
-                    raise ConfigurationError(
-                        'rclpy is not installed, so there are no topics: give --viewer'
-                    ) from error
-        if options.viewer:
-            sink, close = _view_sink(log, options.viewer)
-            stack.callback(close)
-            sinks.append(sink)
-        # A message must not wait for the reading thread's turn in the interpreter to end.
+        piece = cut(log, options.start_offset, options.playback_duration, options.topics)
+        pace = Pace(piece.start, options.rate)
+        sinks = _sinks(stack, options, of_ros, log, piece, pace)
+        keyboard = stack.enter_context(Keyboard())
+        # A message must not wait for the reading thread's turn in the interpreter to end, nor
+        # for a search through all objects that were made so far.
         sys.setswitchinterval(0.0005)
-        if stop.wait(options.delay):
-            return cli.STOPPED_BY_USER
-        count = replay(
-            log, sinks, stop, rate=options.rate, start_offset=options.start_offset,
-            topics=options.topics, progress=True,
-        )  # fmt: skip
+        gc.freeze()
+        stop.wait(options.delay)
+        items = stack.enter_context(feed(log, piece, loop=options.loop))
+        show = stack.enter_context(_status(log, piece, pace))
+        player = Player(pace, keyboard, stop, show)
+        count = player.play(items, sinks, paused=options.start_paused)
     print(f'{options.log}: {count} messages replayed')
     return 0
 

@@ -32,7 +32,7 @@ CORE = {
     *('solver', 'travel'),
 }
 # Which files may import what, at their top and within functions.
-ROS = {'ros', 'ros_parameters', 'node'}
+ROS = {'ros', 'ros_parameters', 'republish', 'node'}
 MCAP = {'log', 'log_reader', 'recover', 'salvage'}
 ROOMS = {
     'mcap': (MCAP, MCAP),
@@ -43,7 +43,7 @@ ROOMS = {
     'mpmath': ({'chart'}, {'chart'}),
     'yaml': ({'parameter_file'}, {'parameter_file'}),
     'tqdm': ({'record', 'replay', 'log_tool'}, {'record', 'replay', 'log_tool'}),
-    'rclpy': (ROS, {*ROS, 'replay', 'demo'}),
+    'rclpy': (ROS, {*ROS, 'demo'}),
     'rcl_interfaces': (ROS, ROS),
     'sensor_msgs': (ROS, {*ROS, 'demo'}),
     'std_msgs': (ROS, {*ROS, 'demo'}),

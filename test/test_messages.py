@@ -20,6 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from linkage_ros.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
 from linkage_ros.interfaces import (
+    CLOCK,
     DIAGNOSTIC_ARRAY,
     FLOAT64,
     JOINT_STATE,
@@ -294,7 +295,7 @@ def test_both_decoders_read_back_every_text(text, fast_dds):
 
 # ---------------------------------------------------------------- interfaces
 
-INTERFACES = [topic.interface for topic in TOPICS]
+INTERFACES = [*(topic.interface for topic in TOPICS), CLOCK]
 
 
 def share(package):

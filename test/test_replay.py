@@ -4,24 +4,37 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shlex
 import signal
 import statistics
+import struct
 import subprocess
+import time
 from itertools import pairwise
 
 import pytest
+from mcap.writer import Writer
 from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
+from shell_harness import Shell, held
 
+from linkage_ros import replay
 from linkage_ros.configuration import configure
+from linkage_ros.feed import cut, feed
+from linkage_ros.log import LogWriter
 from linkage_ros.log_reader import LogReader
+from linkage_ros.machine import Machine
+from linkage_ros.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
 from linkage_ros.record import record
 
+STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'
 TYPES = {
-    '/joint_states': 'sensor_msgs/msg/JointState',
-    '/driving_torque': 'std_msgs/msg/Float64',
-    '/robot_description': 'std_msgs/msg/String',
+    STATES: 'sensor_msgs/msg/JointState',
+    TORQUE: 'std_msgs/msg/Float64',
+    DESCRIPTION: 'std_msgs/msg/String',
 }
+CLOCK = {'/clock': 'rosgraph_msgs/msg/Clock'}
 
 
 @pytest.fixture(scope='module')
@@ -31,16 +44,16 @@ def log(tmp_path_factory):
     return path
 
 
-def stored(path, topic, start=0):
+def stored(path, topic, start=0, end=None):
     with LogReader(path) as log:
-        return [message.data for message in log.messages([topic], start)]
+        return [message.data for message in log.messages([topic], start, end)]
 
 
 def played(log, *options):
     domain = fresh_domain()
     with (
         Listener(domain, TYPES) as listener,
-        running('replay', log, '--delay', 2.0, *options, domain=domain) as process,
+        running('replay', log, '--delay', 0.5, *options, domain=domain) as process,
     ):
         out, err = process.communicate(timeout=60)
         assert process.returncode == 0, err
@@ -49,43 +62,193 @@ def played(log, *options):
     return listener
 
 
-def test_every_message_comes_again_byte_for_byte_and_in_its_rhythm(log):
-    listener = played(log)
+def clock_times(listener):
+    """ns"""
+    stamps = [struct.unpack('<4xiI', data) for data in listener.received['/clock']]
+    return [seconds * 10**9 + nanoseconds for seconds, nanoseconds in stamps]
+
+
+# ---------------------------------------------------------------- bytes and times
+
+
+@pytest.mark.parametrize('rate', [0.5, 1, 4])
+def test_every_message_comes_again_byte_for_byte_and_in_its_rhythm(log, rate):
+    length = min(2.0, rate)
+    listener = played(log, '--rate', rate, '--playback-duration', length)
     for topic in TYPES:
-        assert listener.received[topic] == stored(log, topic), topic
-    times = listener.arrived['/joint_states']
-    assert times[-1] - times[0] == pytest.approx(1.995, abs=0.05)
+        assert listener.received[topic] == stored(log, topic, end=round(length * 1e9)), topic
+    times = listener.arrived[STATES]
+    assert times[-1] - times[0] == pytest.approx((length - 0.005) / rate, abs=0.1)
     gaps = [later - earlier for earlier, later in pairwise(times)]
-    assert statistics.median(gaps) == pytest.approx(0.005, abs=0.001)
+    assert statistics.median(gaps) == pytest.approx(0.005 / rate, rel=0.3)
+    # Deadlines are absolute: the second half is not later than the first.
+    late = [at - times[0] - n * 0.005 / rate for n, at in enumerate(times)]
+    half = len(late) // 2
+    drift = statistics.median(late[half:]) - statistics.median(late[:half])
+    assert abs(drift) < 0.01
 
 
-def test_a_subscriber_that_was_there_first_misses_nothing(log):
-    domain = fresh_domain()
-    with Listener(domain, TYPES) as listener, running('replay', log, domain=domain) as process:
-        _, err = process.communicate(timeout=60)
-    assert process.returncode == 0, err
-    for topic in TYPES:
-        assert listener.received[topic] == stored(log, topic), topic
-
-
-def test_rate_stretches_time(log):
-    times = played(log, '--rate', 4).arrived['/joint_states']
-    assert times[-1] - times[0] == pytest.approx(1.995 / 4, abs=0.05)
-
-
-def test_an_offset_leaves_out_the_beginning_but_not_the_description(log):
-    listener = played(log, '--start-offset', 1.5)
-    late = stored(log, '/joint_states', 1_500_000_000)
-    assert listener.received['/joint_states'] == late
-    assert len(late) == 100
-    assert listener.received['/robot_description'] == stored(log, '/robot_description')
+def test_a_piece_of_the_log_is_played(log):
+    listener = played(log, '--start-offset', 1.5, '--playback-duration', 0.25)
+    piece = stored(log, STATES, 1_500_000_000, 1_750_000_000)
+    assert listener.received[STATES] == piece
+    assert len(piece) == 50
+    assert listener.received[DESCRIPTION] == stored(log, DESCRIPTION)
 
 
 def test_only_the_topics_asked_for_are_played(log):
-    listener = played(log, '--topics', '/driving_torque', '--rate', 10)
-    assert listener.received['/driving_torque'] == stored(log, '/driving_torque')
-    assert not listener.received['/joint_states']
-    assert not listener.received['/robot_description']
+    listener = played(log, '--topics', TORQUE, '--rate', 10)
+    assert listener.received[TORQUE] == stored(log, TORQUE)
+    assert not listener.received[STATES]
+    assert not listener.received[DESCRIPTION]
+
+
+def test_a_loop_goes_on_with_the_same_bytes_and_its_clock_never_goes_back(log):
+    domain = fresh_domain()
+    options = '--loop', '--start-offset', 1, '--playback-duration', 0.5, '--clock', 100
+    with (
+        Listener(domain, {**TYPES, **CLOCK}) as listener,
+        running('replay', log, *options, domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received[STATES]) > 250)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=10)
+        assert (process.returncode, err) == (0, '')
+    heard = listener.received[STATES]
+    assert heard == (20 * stored(log, STATES, 10**9, 1_500_000_000))[: len(heard)]
+    assert len(listener.received[DESCRIPTION]) == 1
+    count = int(re.search(r'(\d+) messages replayed', out)[1])
+    assert count >= len(heard) + len(listener.received[TORQUE])
+    # No round waits for the one before to end, nor begins before.
+    times = listener.arrived[STATES]
+    assert times[-1] - times[0] == pytest.approx(0.005 * (len(times) - 1), abs=0.1)
+    clock = clock_times(listener)
+    assert clock == sorted(clock)
+    assert clock[0] >= 10**9
+    last_state = 10**9 + 5_000_000 * (len(heard) - 1)
+    assert abs(clock[-1] - last_state) <= 10_000_000
+
+
+# ---------------------------------------------------------------- clock
+
+
+def test_the_clock_tells_the_log_time_at_its_frequency(log):
+    domain = fresh_domain()
+    options = '--rate', 2, '--clock', 50
+    with (
+        Listener(domain, {**TYPES, **CLOCK}) as listener,
+        running('replay', log, *options, domain=domain) as process,
+    ):
+        assert process.wait(60) == 0
+    clock, arrived = clock_times(listener), listener.arrived['/clock']
+    assert clock == sorted(clock)
+    assert clock[0] == 0  # it stands before the start
+    assert clock[-1] == 1_995_000_000  # and where the log ends
+    gaps = [later - earlier for earlier, later in pairwise(arrived)]
+    assert statistics.median(gaps) == pytest.approx(0.02, rel=0.3)
+    steps = [later - earlier for earlier, later in pairwise(clock) if earlier > 0]
+    assert statistics.median(steps) == pytest.approx(40_000_000, rel=0.3)
+    # It tells the time of the messages: those that came last before it are as old.
+    starts = listener.arrived[STATES]
+    late = [
+        moment - (starts[0] + stamp / 2e9)
+        for stamp, moment in zip(clock, arrived, strict=True)
+        if stamp
+    ]
+    assert abs(statistics.median(late)) < 0.02
+
+
+def test_there_is_no_clock_unless_it_is_asked_for(log):
+    domain = fresh_domain()
+    with (
+        Listener(domain, {**TYPES, **CLOCK}) as listener,
+        running('replay', log, '--rate', 10, domain=domain) as process,
+    ):
+        assert process.wait(60) == 0
+    assert listener.received[STATES]
+    assert not listener.received['/clock']
+
+
+# ---------------------------------------------------------------- keys
+
+
+@pytest.fixture
+def player(log):
+    """Starts a replay in a terminal: (terminal, listener)."""
+    domain = fresh_domain()
+
+    def start(*options):
+        words = shlex.join(command('replay', log, *options))
+        settings = environment(domain)
+        names = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE')
+        values = ' '.join(f'{name}={settings[name]}' for name in names)
+        return Shell('-c', f'trap : INT TERM; {values} {words}; echo ended $?; sleep 60')
+
+    with Listener(domain, {**TYPES, **CLOCK}) as listener:
+        yield start, listener
+
+
+def quiet(listener, seconds=0.3):
+    """The number of states, once no more have come for a while."""
+    before = -1
+    while before != (before := len(listener.received[STATES])):
+        time.sleep(seconds)
+    return before
+
+
+def test_keys_pause_step_and_go_on(log, player):
+    start, listener = player
+    with start('--start-paused', '--clock') as shell:
+        shell.sees(rb'0\.000/1\.995 s, rate 1, paused')
+        wait_for(lambda: len(clock_times(listener)) > 20)
+        assert not listener.received[STATES]
+        assert set(clock_times(listener)) == {0}  # published, and standing
+        for count in (1, 2, 3):
+            shell.send(b'\x1b[C')
+            wait_for(lambda count=count: len(listener.received[STATES]) == count)
+        assert quiet(listener) == 3
+        assert len(listener.received[TORQUE]) == 3  # all of one log time at a step
+        wait_for(lambda: clock_times(listener)[-1] == 10_000_000)
+        shell.sees(rb'0\.010/1\.995 s, rate 1, paused')
+        shell.send(b' ')
+        wait_for(lambda: len(listener.received[STATES]) > 30)
+        shell.send(b'\x1b[C')  # while it runs, that key does nothing
+        shell.send(b' ')
+        shell.sees(rb'0\.\d+/1\.995 s, rate 1, paused')
+        paused = quiet(listener)
+        assert 30 < paused < 400
+        stood = clock_times(listener)[-1]
+        assert stood < 2 * 10**9
+        time.sleep(0.2)
+        assert clock_times(listener)[-1] == stood
+        shell.send(b' ')
+        shell.sees(rb'messages replayed.*ended 0')
+        assert held(shell.terminal)
+    for topic in TYPES:
+        assert listener.received[topic] == stored(log, topic), topic
+    assert clock_times(listener) == sorted(clock_times(listener))
+
+
+def test_keys_change_the_rate_and_ctrl_c_gives_the_terminal_back(player):
+    start, listener = player
+    with start('--rate', 0.5, '--loop') as shell:
+        shell.sees(rb'rate 0\.5')
+        assert not held(shell.terminal)
+        shell.send(3 * b'\x1b[A')
+        shell.sees(rb'rate 0\.8')
+        shell.send(b'\x1b[B')
+        shell.sees(rb'rate 0\.7')
+        begin = len(listener.arrived[STATES])
+        wait_for(lambda: len(listener.arrived[STATES]) > begin + 100)
+        times = listener.arrived[STATES][begin + 20 :]
+        gaps = [later - earlier for earlier, later in pairwise(times)]
+        assert statistics.median(gaps) == pytest.approx(0.005 / 0.7, rel=0.15)
+        shell.send(b'\x03')
+        shell.sees(rb'messages replayed.*ended 0')
+        assert held(shell.terminal)
+
+
+# ---------------------------------------------------------------- ends
 
 
 def test_ctrl_c_ends_it_at_once_without_a_traceback(log):
@@ -94,11 +257,99 @@ def test_ctrl_c_ends_it_at_once_without_a_traceback(log):
         Listener(domain, TYPES) as listener,
         running('replay', log, '--rate', 0.01, domain=domain) as process,
     ):
-        wait_for(lambda: listener.received['/robot_description'])
+        wait_for(lambda: listener.received[DESCRIPTION])
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=10)
     assert 'Traceback' not in err
     assert process.returncode == 0
+
+
+def test_what_was_suspended_goes_on_where_it_was(log):
+    domain = fresh_domain()
+    with (
+        Listener(domain, TYPES) as listener,
+        running('replay', log, domain=domain) as process,
+    ):
+        wait_for(lambda: len(listener.received[STATES]) > 50)
+        process.send_signal(signal.SIGSTOP)
+        before = quiet(listener, 0.5)
+        process.send_signal(signal.SIGCONT)
+        assert process.wait(60) == 0
+    assert listener.received[STATES] == stored(log, STATES)
+    # Without that, the messages of the time of standing would come all at once.
+    gaps = [late - early for early, late in pairwise(listener.arrived[STATES][before + 25 :])]
+    assert statistics.median(gaps[:75]) == pytest.approx(0.005, rel=0.3)
+
+
+# ---------------------------------------------------------------- view
+
+
+def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
+    shown = []
+
+    class View:
+        def __init__(self, *_):
+            pass
+
+        def consume(self, samples):
+            shown.extend(samples)
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(replay, 'View', View)
+    with LogReader(log) as reader:
+        piece = cut(reader, 0, 0.1, None)
+        with (
+            replay._viewing(reader, 'spawn') as sink,
+            feed(reader, piece, loop=True) as items,
+        ):
+            while len(shown) < 50:
+                sink(next(items))
+    stamps = [sample.stamp for sample in shown]
+    assert stamps == [n * 5_000_000 for n in range(len(stamps))]
+
+
+# ---------------------------------------------------------------- memory
+
+
+def write_long(path, states):
+    configuration = configure({'rpm': 60.0})
+    machine = Machine(configuration)
+    data = machine.step(machine.begin(0), 0).messages[0]
+    with LogWriter(path, configuration, overwrite=True) as log:
+        first, second = (log.add_topic(t, f'/{t.name}') for t in (JOINT_STATES, DRIVING_TORQUE))
+        log.write_motion(machine.begin(0))
+        for tick in range(states):
+            log.write(first, tick * 5_000_000, data)
+            log.write(second, tick * 5_000_000, encode_float64(tick))
+    return 2 * states * (len(data) + len(encode_float64(0))) / 2
+
+
+def most_memory(path):
+    """MiB that a replay as fast as it can held at most."""
+    process = subprocess.Popen(
+        command('replay', path, '--rate', 1e6),
+        env=environment(fresh_domain()),
+        stdout=subprocess.PIPE,
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    assert b' messages replayed' in process.stdout.read()
+    process.stdout.close()
+    return usage.ru_maxrss / 1024
+
+
+def test_a_long_log_takes_no_more_memory_than_a_short_one(tmp_path):
+    short, long = tmp_path / 'short.mcap', tmp_path / 'long.mcap'
+    write_long(short, 10_000)
+    size = write_long(long, 200_000) / 2**20
+    assert size > 30  # which would be seen
+    assert most_memory(long) - most_memory(short) < 6
+
+
+# ---------------------------------------------------------------- refusals
 
 
 def run(*arguments):
@@ -108,37 +359,114 @@ def run(*arguments):
         capture_output=True,
         text=True,
         timeout=60,
+        stdin=subprocess.DEVNULL,
     )
+
+
+@pytest.fixture
+def called(monkeypatch, capfd):
+    """Calls the command in this process, on no terminal: (exit code, stderr)."""
+    numbers = signal.SIGINT, signal.SIGTERM
+    before = [signal.getsignal(number) for number in numbers]
+    monkeypatch.setattr(os, 'isatty', lambda _: False)
+
+    def call(*arguments):
+        monkeypatch.setattr('sys.argv', ['linkage_replay', *map(str, arguments)])
+        try:
+            code = replay.main()
+        except SystemExit as error:
+            code = error.code
+        return code, capfd.readouterr().err
+
+    yield call
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
 
 
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
         (['--rate', '0'], r'--rate 0: must be a number from 0\.001'),
+        (['--rate', '-1'], '--rate -1: must be'),
         (['--rate', 'nan'], '--rate nan: must be'),
+        (['--rate', 'inf'], '--rate inf: must be'),
+        (['--rate', 'fast'], "--rate: invalid float value: 'fast'"),
         (['--start-offset', '3'], r'--start-offset 3: must be from 0 to the log.s 1\.995 s'),
         (['--start-offset', '-1'], '--start-offset -1'),
+        (['--start-offset', 'nan'], '--start-offset nan'),
+        (['--playback-duration', '0'], '--playback-duration 0: must be a number above 0'),
+        (['--playback-duration', '-1'], '--playback-duration -1'),
+        (['--playback-duration', 'inf'], '--playback-duration inf'),
+        (['--playback-duration', 'nan'], '--playback-duration nan'),
+        (['--clock', '0'], r'--clock 0: must be from 0\.01 to 1000 Hz'),
+        (['--clock', '-40'], '--clock -40'),
+        (['--clock', 'nan'], '--clock nan'),
+        (['--clock', '1e4'], '--clock 10000'),
         (['--topics', '/nope'], '--topics /nope: the log has /joint_states, /driving_torque'),
-        (['--no-ros'], '--no-ros leaves nothing to do'),
-        (['--viewer', 'nonsense', '--no-ros'], 'nonsense'),
+        (['--topics'], '--topics: expected at least one argument'),
         (['--delay', '-1'], '--delay -1'),
-        (['--ros-args', '-p', 'x'], 'override rule'),
+        (['--delay', 'inf'], '--delay inf'),
+        (['--no-ros'], '--no-ros leaves nothing to do'),
+        (['--no-ros', '--viewer', 'spawn', '--clock'], '--clock publishes a topic, which --no'),
+        (['--start-paused'], '--start-paused needs a terminal'),
+        (['--viewer', 'nonsense', '--no-ros'], 'nonsense'),
+        (['--until', '3'], 'unrecognized arguments: --until'),
+        (['another.mcap'], 'unrecognized arguments: another'),
     ],
 )
-def test_bad_options_are_one_line_and_code_2(log, options, words):
+def test_bad_options_are_one_line_and_code_2(log, called, options, words):
+    code, err = called(log, *options)
+    assert re.fullmatch(rf'linkage_replay: [^\n]*{words}[^\n]*\n', err), err
+    assert code == 2
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [(['--ros-args', '-p', 'x'], 'override rule'), (['--clock', '0'], '--clock 0')],
+)
+def test_bad_options_of_the_process_are_one_line_and_code_2(log, options, words):
     result = run(log, *options)
     assert result.returncode == 2
     assert re.fullmatch(rf'linkage_replay: [^\n]*{words}[^\n]*\n', result.stderr), result.stderr
 
 
-def test_what_is_no_log_is_refused_with_one_line(log, tmp_path):
-    text = tmp_path / 'text.mcap'
+def foreign(path):
+    """A sound MCAP file of somebody else."""
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start(profile='ros2', library='other')
+        schema = writer.register_schema('std_msgs/msg/Float64', 'ros2msg', b'float64 data\n')
+        channel = writer.register_channel('/driving_torque', 'cdr', schema)
+        writer.add_message(channel, 0, encode_float64(1.0), 0)
+        writer.finish()
+
+
+def test_what_is_no_log_is_refused_with_one_line(log, called, tmp_path):
+    text, empty, cut_off, other, missing = (
+        tmp_path / f'{name}.mcap' for name in ('text', 'empty', 'cut', 'foreign', 'missing')
+    )
     text.write_text('no log')
-    cut = tmp_path / 'cut.mcap'
-    cut.write_bytes(log.read_bytes()[:5000])
-    words = 'no readable MCAP', 'not complete: its run was killed', 'No such file', 'directory'
-    for path, reason in zip((text, cut, tmp_path / 'missing.mcap', tmp_path), words, strict=True):
-        result = run(path, '--no-ros', '--viewer', tmp_path / 'x.rrd')
-        assert result.returncode == 2
-        assert re.fullmatch(rf'linkage_replay: {path}[^\n]+\n', result.stderr), result.stderr
-        assert reason in result.stderr
+    empty.touch()
+    cut_off.write_bytes(log.read_bytes()[:5000])
+    foreign(other)
+    for path, reason in (
+        (text, 'no readable MCAP'),
+        (empty, 'no readable MCAP'),
+        (cut_off, 'not complete: its run was killed.*linkage_log recover'),
+        (other, 'no log of linkage_ros'),
+        (missing, 'No such file'),
+        (tmp_path, 'directory'),
+    ):
+        code, err = called(path)
+        assert re.fullmatch(rf'linkage_replay: {path}[^\n]*{reason}[^\n]*\n', err), err
+        assert code == 2
+
+
+def test_the_help_lists_every_option_and_the_keys():
+    text = run('--help').stdout
+    for word in (
+        *('--rate', '--loop', '--start-offset', '--playback-duration', '--start-paused'),
+        *('--delay', '--clock', '--topics', '--viewer', '--no-ros'),
+        *('space', 'right arrow', 'up, down'),
+    ):
+        assert word in text, word

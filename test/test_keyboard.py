@@ -1,0 +1,163 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Keys from a real terminal, and the state in which it is left on every way out."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from ros_harness import wait_for
+from shell_harness import Shell, held
+
+from linkage_ros.keyboard import DOWN, RIGHT, SPACE, UP, Keyboard
+
+PROGRAM = """
+import os
+from linkage_ros.keyboard import Keyboard
+with Keyboard() as keyboard:
+    print('ready', os.getpid(), flush=True)
+    while True:
+        key = keyboard.read(5)
+        if key:
+            print('got', key, flush=True)
+        if key == b' ':
+            1 / 0
+"""
+
+
+@pytest.fixture
+def terminal():
+    """(master, slave)"""
+    ends = os.openpty()
+    yield ends
+    for end in ends:
+        os.close(end)
+
+
+@pytest.fixture(autouse=True)
+def handlers():
+    numbers = signal.SIGTSTP, signal.SIGQUIT, signal.SIGHUP, signal.SIGCONT
+    before = [signal.getsignal(number) for number in numbers]
+    yield
+    assert [signal.getsignal(number) for number in numbers] == before
+
+
+def test_keys_come_one_by_one_without_enter_and_unseen(terminal):
+    master, slave = terminal
+    with Keyboard(slave) as keyboard:
+        assert not held(slave)
+        os.write(master, b' x\x1b[A\x1bOB\x1b[C\x1b[D\n ')
+        keys = [keyboard.read(1.0) for _ in range(5)]
+        assert keys == [SPACE, UP, DOWN, RIGHT, SPACE]
+        assert keyboard.read(0.01) is None
+        assert not select.select([master], [], [], 0.01)[0]  # nothing was echoed
+    assert held(slave)
+
+
+def test_without_it_keys_are_echoed_and_wait_for_enter(terminal):
+    master, slave = terminal
+    os.write(master, b' ')
+    assert not select.select([slave], [], [], 0.05)[0]
+    assert os.read(master, 10) == b' '
+
+
+def test_a_sequence_may_come_in_pieces(terminal):
+    master, slave = terminal
+    with Keyboard(slave) as keyboard:
+        for piece in (b'\x1b', b'['):
+            os.write(master, piece)
+            assert keyboard.read(0.05) is None
+        os.write(master, b'C')
+        assert keyboard.read(1.0) == RIGHT
+        os.write(master, b'\x1b')  # the escape key by itself hides no key behind it
+        assert keyboard.read(0.05) is None
+        os.write(master, b' ')
+        assert keyboard.read(1.0) == SPACE
+
+
+def test_where_there_is_no_terminal_it_waits_and_reads_nothing(tmp_path):
+    path = tmp_path / 'file'
+    path.write_text(' ')
+    with path.open() as file, Keyboard(file.fileno()) as keyboard:
+        begin = time.monotonic()
+        assert keyboard.read(0.05) is None
+        assert time.monotonic() - begin > 0.04
+        assert file.read() == ' '
+
+
+def test_a_terminal_that_goes_away_is_no_endless_stream_of_nothing():
+    master, slave = os.openpty()
+    with Keyboard(slave) as keyboard:
+        os.close(master)
+        assert keyboard.read(0.05) is None
+        begin = time.monotonic()
+        assert keyboard.read(0.05) is None
+        assert time.monotonic() - begin > 0.04
+    os.close(slave)
+
+
+@pytest.fixture
+def program(tmp_path):
+    """The command line of PROGRAM."""
+    path = tmp_path / 'program.py'
+    path.write_text(PROGRAM)
+    return f'PYTHONPATH={Path(__file__).resolve().parents[1]} {sys.executable} {path}'
+
+
+@pytest.fixture
+def shell(program):
+    """A shell that runs PROGRAM and tells how it ended."""
+    run = f'trap : INT QUIT HUP; {program}; echo ended $?; sleep 60'
+    with Shell('-c', run) as shell:
+        yield shell
+
+
+def test_an_exception_gives_the_terminal_back(shell):
+    shell.sees(rb'ready')
+    assert not held(shell.terminal)
+    shell.send(b' ')
+    shell.sees(rb'ZeroDivisionError.*ended 1')
+    assert held(shell.terminal)
+
+
+@pytest.mark.parametrize(
+    ('key', 'code'), [(b'\x03', 130), (b'\x1c', 131)], ids=['interrupt', 'quit']
+)
+def test_the_keys_that_end_a_program_give_the_terminal_back(shell, key, code):
+    shell.sees(rb'ready')
+    shell.send(key)
+    assert int(shell.sees(rb'ended (\d+)')[1]) == code
+    assert held(shell.terminal)
+
+
+@pytest.mark.parametrize(('number', 'back'), [(signal.SIGHUP, True), (signal.SIGKILL, False)])
+def test_a_hangup_gives_the_terminal_back_and_only_a_kill_does_not(shell, number, back):
+    os.kill(int(shell.sees(rb'ready (\d+)\s')[1]), number)
+    assert int(shell.sees(rb'ended (\d+)')[1]) == 128 + number
+    assert held(shell.terminal) == back
+
+
+def test_a_stopped_program_gives_it_back_and_takes_it_again(program):
+    with Shell('-i') as shell:
+        shell.send(f'{program}\n'.encode())
+        shell.sees(rb'ready')
+        wait_for(lambda: not held(shell.terminal))
+        shell.send(b'\x1a')
+        shell.sees(rb'Stopped')
+        assert held(shell.terminal)
+        shell.send(b'bg\n')  # there it must neither touch the terminal nor be stopped by it
+        shell.send(b'sleep 0.3; jobs; echo li"st"ed\n')
+        shell.sees(rb'Running.*listed')
+        assert held(shell.terminal)
+        shell.send(b'fg\n')
+        wait_for(lambda: not held(shell.terminal))
+        shell.send(b'\x1b[A')
+        shell.sees(rb'got')
+        shell.send(b'\x03')
+        wait_for(lambda: held(shell.terminal))

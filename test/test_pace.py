@@ -1,0 +1,161 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The pace of a replay, on a clock that the tests turn by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from linkage_ros.pace import FASTEST, Pace
+
+MS, S = 10**6, 10**9
+
+
+class Clock:
+    def __init__(self):
+        self.time = 123 * S
+
+    def __call__(self):
+        return self.time
+
+
+def running(rate=1.0, start=0):
+    clock = Clock()
+    pace = Pace(start, rate, clock)
+    pace.toggle()
+    return pace, clock
+
+
+def test_it_stands_until_it_is_told_to_run():
+    clock = Clock()
+    pace = Pace(7, 1.0, clock)
+    pace.expect(S)
+    clock.time += 5 * S
+    assert (pace.position(), pace.paused) == (7, True)
+    assert pace.left(7) == pace.left(S) == math.inf  # not even the first message
+    pace.toggle()
+    clock.time += S // 2
+    assert (pace.position(), pace.paused) == (7 + S // 2, False)
+
+
+@pytest.mark.parametrize('rate', [0.5, 1.0, 4.0])
+def test_deadlines_are_absolute(rate):
+    pace, clock = running(rate, start=50)
+    begin = clock.time
+    for n in range(1, 1000):
+        due = 50 + n * 5 * MS
+        pace.expect(due)
+        clock.time += round(pace.left(due) * S) + MS  # each wait wakes 1 ms late
+        assert pace.left(due) <= 0
+        assert clock.time - begin == pytest.approx(n * 5 * MS / rate + MS, abs=2)
+
+
+def test_the_position_waits_for_the_message():
+    pace, clock = running()
+    pace.expect(5 * MS)
+    clock.time += 9 * MS
+    assert pace.position() == 5 * MS
+    pace.expect(10 * MS)
+    assert pace.position() == 9 * MS
+
+
+def test_what_is_late_by_a_little_is_caught_up_with_and_by_much_is_not():
+    for late, left in ((99, -0.094), (101, 0.005)):
+        pace, clock = running()
+        pace.expect(5 * MS)
+        clock.time += (5 + late) * MS
+        assert pace.left(5 * MS) == pytest.approx(-late / 1000)
+        pace.expect(10 * MS)
+        assert pace.left(10 * MS) == pytest.approx(left)
+
+
+def test_pausing_keeps_the_place():
+    pace, clock = running(2.0)
+    pace.expect(S)
+    clock.time += 100 * MS
+    pace.toggle()
+    clock.time += 3600 * S
+    assert pace.position() == 200 * MS
+    assert pace.left(S) == math.inf
+    pace.toggle()
+    assert pace.left(S) == pytest.approx(0.4)
+
+
+def test_messages_of_one_time_come_together_even_if_it_is_paused_between_them():
+    pace, clock = running()
+    pace.expect(5 * MS)
+    clock.time += 5 * MS
+    assert pace.left(5 * MS) <= 0
+    pace.toggle()
+    assert pace.left(5 * MS) <= 0
+    # What was due, but has not come out, waits.
+    other, clock = running()
+    other.expect(5 * MS)
+    clock.time += 6 * MS
+    other.toggle()
+    assert other.left(5 * MS) == math.inf
+
+
+def test_a_step_goes_to_the_next_message_and_no_further():
+    pace, clock = running()
+    pace.toggle()
+    pace.expect(5 * MS)
+    pace.step(5 * MS)
+    assert pace.position() == 5 * MS
+    assert pace.left(5 * MS) == 0
+    pace.expect(10 * MS)
+    clock.time += S
+    assert (pace.position(), pace.left(10 * MS)) == (5 * MS, math.inf)
+
+
+def test_rates_go_up_and_down_by_a_tenth_and_come_back():
+    pace, clock = running()
+    pace.expect(10 * S)
+    clock.time += S
+    pace.change_rate(0.1)
+    assert pace.rate == 1.1
+    assert pace.left(10 * S) == pytest.approx(9 / 1.1)
+    pace.change_rate(-0.1)
+    assert pace.rate == 1.0
+    for _ in range(20):
+        pace.change_rate(-0.1)
+    assert pace.rate == 0.1  # not 0
+    fast, _ = running(FASTEST)
+    fast.change_rate(0.1)
+    assert fast.rate == FASTEST
+
+
+def test_the_rate_of_a_paused_replay_may_be_changed():
+    pace, _ = running()
+    pace.toggle()
+    pace.change_rate(1.0)
+    assert pace.paused
+    pace.toggle()
+    pace.expect(S)
+    assert pace.left(S) == pytest.approx(0.5)
+
+
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 400 * MS)), max_size=60))
+def test_the_position_never_goes_back(actions):
+    pace, clock = running()
+    expected, before = 0, 0
+    pace.expect(expected)
+    for action, nanoseconds in actions:
+        clock.time += nanoseconds
+        if action == 0:
+            pace.toggle()
+        elif action == 1:
+            pace.change_rate(0.1)
+        elif action == 2:
+            pace.change_rate(-0.1)
+        elif action == 3:
+            pace.step(expected)
+        elif pace.left(expected) <= 0:
+            expected += nanoseconds
+            pace.expect(expected)
+        assert before <= pace.position() <= expected
+        before = pace.position()
