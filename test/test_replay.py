@@ -288,6 +288,8 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
     shown = []
 
     class View:
+        page = None
+
         def __init__(self, *_):
             pass
 
