@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from linkage_ros import FourBar, Solver
-from linkage_ros.configuration import load
+from linkage_ros.run.configuration import load
 
 ROUNDS, STATES = 15, 200_000
 SOURCE = r"""

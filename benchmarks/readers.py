@@ -15,14 +15,14 @@ import tempfile
 import time
 from pathlib import Path
 
-from linkage_ros.configuration import configure, load
-from linkage_ros.diagnostics import OK, WARN, Status, encode_diagnostics
-from linkage_ros.log import LogWriter
-from linkage_ros.machine import Machine
-from linkage_ros.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
-from linkage_ros.motion import CrankMotion
-from linkage_ros.presets import preset_names
+from linkage_ros.log.writer import LogWriter
 from linkage_ros.record import record
+from linkage_ros.run.configuration import configure, load
+from linkage_ros.run.diagnostics import OK, WARN, Status, encode_diagnostics
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.motion import CrankMotion
+from linkage_ros.run.presets import preset_names
+from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 HERE = Path(__file__).resolve().parent
 DURATION = 10.0  # s

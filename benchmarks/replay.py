@@ -21,12 +21,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from linkage_ros.configuration import configure
-from linkage_ros.log import LogWriter
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
-from linkage_ros.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.writer import LogWriter
 from linkage_ros.record import record
+from linkage_ros.run.configuration import configure
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
 
 SECONDS, RATES = 10.0, (0.5, 1.0, 4.0)
 PERIOD = 5_000_000  # ns

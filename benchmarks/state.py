@@ -12,7 +12,7 @@ import statistics
 import timeit
 
 from linkage_ros import Solver
-from linkage_ros.configuration import load
+from linkage_ros.run.configuration import load
 
 ROUNDS, STATES = 15, 20_000
 

@@ -12,12 +12,12 @@ import tempfile
 import time
 from pathlib import Path
 
-from linkage_ros.configuration import configure
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import recover
+from linkage_ros.log.verify import verify
 from linkage_ros.record import record
-from linkage_ros.recover import recover
-from linkage_ros.verify import verify
+from linkage_ros.run.configuration import configure
+from linkage_ros.run.machine import Machine
 
 
 def main():

@@ -12,8 +12,8 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from linkage_ros.configuration import find, load
-from linkage_ros.urdf import make_urdf
+from linkage_ros.run.configuration import find, load
+from linkage_ros.wire.urdf import make_urdf
 
 
 def start(context: LaunchContext) -> list[Node]:

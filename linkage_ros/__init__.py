@@ -4,7 +4,13 @@
 
 __version__ = '0.1.0'
 
-from linkage_ros.bodies import Body, Coupler, Frame, Guide, Slider
+from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Slider
+from linkage_ros.core.mechanism import CROSSED, OPEN, FourBar, SliderCrank
+from linkage_ros.core.mobility import Mobility
+from linkage_ros.core.reactions import Reactions
+from linkage_ros.core.solver import Solver
+from linkage_ros.core.state import PointMotion, State
+from linkage_ros.core.travel import Travel, travel
 from linkage_ros.errors import (
     ConfigurationError,
     LinkageError,
@@ -13,12 +19,6 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
-from linkage_ros.mechanism import CROSSED, OPEN, FourBar, SliderCrank
-from linkage_ros.mobility import Mobility
-from linkage_ros.reactions import Reactions
-from linkage_ros.solver import Solver
-from linkage_ros.state import PointMotion, State
-from linkage_ros.travel import Travel, travel
 
 __all__ = [
     'CROSSED',

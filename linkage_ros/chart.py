@@ -15,9 +15,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from linkage_ros.curves import Curves, extent
-from linkage_ros.drawing import Array, Drawing
+from linkage_ros.core.curves import Curves, extent
+from linkage_ros.core.numeric import Array
 from linkage_ros.palette import COLORS, GREY, Color
+from linkage_ros.view.drawing import Drawing
 
 # Inches: the picture, its parts from top to bottom, the numbers on the right.
 _WIDTH, _MARGIN, _HEADER, _ROW, _FOOT = 11.0, 3.5, 2.4, 1.75, 0.45

@@ -10,11 +10,11 @@ import sys
 from pathlib import Path
 
 from linkage_ros import cli
-from linkage_ros.configuration import find, load
-from linkage_ros.curves import Curves
+from linkage_ros.core.curves import Curves
+from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.presets import preset_names
-from linkage_ros.travel import travel
+from linkage_ros.run.configuration import find, load
+from linkage_ros.run.presets import preset_names
 
 _NAME = 'linkage_chart'
 

@@ -17,9 +17,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from linkage_ros import cli
-from linkage_ros.configuration import load
 from linkage_ros.errors import LinkageError
 from linkage_ros.record import record
+from linkage_ros.run.configuration import load
 
 _NAME = 'demo'
 _FOLDER = Path('demo')

@@ -14,10 +14,10 @@ from typing import NoReturn
 from tqdm import tqdm
 
 from linkage_ros import __version__, cli
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
-from linkage_ros.recover import Recovered, recover
-from linkage_ros.verify import Report, verify
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import Recovered, recover
+from linkage_ros.log.verify import Report, verify
+from linkage_ros.run.machine import Machine
 
 _NAME = 'linkage_log'
 _NS = 10**9

@@ -16,20 +16,20 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from linkage_ros import cli, ros
-from linkage_ros.clock_stepper import ClockStepper
-from linkage_ros.configuration import Configuration, configure, preset_note
-from linkage_ros.diagnostics import WARN, Health, Watch, encode_diagnostics
+from linkage_ros.core.state import State
 from linkage_ros.errors import LogError
-from linkage_ros.log import LogItem, LogWriter
-from linkage_ros.machine import Machine
-from linkage_ros.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
-from linkage_ros.motion import CrankMotion
-from linkage_ros.parameter_file import read_parameter_file
+from linkage_ros.log.writer import LogItem, LogWriter
 from linkage_ros.ros_parameters import declare
-from linkage_ros.state import State
-from linkage_ros.stepper import Stepper
-from linkage_ros.stream import Sample, View
-from linkage_ros.worker import Worker
+from linkage_ros.run.clock_stepper import ClockStepper
+from linkage_ros.run.configuration import Configuration, configure, preset_note
+from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.motion import CrankMotion
+from linkage_ros.run.parameter_file import read_parameter_file
+from linkage_ros.run.stepper import Stepper
+from linkage_ros.run.worker import Worker
+from linkage_ros.view.stream import Sample, View
+from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 _NAME = 'linkage_node'
 # Items that the queues hold: a stalled disk is waited for a minute at 1 kHz, a viewer 4 s.

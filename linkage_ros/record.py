@@ -15,13 +15,13 @@ from pathlib import Path
 from tqdm import tqdm
 
 from linkage_ros import cli
-from linkage_ros.configuration import Configuration, configure, find, preset_note
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.log import LogWriter
-from linkage_ros.machine import Machine
-from linkage_ros.messages import ROBOT_DESCRIPTION
-from linkage_ros.parameter_file import read_parameter_file
-from linkage_ros.presets import preset_names
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.run.configuration import Configuration, configure, find, preset_note
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.parameter_file import read_parameter_file
+from linkage_ros.run.presets import preset_names
+from linkage_ros.wire.messages import ROBOT_DESCRIPTION
 
 _NAME = 'linkage_record'
 _DEFAULT_DURATION = 10.0

@@ -16,15 +16,15 @@ from tqdm import tqdm
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, LogError
-from linkage_ros.feed import Item, Piece, cut, feed
-from linkage_ros.keyboard import Keyboard
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
-from linkage_ros.messages import JOINT_STATES, JointStateCodec
-from linkage_ros.pace import FASTEST, SLOWEST, Pace
-from linkage_ros.player import KEYS, Player, Show, Sink
-from linkage_ros.stream import Sample, View
-from linkage_ros.worker import Worker
+from linkage_ros.log.reader import LogReader
+from linkage_ros.playback.feed import Item, Piece, cut, feed
+from linkage_ros.playback.keyboard import Keyboard
+from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
+from linkage_ros.playback.player import KEYS, Player, Show, Sink
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.worker import Worker
+from linkage_ros.view.stream import Sample, View
+from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 _NAME = 'linkage_replay'
 _NS = 10**9
@@ -169,7 +169,7 @@ def _sinks(
     sinks = []
     if not options.no_ros:
         try:
-            from linkage_ros.republish import republishing
+            from linkage_ros.playback.republish import republishing
         except ModuleNotFoundError as error:
             if not options.viewer or options.clock is not None:
                 raise ConfigurationError(

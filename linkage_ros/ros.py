@@ -29,7 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.messages import Topic
+from linkage_ros.wire.messages import Topic
 
 # s given to subscribers to find the node, and to be matched with it.
 _DISCOVERY, _MATCH = 0.5, 0.15

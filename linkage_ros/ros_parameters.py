@@ -15,9 +15,9 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from linkage_ros.configuration import Configuration, check_live, parameter_leaves
+from linkage_ros.core.quantities import Quantity
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.quantities import Quantity
+from linkage_ros.run.configuration import Configuration, check_live, parameter_leaves
 
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,

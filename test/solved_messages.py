@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import struct
 
-from linkage_ros.joints import joint_values
-from linkage_ros.messages import FLOAT64, JOINT_STATE, JOINT_TRAJECTORY, POINT_STAMPED, STRING
-from linkage_ros.solver import Solver
-from linkage_ros.urdf import make_urdf
+from linkage_ros.core.solver import Solver
+from linkage_ros.run.joints import joint_values
+from linkage_ros.wire.messages import FLOAT64, JOINT_STATE, JOINT_TRAJECTORY, POINT_STAMPED, STRING
+from linkage_ros.wire.urdf import make_urdf
 
 TYPES = {
     '/joint_states': JOINT_STATE.name,

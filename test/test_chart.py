@@ -23,9 +23,9 @@ from linkage_ros import (
     Solver,
     chart_tool,
 )
-from linkage_ros.configuration import load
-from linkage_ros.curves import Curves, extent
-from linkage_ros.presets import preset_names
+from linkage_ros.core.curves import Curves, extent
+from linkage_ros.run.configuration import load
+from linkage_ros.run.presets import preset_names
 
 CHANGE_POINT = """
 linkage_node:

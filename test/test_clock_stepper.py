@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from linkage_ros.clock_stepper import ClockStepper
+from linkage_ros.run.clock_stepper import ClockStepper
 
 MS = 10**6
 

@@ -18,7 +18,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from linkage_ros import ConfigurationError, MechanismError, Solver
-from linkage_ros.configuration import (
+from linkage_ros.core.mechanism import MECHANISMS
+from linkage_ros.core.quantities import MISSING
+from linkage_ros.run.configuration import (
     DEFAULT_PRESET,
     check_live,
     configure,
@@ -27,9 +29,7 @@ from linkage_ros.configuration import (
     parameter_leaves,
     to_strings,
 )
-from linkage_ros.mechanism import MECHANISMS
-from linkage_ros.presets import preset_names
-from linkage_ros.quantities import MISSING
+from linkage_ros.run.presets import preset_names
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 LEAVES = {leaf.name: leaf for leaf in parameter_leaves('four_bar')}

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Slider, SliderCrank, Solver
-from linkage_ros.urdf import make_urdf
+from linkage_ros.wire.urdf import make_urdf
 
 # What the project promises of the torque, and ten times what is seen: both as a part of the
 # largest torque over the turn.

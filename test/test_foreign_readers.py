@@ -26,14 +26,14 @@ from rosbags import rosbag2
 from rosbags.highlevel import AnyReader
 from solved_messages import TYPES, plain, solved_messages, time_of
 
-from linkage_ros.configuration import Configuration, load
-from linkage_ros.interfaces import DIAGNOSTIC_ARRAY
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
-from linkage_ros.messages import JointStateCodec
-from linkage_ros.motion import CrankMotion
-from linkage_ros.presets import preset_names
+from linkage_ros.log.reader import LogReader
 from linkage_ros.record import record
+from linkage_ros.run.configuration import Configuration, load
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.motion import CrankMotion
+from linkage_ros.run.presets import preset_names
+from linkage_ros.wire.interfaces import DIAGNOSTIC_ARRAY
+from linkage_ros.wire.messages import JointStateCodec
 
 DOCUMENT = (Path(__file__).parents[1] / 'docs' / 'mcap.md').read_text()
 DIAGNOSTICS = {'/diagnostics': DIAGNOSTIC_ARRAY.name}

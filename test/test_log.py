@@ -26,10 +26,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability
 
 from linkage_ros import LogError, __version__
-from linkage_ros.configuration import configure, load, to_strings
-from linkage_ros.log import FLUSH_PERIOD, LogWriter
-from linkage_ros.log_reader import LogReader
-from linkage_ros.messages import (
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import CONFIGURATION_RECORD, MOTION_RECORD, _seal
+from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
+from linkage_ros.record import record
+from linkage_ros.run.configuration import configure, load, to_strings
+from linkage_ros.run.motion import CrankMotion
+from linkage_ros.wire.messages import (
     DRIVING_TORQUE,
     JOINT_STATES,
     ROBOT_DESCRIPTION,
@@ -38,9 +41,6 @@ from linkage_ros.messages import (
     encode_float64,
     encode_string,
 )
-from linkage_ros.motion import CrankMotion
-from linkage_ros.record import record
-from linkage_ros.records import CONFIGURATION_RECORD, MOTION_RECORD, _seal
 
 START = 1_795_000_000_000_000_000
 PERIOD = 5_000_000
@@ -654,10 +654,10 @@ def test_damage_is_reported_while_iterating(path, tmp_path):
 
 KILLED = """
 import itertools, sys, time
-from linkage_ros.configuration import load
-from linkage_ros.log import LogWriter
-from linkage_ros.messages import DRIVING_TORQUE, encode_float64
-from linkage_ros.motion import CrankMotion
+from linkage_ros.run.configuration import load
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
+from linkage_ros.run.motion import CrankMotion
 
 configuration = load('quadrilateral')
 log = LogWriter(sys.argv[1], configuration, overwrite=False)

@@ -13,10 +13,10 @@ import pytest
 from ros_harness import Listener, fresh_domain, running, wait_for
 from test_node import logged, set_parameter, stop
 
-from linkage_ros.configuration import load
-from linkage_ros.machine import Machine
-from linkage_ros.messages import JointStateCodec
 from linkage_ros.record import record
+from linkage_ros.run.configuration import load
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import JointStateCodec
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 # At theta = pi the coupler and the rocker stretch, at theta = 0 they fold: both are passed.

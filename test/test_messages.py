@@ -18,8 +18,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from linkage_ros.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
-from linkage_ros.interfaces import (
+from linkage_ros.ros import message_class
+from linkage_ros.run.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
+from linkage_ros.wire.interfaces import (
     CLOCK,
     DIAGNOSTIC_ARRAY,
     FLOAT64,
@@ -28,7 +29,7 @@ from linkage_ros.interfaces import (
     POINT_STAMPED,
     STRING,
 )
-from linkage_ros.messages import (
+from linkage_ros.wire.messages import (
     TOPICS,
     JointStateCodec,
     PointCodec,
@@ -36,7 +37,6 @@ from linkage_ros.messages import (
     encode_float64,
     encode_string,
 )
-from linkage_ros.ros import message_class
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('crank', 'coupler', 'rocker')

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from mpmath import mp
 
 from linkage_ros import ConfigurationError
-from linkage_ros.motion import CrankMotion, SpeedDrive
-from linkage_ros.records import read_motion, write_motion
+from linkage_ros.log.records import read_motion, write_motion
+from linkage_ros.run.motion import CrankMotion, SpeedDrive
 
 MINUTE = 60 * 10**9
 # A live stamp: 21 November 2026.

@@ -33,10 +33,10 @@ from ros_harness import (
     wait_for,
 )
 
-from linkage_ros.configuration import load, parameter_leaves
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
-from linkage_ros.messages import JointStateCodec
+from linkage_ros.log.reader import LogReader
+from linkage_ros.run.configuration import load, parameter_leaves
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import JointStateCodec
 
 JOINTS = ('crank', 'coupler', 'rocker')
 TYPES = {

@@ -21,8 +21,8 @@ from rosgraph_msgs.msg import Clock
 from test_node import CODEC, TYPES, call, decoded, logged, set_parameter, stop
 from trajectory_msgs.msg import JointTrajectory
 
-from linkage_ros.configuration import load
-from linkage_ros.machine import Machine
+from linkage_ros.run.configuration import load
+from linkage_ros.run.machine import Machine
 
 STATES = {'/joint_states': TYPES['/joint_states']}
 MS = 10**6

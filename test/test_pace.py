@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from linkage_ros.pace import FASTEST, Pace
+from linkage_ros.playback.pace import FASTEST, Pace
 
 MS, S = 10**6, 10**9
 

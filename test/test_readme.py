@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from linkage_ros.configuration import parameter_leaves
-from linkage_ros.mechanism import MECHANISMS
-from linkage_ros.messages import TOPICS
+from linkage_ros.core.mechanism import MECHANISMS
+from linkage_ros.run.configuration import parameter_leaves
+from linkage_ros.wire.messages import TOPICS
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / 'README.md').read_text()

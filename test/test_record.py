@@ -20,15 +20,15 @@ import pytest
 
 from linkage_ros import ConfigurationError, LogError, Solver
 from linkage_ros import record as record_module
-from linkage_ros.configuration import configure, load
-from linkage_ros.log import LogWriter
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
-from linkage_ros.messages import JointStateCodec, encode_float64, encode_string
-from linkage_ros.motion import CrankMotion
-from linkage_ros.presets import preset_names
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.writer import LogWriter
 from linkage_ros.record import record
-from linkage_ros.urdf import make_urdf
+from linkage_ros.run.configuration import configure, load
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.motion import CrankMotion
+from linkage_ros.run.presets import preset_names
+from linkage_ros.wire.messages import JointStateCodec, encode_float64, encode_string
+from linkage_ros.wire.urdf import make_urdf
 
 ROOT = Path(__file__).resolve().parents[1]
 JOINTS = ('crank', 'coupler', 'rocker')

@@ -19,13 +19,13 @@ from test_log import sections
 from test_verify import CHANGES, live
 
 from linkage_ros import LogError
-from linkage_ros.configuration import load
-from linkage_ros.log import LogWriter
-from linkage_ros.log_reader import LogReader
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import recover
+from linkage_ros.log.salvage import Losses
+from linkage_ros.log.verify import verify
+from linkage_ros.log.writer import LogWriter
 from linkage_ros.record import record
-from linkage_ros.recover import recover
-from linkage_ros.salvage import Losses
-from linkage_ros.verify import verify
+from linkage_ros.run.configuration import load
 
 NOTHING = Losses()
 
@@ -324,11 +324,11 @@ def test_the_command_says_in_one_line_what_was_saved_and_lost(tmp_path, whole):
 
 KILLED = """
 import itertools, sys, time
-from linkage_ros.configuration import configure
-from linkage_ros.log import LogWriter
-from linkage_ros.machine import Machine
-from linkage_ros.messages import ROBOT_DESCRIPTION
-from linkage_ros.worker import Worker
+from linkage_ros.run.configuration import configure
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import ROBOT_DESCRIPTION
+from linkage_ros.run.worker import Worker
 
 configuration = configure({'rate_hz': 1000.0, 'crank_acceleration': 20.0})
 machine = Machine(configuration)

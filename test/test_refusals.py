@@ -28,8 +28,8 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.configuration import configure, parameter_leaves
-from linkage_ros.motion import SpeedDrive
+from linkage_ros.run.configuration import configure, parameter_leaves
+from linkage_ros.run.motion import SpeedDrive
 
 FOUR, SLIDER = 'four_bar', 'slider_crank'
 GOOD = {

@@ -20,13 +20,13 @@ from ros_harness import Listener, command, environment, fresh_domain, running, w
 from shell_harness import Shell, held
 
 from linkage_ros import replay
-from linkage_ros.configuration import configure
-from linkage_ros.feed import cut, feed
-from linkage_ros.log import LogWriter
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
-from linkage_ros.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.playback.feed import cut, feed
 from linkage_ros.record import record
+from linkage_ros.run.configuration import configure
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
 
 STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'
 TYPES = {

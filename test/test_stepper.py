@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from linkage_ros import stepper
-from linkage_ros.configuration import configure
-from linkage_ros.machine import Machine
-from linkage_ros.stepper import CLOCK_STEP, Stepper
+from linkage_ros.run import stepper
+from linkage_ros.run.configuration import configure
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.stepper import CLOCK_STEP, Stepper
 
 MS = 1_000_000
 

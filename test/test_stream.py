@@ -27,16 +27,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from linkage_ros import ViewerError, viewer
-from linkage_ros.configuration import configure, load
-from linkage_ros.drawing import Drawing
-from linkage_ros.joints import joint_values
-from linkage_ros.log import LogWriter
-from linkage_ros.messages import JOINT_STATES, JointStateCodec
-from linkage_ros.motion import CrankMotion
+from linkage_ros import ViewerError
+from linkage_ros.core.solver import Solver
+from linkage_ros.log.writer import LogWriter
 from linkage_ros.palette import COLORS
-from linkage_ros.solver import Solver
-from linkage_ros.stream import Sample, View
+from linkage_ros.run.configuration import configure, load
+from linkage_ros.run.joints import joint_values
+from linkage_ros.run.motion import CrankMotion
+from linkage_ros.view import viewer
+from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.stream import Sample, View
+from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 rerun = pytest.importorskip('rerun')
 rerun_chunk = pytest.importorskip('rerun.chunk')
@@ -181,9 +182,9 @@ def test_names_are_those_of_an_opened_log(tmp_path):
 def test_a_run_that_is_killed_is_kept_but_for_its_end(tmp_path):
     code = """
 import os, signal, sys
-from linkage_ros import stream
-from linkage_ros.configuration import load
-from linkage_ros.stream import Sample, View
+from linkage_ros.view import stream
+from linkage_ros.run.configuration import load
+from linkage_ros.view.stream import Sample, View
 stream._FILE_SECONDS = 0.0
 view = View(load('quadrilateral'), sys.argv[1])
 for k in range(100):
@@ -360,9 +361,10 @@ def test_a_file_is_kept_unless_it_is_to_be_replaced(tmp_path):
 def test_a_full_disk_is_one_error(tmp_path):
     code = """
 import resource, sys
-from linkage_ros import ViewerError, stream
-from linkage_ros.configuration import load
-from linkage_ros.stream import Sample, View
+from linkage_ros import ViewerError
+from linkage_ros.view import stream
+from linkage_ros.run.configuration import load
+from linkage_ros.view.stream import Sample, View
 stream._WRITE_SECONDS, stream._FILE_SECONDS = 0.5, 0.0
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 view = View(load('quadrilateral'), sys.argv[1])
@@ -387,7 +389,7 @@ def test_without_rerun_the_package_to_install_is_named(monkeypatch):
 
 
 def test_rerun_is_imported_by_the_first_view_and_not_before():
-    code = 'import sys, linkage_ros.stream; sys.exit("rerun" in sys.modules)'
+    code = 'import sys, linkage_ros.view.stream; sys.exit("rerun" in sys.modules)'
     subprocess.run([sys.executable, '-c', code], check=True, timeout=PATIENCE)
 
 
@@ -560,8 +562,8 @@ def test_without_a_screen_there_is_no_window(monkeypatch):
 
 HOSTING = """
 import sys, time
-from linkage_ros.configuration import load
-from linkage_ros.stream import View
+from linkage_ros.run.configuration import load
+from linkage_ros.view.stream import View
 view = View(load('quadrilateral'), 'web')
 print(view._program.process.pid, view.page, flush=True)
 time.sleep(60)
@@ -696,9 +698,9 @@ def test_a_viewer_that_stops_reading_is_left_out_until_it_reads_again():
 
 STUCK = """
 import socket, sys, threading, time
-from linkage_ros.configuration import load
-from linkage_ros.stream import Sample, View
-from linkage_ros.worker import Worker
+from linkage_ros.run.configuration import load
+from linkage_ros.view.stream import Sample, View
+from linkage_ros.run.worker import Worker
 server = socket.create_server(('127.0.0.1', 0))
 kept = []
 def accept():

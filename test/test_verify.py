@@ -16,13 +16,21 @@ from mcap.writer import Writer
 from ros_harness import command
 
 from linkage_ros import LogError
-from linkage_ros.configuration import configure, from_strings, load
-from linkage_ros.differences import differing
-from linkage_ros.fields import read_fields
-from linkage_ros.log import LogWriter
-from linkage_ros.log_reader import LogReader
-from linkage_ros.machine import Machine
-from linkage_ros.messages import (
+from linkage_ros.log.differences import differing
+from linkage_ros.log.fields import read_fields
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import (
+    CONFIGURATION_RECORD,
+    MOTION_RECORD,
+    _seal,
+    write_configuration,
+)
+from linkage_ros.log.verify import verify
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.record import record
+from linkage_ros.run.configuration import configure, from_strings, load
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import (
     DIAGNOSTICS,
     DRIVING_TORQUE,
     JOINT_STATES,
@@ -31,14 +39,6 @@ from linkage_ros.messages import (
     JointStateCodec,
     encode_float64,
 )
-from linkage_ros.record import record
-from linkage_ros.records import (
-    CONFIGURATION_RECORD,
-    MOTION_RECORD,
-    _seal,
-    write_configuration,
-)
-from linkage_ros.verify import verify
 
 START = 1_795_000_000_123_456_789
 PRESETS = ('quadrilateral', 'coupler_point', 'slider_crank', 'compressor')

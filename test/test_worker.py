@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import pytest
 
-from linkage_ros.worker import Worker
+from linkage_ros.run.worker import Worker
 
 PATIENCE = 20.0  # s, until a wait that must end counts as a hang
 QUICK = 0.001
@@ -319,7 +319,7 @@ def test_close_gives_up_on_a_hanging_consumer():
 
 HANGING = """
 import sys, threading
-from linkage_ros.worker import Worker
+from linkage_ros.run.worker import Worker
 
 class Consumer:
     entered = threading.Event()

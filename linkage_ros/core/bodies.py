@@ -1,0 +1,110 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The parts that mechanisms are described with: links between pins, a slider, the fixed link.
+
+Lengths in m, masses in kg, inertias in kg m^2 about each body's own centre of mass, angles in
+rad counter-clockwise from the x axis of base_link.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from linkage_ros.core.quantities import Checked, quantity
+
+# Bounds on what may be typed in. Products of up to six lengths must neither overflow nor
+# underflow; every linkage that can be built is far inside.
+_LENGTHS = (1e-9, 1e9)
+_MASSES = (0.0, 1e12)
+
+
+@dataclass(frozen=True)
+class Body(Checked):
+    """A link: a rigid body between two pins.
+
+    Attributes:
+        length: Distance between its pins, m.
+        mass: kg.
+        inertia: About its centre of mass, kg m^2.
+        center: Centre of mass [along, across] from the first pin, m.
+    """
+
+    length: float = quantity('number', 'distance between the pins', 'm', span=_LENGTHS)
+    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
+    inertia: float = quantity(
+        'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
+    )
+    center: tuple[float, float] = quantity(
+        'pair', 'centre of mass [along, across] from the first pin', 'm',
+        span=(-1e9, 1e9), default=(0.0, 0.0),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Coupler(Body):
+    """The floating link, which may carry a traced point.
+
+    Attributes:
+        point: Coupler point [along, across] from the crank pin, m; None: no point is traced.
+    """
+
+    point: tuple[float, float] | None = quantity(
+        'pair', 'traced coupler point [along, across] from the crank pin', 'm',
+        span=(-1e9, 1e9), default=None,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Frame(Checked):
+    """The fixed link, from the crank pivot A0 to the rocker pivot B0.
+
+    Attributes:
+        length: Distance between the pivots, m.
+        angle: Direction from A0 to B0, rad.
+    """
+
+    length: float = quantity('number', 'distance between the fixed pivots', 'm', span=_LENGTHS)
+    angle: float = quantity(
+        'number', 'direction from the crank pivot to the rocker pivot', 'rad',
+        span=(-1e3, 1e3), default=0.0,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Guide(Checked):
+    """The fixed link of a slider: the crank pivot A0 and a straight guide.
+
+    Attributes:
+        angle: Direction of the guide, in which the slider's position counts, rad.
+    """
+
+    angle: float = quantity(
+        'number', 'direction of the guide', 'rad', span=(-1e3, 1e3), default=0.0
+    )
+
+
+@dataclass(frozen=True)
+class Slider(Checked):
+    """A body that slides along a guide and does not turn; its pin is its centre of mass.
+
+    A disc of mass m, inertia J and radius R that rolls along the guide moves as a slider of mass
+    m + J / R^2. Where the guide is not level, `force` has to carry the weight of J / R^2.
+
+    Attributes:
+        offset: Distance of the pin's path from the crank pivot, to the guide's left, m.
+        mass: kg.
+        force: External force along the guide, N.
+        damping: Resistance of the guide per sliding speed, N s/m.
+    """
+
+    offset: float = quantity(
+        'number', "distance of the pin's path from the crank pivot, to the guide's left", 'm',
+        span=(-1e9, 1e9), default=0.0,
+    )  # fmt: skip
+    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
+    force: float = quantity(
+        'number', 'external force along the guide', 'N', span=(-1e12, 1e12), default=0.0
+    )
+    damping: float = quantity(
+        'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
+    )

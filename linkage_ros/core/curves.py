@@ -1,0 +1,211 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The motion of a mechanism over one period, as columns of numbers."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.numeric import Array
+from linkage_ros.core.solver import Solver
+from linkage_ros.core.state import State
+from linkage_ros.errors import ConfigurationError
+
+_STEPS_PER_TURN = 720
+
+
+class Column(NamedTuple):
+    """One quantity over the period.
+
+    Attributes:
+        name: Such as 'coupler.position'.
+        unit: SI unit.
+        values: Over the crank angles.
+    """
+
+    name: str
+    unit: str
+    values: Array
+
+
+class Extent(NamedTuple):
+    """How large a quantity gets over the period.
+
+    Attributes:
+        low: Its smallest value.
+        low_at: Where, crank angle, rad.
+        high: Its largest value.
+        high_at: Where, crank angle, rad.
+        mean: Over the crank angle.
+        rms: Root mean square over the crank angle.
+    """
+
+    low: float
+    low_at: float
+    high: float
+    high_at: float
+    mean: float
+    rms: float
+
+
+class Curves:
+    """One period of a mechanism, at a speed and an acceleration that hold at every angle.
+
+    Attributes:
+        solver: Of the mechanism.
+        crank: Crank angles from 0 to the end of the period, 0.5 deg apart, and as fine as it
+            takes next to change points, rad.
+        speed: rad/s.
+        columns: All quantities, by name; angles without jumps.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        speed: float,
+        acceleration: float = 0.0,
+        *,
+        reactions: bool = False,
+    ) -> None:
+        """Solves the period.
+
+        Args:
+            mechanism: Its crank must turn fully.
+            speed: Crank speed, rad/s.
+            acceleration: Crank acceleration, rad/s^2.
+            reactions: Whether to add pin forces, shaking force and shaking moment.
+
+        Raises:
+            MechanismError: The crank does not turn fully.
+            ConfigurationError: The speed or acceleration is not finite, or reactions are asked
+                for that pass all bounds at a change point.
+        """
+        self.solver = solver = Solver(mechanism)
+        solver.require_full_turn()
+        self.speed, self._acceleration = speed, acceleration
+        self.crank = solver.kinematics.map.samples(_STEPS_PER_TURN)
+        state = solver.state(self.crank, speed, acceleration)
+        columns = [Column('crank_angle', 'rad', self.crank), *self._links(state)]
+        columns += [
+            Column('driving_torque', 'N m', state.torque),
+            Column('driving_power', 'W', state.torque * speed),
+        ]
+        if 'C' in solver.structure.points:
+            columns += self._coupler_point(state)
+        if reactions:
+            columns += self._reactions(state)
+        self.columns: Mapping[str, Column] = {column.name: column for column in columns}
+
+    def _links(self, state: State) -> list[Column]:
+        columns = []
+        for joint in self.solver.structure.joints:
+            unit = 'm' if joint.slides else 'rad'
+            position, velocity, acceleration = (
+                np.broadcast_to(x[joint.link], self.crank.shape) for x in state[:3]
+            )
+            columns += [
+                Column(f'{joint.name}.position', unit,
+                       position if joint.slides else np.unwrap(position)),
+                Column(f'{joint.name}.velocity', f'{unit}/s', velocity),
+                Column(f'{joint.name}.acceleration', f'{unit}/s^2', acceleration),
+            ]  # fmt: skip
+        return columns
+
+    def _coupler_point(self, state: State) -> list[Column]:
+        motion = self.solver.point(state, 'C')
+        units = ('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s^2')
+        return [
+            Column(f'coupler_point.{name}.{axis}', unit, values)
+            for (name, unit), vector in zip(units, motion, strict=True)
+            for axis, values in zip('xy', vector, strict=True)
+        ]
+
+    def _reactions(self, state: State) -> list[Column]:
+        low, high = self.solver.kinematics.map.extremes()
+        if low == 0 or high == math.pi:
+            raise ConfigurationError(
+                'this mechanism passes a change point, where the forces in its joints have no '
+                'finite value: leave the reactions out'
+            )
+        reactions = self.solver.reactions(state)
+        columns = [
+            Column(f'pin_{pin}.{axis}', 'N', values)
+            for pin, force in reactions.pins.items()
+            for axis, values in zip('xy', force, strict=True)
+        ]
+        if reactions.guide_force is not None:
+            columns.append(Column('guide_force', 'N', reactions.guide_force))
+        columns += [
+            Column(f'shaking_force.{axis}', 'N', values)
+            for axis, values in zip('xy', reactions.shaking_force, strict=True)
+        ]
+        return [*columns, Column('shaking_moment', 'N m', reactions.shaking_moment)]
+
+    def mean_power(self) -> float:
+        """Mean driving power over the crank angle, W.
+
+        At a constant speed, weights and inertia take back what they give: what remains is the
+        guide's resistance, and what accelerates the crank. No cancellation spoils these.
+        """
+        power = self.speed * self._acceleration * self.solver.inertia(self.crank)
+        if slider := self.solver.structure.slider:
+            rate = self.columns[f'{self.solver.links[2]}.velocity'].values
+            power = power + slider.damping * rate * rate
+        return extent(self.crank, np.broadcast_to(power, self.crank.shape)).mean
+
+    def save(self, path: Path) -> None:
+        """Writes all columns to a CSV file; every number reads back to the last bit.
+
+        Args:
+            path: The file; replaced if there is one.
+        """
+        columns = self.columns.values()
+        with path.open('w', newline='', encoding='utf-8') as stream:
+            writer = csv.writer(stream)
+            writer.writerow(f'{column.name} [{column.unit}]' for column in columns)
+            rows = zip(*(column.values.tolist() for column in columns), strict=True)
+            writer.writerows([repr(value) for value in row] for row in rows)
+
+
+def extent(crank: Array, values: Array) -> Extent:
+    """How large a quantity gets over the period.
+
+    Args:
+        crank: Crank angles in rising order, over the whole period, rad.
+        values: At these.
+
+    Returns:
+        Its extent; peaks between the angles by the parabola through the three nearest.
+    """
+    low, low_at = _peak(crank, -values)
+    high, high_at = _peak(crank, values)
+    period = float(crank[-1] - crank[0])
+    mean = _integral(crank, values) / period
+    rms = math.sqrt(_integral(crank, values * values) / period)
+    return Extent(-low, low_at, high, high_at, mean, rms)
+
+
+def _integral(crank: Array, values: Array) -> float:
+    return float(np.sum(np.diff(crank) * (values[1:] + values[:-1])) / 2)
+
+
+def _peak(crank: Array, values: Array) -> tuple[float, float]:
+    top = int(np.argmax(values))
+    # The end of the period is its start.
+    if top in (0, len(values) - 1):
+        return float(values[top]), 0.0
+    x, y = crank[top - 1 : top + 2] - crank[top], values[top - 1 : top + 2] - values[top]
+    left, right = y[0] / x[0], y[2] / x[2]
+    bend = (right - left) / (x[2] - x[0])
+    slope = left - bend * x[0]
+    if not bend < 0:
+        return float(values[top]), float(crank[top])
+    aside = -0.5 * slope / bend
+    return float(values[top] - 0.25 * slope * slope / bend), float(crank[top] + aside)

@@ -1,0 +1,33 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The exact kinematics of every mechanism, found by its description."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from linkage_ros.core.four_bar import FourBarKinematics
+from linkage_ros.core.links import Links
+from linkage_ros.core.mechanism import FourBar, Mechanism
+from linkage_ros.core.numeric import Functions, Real
+from linkage_ros.core.slider_crank import SliderCrankKinematics
+from linkage_ros.core.structure import Structure
+from linkage_ros.core.transmission import TransmissionMap
+
+
+class Kinematics(Protocol):
+    """What every mechanism with one degree of freedom offers."""
+
+    map: TransmissionMap
+    structure: Structure
+    side: float
+
+    def solve(self, crank: Real, functions: Functions) -> Links:
+        """The position and its derivatives at a crank angle where the loop closes."""
+
+
+def kinematics_of(mechanism: Mechanism) -> Kinematics:
+    """The kinematics of a described mechanism."""
+    if isinstance(mechanism, FourBar):
+        return FourBarKinematics(mechanism)
+    return SliderCrankKinematics(mechanism)

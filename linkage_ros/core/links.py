@@ -1,0 +1,23 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What kinematics hands to dynamics: the links' positions and how they follow the speeds."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from linkage_ros.core.numeric import Real
+
+# One value for each of the three moving links.
+PerLink: TypeAlias = tuple[Real, Real, Real]
+
+# The three moving links in one position, floats or arrays: a plain tuple, because it is made at
+# every step and a named one costs a tenth of the whole state. The crank and the coupler turn;
+# the output link turns, or slides.
+#   position   directions from first to second pin, in [-pi, pi] except the crank's, rad; of a
+#              sliding link its place along its guide, m
+#   cos, sin   of these directions; of a sliding link, of its guide's
+#   partial    for each independent speed, every link's velocity per unit of that speed
+#   curvature  every link's acceleration per squared crank speed, while the crank's own
+#              acceleration is zero
+Links: TypeAlias = tuple[PerLink, PerLink, PerLink, tuple[PerLink, ...], PerLink]

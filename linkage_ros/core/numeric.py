@@ -1,0 +1,118 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arithmetic shared by all formulas: one spelling for floats and arrays, and exact short sums."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+# A float, or an array of floats: the formulas are written once for both. Any, because no type
+# of today says "float gives float, array gives array" through plain arithmetic.
+Real: TypeAlias = Any
+Array: TypeAlias = npt.NDArray[np.float64]
+
+
+class Functions(Protocol):
+    """The elementary functions that a formula needs, for floats or for arrays."""
+
+    sin: Callable[[Real], Real]
+    cos: Callable[[Real], Real]
+    sqrt: Callable[[Real], Real]
+    atan2: Callable[[Real, Real], Real]
+    round: Callable[[Real], Real]
+    where: Callable[[Real, Real, Real], Real]
+    lowest: Callable[[Real], float]
+
+
+SCALAR: Functions = SimpleNamespace(
+    sin=math.sin, cos=math.cos, sqrt=math.sqrt, atan2=math.atan2, round=round, lowest=float,
+    where=lambda condition, then, otherwise: then if condition else otherwise,
+)  # fmt: skip
+ARRAY: Functions = SimpleNamespace(
+    sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, lowest=np.min,
+    where=np.where,
+)  # fmt: skip
+
+
+def functions_of(value: Real) -> Functions:
+    """SCALAR for a float, ARRAY for an array."""
+    return SCALAR if isinstance(value, float) else ARRAY
+
+
+# pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
+HALF_PI = (math.pi / 2, 6.123233995736766e-17)
+TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
+
+
+def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
+    """The rounded sum and its rounding error, which together are exactly a + b (Knuth)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
+
+
+def wrap(angle: Real, functions: Functions) -> Real:
+    """An angle of a few turns brought into [-pi, pi], rad, without the rounding of 2 pi."""
+    turns = functions.round(angle * (1 / TWO_PI[0]))
+    return (angle - turns * TWO_PI[0]) - turns * TWO_PI[1]
+
+
+def nearest_turns(angle: float) -> int:
+    """How many whole turns bring an angle nearest to zero, exactly.
+
+    In doubles an odd multiple of pi would be a tie: the nearest double to 3 pi lies below it.
+
+    Args:
+        angle: rad.
+
+    Returns:
+        The number of turns.
+    """
+    return round(Fraction(angle) / (Fraction(TWO_PI[0]) + Fraction(TWO_PI[1])))
+
+
+def short_sum(longest: float, *terms: float) -> float:
+    """The exact sum of link lengths, rounded once; 0 where it is below 4 ulp of the longest.
+
+    Lengths typed in decimals miss the equality that was meant: 0.2 + 0.3 - 0.1 - 0.4 is not 0
+    in binary. Four ulp cover the four roundings of the lengths themselves.
+
+    Args:
+        longest: Longest link, m.
+        *terms: Signed lengths, m.
+
+    Returns:
+        The sum, m.
+    """
+    total = math.fsum(terms)
+    return 0.0 if is_rounding(longest, total) else total
+
+
+def is_rounding(longest: float, total: float) -> bool:
+    """Whether an exact sum of lengths up to the longest counts as 0."""
+    return abs(total) < 4 * math.ulp(longest)
+
+
+def rounded(length: float, *, up: bool) -> str:
+    """A bound in six digits: rounded to the side on which it still holds.
+
+    Args:
+        length: The bound, m.
+        up: Whether it is a least value; otherwise a largest.
+
+    Returns:
+        Its text.
+    """
+    text = f'{length:.6g}'
+    gap = length - float(text) if up else float(text) - length
+    if length <= 0 or gap <= 0 or is_rounding(length, gap):
+        return text
+    unit = 10.0 ** (math.floor(math.log10(length)) - 5)
+    return f'{float(text) + (unit if up else -unit):.6g}'

@@ -1,0 +1,117 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the output link does while the crank turns: stroke or swing, time ratio, transmission."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_ros.core.solver import Solver
+
+_STEPS_PER_TURN = 720
+
+
+class Travel(NamedTuple):
+    """The motion of the output link over a period.
+
+    Attributes:
+        output: Its name, 'rocker' or 'slider'.
+        extremes: Where it reverses, lowest and highest position, rad or m; beyond pi only where
+            it swings through the seam. None: it turns fully.
+        at: Crank angles in [0, 2 pi) or [0, 4 pi) at which it reverses, rad.
+        transmission: Smallest and largest transmission angle, between coupler and rocker or
+            between coupler and the normal of the guide; rad in [0, pi].
+        time_ratio: Of the longer to the shorter of the crank's ways between the reversals; None
+            where these are not two.
+    """
+
+    output: str
+    extremes: tuple[float, float] | None
+    at: tuple[float, ...]
+    transmission: tuple[float, float]
+    time_ratio: float | None
+
+    @property
+    def span(self) -> float | None:
+        """Stroke, m, or swing, rad; None where the output turns fully."""
+        return None if self.extremes is None else self.extremes[1] - self.extremes[0]
+
+    def words(self) -> list[str]:
+        """In words, angles in degrees: stroke or swing, transmission angle, time ratio."""
+        low, high = (math.degrees(angle) for angle in self.transmission)
+        words = [self._motion(), f'transmission angle {low:.4g} to {high:.4g} deg']
+        return words if self.time_ratio is None else [*words, f'time ratio {self.time_ratio:.4g}']
+
+    def _motion(self) -> str:
+        if self.extremes is None:
+            return f'{self.output} turns fully'
+        low, high = self.extremes
+        if self.output == 'slider':
+            return f'stroke {high - low:.6g} m ({low:.6g} to {high:.6g} m)'
+        low, high = math.degrees(low), math.degrees(high)
+        return f'swing {high - low:.6g} deg ({low:.6g} to {high:.6g} deg)'
+
+
+def travel(solver: Solver) -> Travel:
+    """Finds the reversals of the output link.
+
+    Args:
+        solver: Of a mechanism whose crank turns fully.
+
+    Returns:
+        Its travel; positions right to a few ulp, because they are extremes.
+
+    Raises:
+        MechanismError: The crank does not turn fully.
+    """
+    solver.require_full_turn()
+    turns = solver.mobility.period_turns
+    # Beside the symmetric angles, at which a rate may vanish exactly.
+    crank = solver.kinematics.map.samples(_STEPS_PER_TURN)
+    crank = 0.5 * (crank[1:] + crank[:-1])
+    crank = np.append(crank, crank[0] + turns * 2 * math.pi)
+    state = solver.state(crank, 1.0)
+    position, rate = state.position[2], state.velocity[2]
+    slides = solver.structure.joints[2].slides
+    if not slides:
+        position = np.unwrap(position)
+    before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
+    at = [_reversal(solver, crank[i], crank[i + 1]) for i in before]
+    places = [float(solver.state(angle).position[2]) for angle in at]
+    if not slides:
+        # Each in the turn that the samples around it are in.
+        places = [p + _whole_turns(position[i] - p) for i, p in zip(before, places, strict=True)]
+    extremes: tuple[float, float] | None = None
+    if slides or not _whole_turns(position[-1] - position[0]):
+        # An output that nearly rests reverses within rounding, where no change of sign is seen.
+        ends = *places, float(position.min()), float(position.max())
+        low, high = min(ends), max(ends)
+        seam = 0.0 if slides else _whole_turns(0.5 * (low + high))
+        extremes = low - seam, high - seam
+    period = turns * 2 * math.pi
+    ratio = None
+    if len(at) == 2:
+        way = at[1] - at[0]
+        ratio = max(way, period - way) / min(way, period - way)
+    reversals = tuple(sorted(angle % period for angle in at))
+    transmission = solver.kinematics.map.extremes()
+    return Travel(solver.links[2], extremes, reversals, transmission, ratio)
+
+
+def _reversal(solver: Solver, low: float, high: float) -> float:
+    """The crank angle at which the output's rate changes its sign, by bisection."""
+    low, high = float(low), float(high)
+    falling = solver.state(low, 1.0).velocity[2] > 0
+    while low < (middle := 0.5 * (low + high)) < high:
+        if (solver.state(middle, 1.0).velocity[2] > 0) == falling:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _whole_turns(angle: float) -> float:
+    return 2 * math.pi * round(float(angle) / (2 * math.pi))

@@ -1,0 +1,235 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A machine's messages beside those of a log, state by state, up to the first difference.
+
+A state is one message of each topic. They were logged at one time, in the order of the topics;
+those with a header bear the state's stamp. So a message that is lost, doubled or in another's
+place shows even where its value would do.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Callable, Iterator
+
+from linkage_ros.log.differences import differing
+from linkage_ros.log.reader import LoggedMessage
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import Topic
+from linkage_ros.log.timeline import Timeline, seconds
+
+_STAMP = struct.Struct('<iI')
+_NS = 10**9
+_HEADER = 12  # bytes up to the end of a stamp
+# Messages that one topic may be behind the others before it counts as broken off.
+_BEHIND = 10_000
+
+Column = tuple[str, Topic]
+
+
+def is_stamped(topic: Topic) -> bool:
+    """Whether messages of a topic bear a stamp: their first field is a header."""
+    return topic.interface.definition.startswith('std_msgs/Header header\n')
+
+
+class Comparison:
+    """Compares the states of one log.
+
+    Attributes:
+        states: Found equal so far.
+        cut: Names of the topics that the very last state lacks: it was cut off while written.
+    """
+
+    def __init__(
+        self, machine: Machine, columns: list[Column], timeline: Timeline, *, recorded: bool
+    ) -> None:
+        """Prepares a comparison.
+
+        Args:
+            machine: Recomputes the states.
+            columns: Channels, with the topics of the machine that they carry, in its order; at
+                least one has stamps.
+            timeline: Of the log.
+            recorded: Whether every tick has a state, logged at its stamp.
+        """
+        self.states = 0
+        self.cut: tuple[str, ...] = ()
+        self._machine, self._columns, self._timeline = machine, columns, timeline
+        self._recorded = recorded
+        self._places = [machine.topics.index(topic) for _, topic in columns]
+        self._stamped = [i for i, (_, topic) in enumerate(columns) if is_stamped(topic)]
+        self._queues = [deque[LoggedMessage]() for _ in columns]
+        self._by_name = {
+            name: queue for (name, _), queue in zip(columns, self._queues, strict=True)
+        }
+        self._before: list[bytes] = []
+        self._piece = 1
+        self._time_before: int | None = None
+
+    def run(self, messages: Iterator[LoggedMessage], progress: Callable[[int], object]) -> str:
+        """Compares all messages.
+
+        Args:
+            messages: In the order of writing; those of other topics are passed over.
+            progress: Called with the number of states that were compared since the last call.
+
+        Returns:
+            The first difference; empty if there is none.
+        """
+        ready, shown, queues = 0, 0, self._queues
+        for message in messages:
+            queue = self._by_name.get(message.topic)
+            if queue is None:
+                continue
+            queue.append(message)
+            ready += len(queue) == 1
+            if len(queue) > _BEHIND:
+                return self._broken_off()
+            if ready == len(queues):
+                if difference := self._compare(messages):
+                    return difference
+                ready = sum(len(queue) > 0 for queue in queues)
+                if self.states >= shown + 1000:
+                    progress(self.states - shown)
+                    shown = self.states
+        progress(self.states - shown)
+        return self._end()
+
+    def _end(self) -> str:
+        """Looks at what is left when all messages were read: nothing, or the start of a state."""
+        left = [len(queue) for queue in self._queues]
+        begun = left.count(1)
+        if left != [1] * begun + [0] * (len(left) - begun):
+            return self._broken_off()
+        if begun:
+            self.cut = tuple(name for name, _ in self._columns[begun:])
+            if self._stamped[0] < begun:
+                return self._compare(iter(()))
+        return ''
+
+    def _compare(self, messages: Iterator[LoggedMessage]) -> str:
+        """Compares the first message of each queue and takes it, or tells the difference."""
+        heads = [queue[0] for queue in self._queues if queue]
+        times = [head.time for head in heads]
+        if times.count(times[0]) < len(times):
+            self._read_on(messages)
+            return self._out_of_line(times)
+        logged = [head.data for head in heads]
+        stamps = [_stamp(logged[i]) for i in self._stamped if i < len(logged)]
+        stamp = stamps[0] if stamps.count(stamps[0]) == len(stamps) else self._likeliest(stamps)
+        expected, wrong = self._explain(logged, stamp)
+        if wrong := wrong or self._unlike_a_record(stamp, times[0]):
+            return f'the stamp {seconds(stamp)} of state {self.states + 1} {wrong}'
+        if logged != expected:
+            self._read_on(messages)
+            return self._unequal(stamp, expected)
+        for queue in self._queues:
+            if queue:
+                queue.popleft()
+        self.states += len(logged) == len(self._queues)
+        self._before, self._time_before = expected, times[0]
+        return ''
+
+    def _explain(self, logged: list[bytes], stamp: int) -> tuple[list[bytes], str]:
+        """The messages that belong to a stamp, or what is wrong with the stamp."""
+        timeline, places = self._timeline, self._places[: len(logged)]
+
+        def expect() -> list[bytes]:
+            messages = self._machine.step(timeline.motion, stamp).messages
+            return [messages[place] for place in places]
+
+        if timeline.follows(stamp) and (expected := expect()) == logged:
+            timeline.take(stamp)
+            return expected, ''
+        if wrong := timeline.place(stamp):
+            return [], wrong
+        should = expected = expect()
+        self._piece = timeline.number
+        while expected != logged:
+            if not timeline.skip_to(stamp):
+                return should, ''
+            expected = expect()
+        return expected, ''
+
+    def _unlike_a_record(self, stamp: int, time: int) -> str:
+        if not self._recorded:
+            return ''
+        if self._timeline.missed:
+            return f'comes after {self._timeline.missed} lost states: a record has every tick'
+        return '' if time == stamp else f'was logged at {seconds(time)}: a record has its stamp'
+
+    def _likeliest(self, stamps: list[int]) -> int:
+        """The stamp of a state whose messages do not agree on it."""
+        last, offset = self._timeline.last, self._timeline.offset
+
+        def doubt(stamp: int) -> tuple[int, bool, bool, int]:
+            return -stamps.count(stamp), offset(stamp) > 0, stamp <= last, stamp
+
+        return min(stamps, key=doubt)
+
+    def _read_on(self, messages: Iterator[LoggedMessage]) -> None:
+        """Reads until there are two messages of each topic, which tells lost from swapped."""
+        for message in messages:
+            queue = self._by_name.get(message.topic)
+            if queue is not None:
+                queue.append(message)
+            if all(len(queue) > 1 for queue in self._queues) or (queue and len(queue) > _BEHIND):
+                return
+
+    def _out_of_line(self, times: list[int]) -> str:
+        """Tells which message does not belong to the state of the others: log times differ."""
+        time = min(times, key=lambda t: (-times.count(t), t == self._time_before, t))
+        column = next(i for i, other in enumerate(times) if other != time)
+        nexts = [queue[1].time if len(queue) > 1 else None for queue in self._queues]
+        follows = next((nexts[i] for i, other in enumerate(times) if other == time), None)
+        name, wrong = self._columns[column][0], times[column]
+        where = f'state {self.states + 1}, logged at {seconds(time)}'
+        if wrong == self._time_before:
+            return f'{name} has the message logged at {seconds(wrong)} twice'
+        if wrong != follows:
+            return f'{name} has the log time {seconds(wrong)} in {where}'
+        if nexts[column] == time:
+            return f'{name} has two messages swapped: in {where}, and the next'
+        return f'{name} has no message in {where}'
+
+    def _unequal(self, stamp: int, expected: list[bytes]) -> str:
+        """Tells what is wrong with the first message that differs; its log time is right."""
+        pairs = enumerate(zip(self._queues, expected, strict=False))
+        column = next(i for i, (queue, data) in pairs if queue[0].data != data)
+        (name, topic), queue = self._columns[column], self._queues[column]
+        where = f'state {self.states + 1}, stamp {seconds(stamp)}'
+        if queue[0].data == self._next_expected(stamp, self._places[column]):
+            if len(queue) > 1 and queue[1].data == expected[column]:
+                return f'{name} has two messages swapped: of {where}, and the next'
+            return f'{name} has no message of {where}: the next one is in its place'
+        if self._before and queue[0].data == self._before[column]:
+            return f'{name} has in {where} the message of the state before again'
+        words = differing(topic.interface, queue[0].data, expected[column])
+        return f'{name}: {words}; {where}, in piece of motion {self._piece}'
+
+    def _next_expected(self, stamp: int, place: int) -> bytes | None:
+        """The message of the next state, if the log tells when that is."""
+        for column in self._stamped:
+            queue = self._queues[column]
+            if len(queue) < 2:
+                continue
+            this, following = (_stamp(queue[i].data) for i in range(2))
+            if this == stamp < following:
+                return self._machine.step(self._timeline.motion, following).messages[place]
+        return None
+
+    def _broken_off(self) -> str:
+        """Tells which topic has no more messages while others have."""
+        fewest = min(range(len(self._queues)), key=lambda i: len(self._queues[i]))
+        heads = [self._queues[i][0].data for i in self._stamped if self._queues[i]]
+        where = f', stamp {seconds(_stamp(heads[0]))}' if heads else ''
+        return f'{self._columns[fewest][0]} has no message in state {self.states + 1}{where}'
+
+
+def _stamp(data: bytes) -> int:
+    if len(data) < _HEADER:
+        return -1
+    whole, rest = _STAMP.unpack_from(data, 4)
+    stamp: int = whole * _NS + rest
+    return stamp

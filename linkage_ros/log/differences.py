@@ -1,0 +1,73 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Says in which value, and by how much, a logged message differs from the recomputed one."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+from linkage_ros.log.fields import Value, read_fields
+from linkage_ros.wire.interfaces import Interface
+
+_CONTEXT = 12  # characters shown on either side of the first that differs
+
+
+def differing(interface: Interface, logged: bytes, recomputed: bytes) -> str:
+    """Names the first value that differs between two messages.
+
+    Args:
+        interface: Their type.
+        logged: CDR bytes.
+        recomputed: Other CDR bytes.
+
+    Returns:
+        The value's name, both values and the size of the difference.
+    """
+    right = read_fields(interface, recomputed)
+    try:
+        found = read_fields(interface, logged)
+    except ValueError:
+        found = {}
+    if len(found) == len(right):
+        for (name, value), other in zip(right.items(), found.values(), strict=True):
+            if _bits(other) != _bits(value):
+                return f'{name} = {_compared(other, value)}'
+    return _in_bytes(logged, recomputed)
+
+
+def _bits(value: Value) -> object:
+    # Of equal floats, -0.0 and 0.0 differ; of unequal ones, a NaN is itself.
+    return struct.pack('<d', value) if isinstance(value, float) else value
+
+
+def _compared(logged: Value, recomputed: Value) -> str:
+    if isinstance(logged, str) or isinstance(recomputed, str):
+        return _texts(str(logged), str(recomputed))
+    size = f'{abs(logged - recomputed):.3g}'
+    if isinstance(logged, float) and math.isfinite(logged):
+        size += f', {abs(_rank(logged) - _rank(recomputed)):.6g} ulp'
+    return f'{logged!r} logged, {recomputed!r} recomputed: off by {size}'
+
+
+def _rank(value: float) -> int:
+    """The number of a float, counted from 0.0."""
+    (bits,) = struct.unpack('<q', struct.pack('<d', value))
+    number: int = bits if bits >= 0 else -(bits + 2**63) - 1
+    return number
+
+
+def _texts(logged: str, recomputed: str) -> str:
+    pairs = enumerate(zip(logged, recomputed, strict=False))
+    shorter = min(len(logged), len(recomputed))
+    at = next((place for place, (a, b) in pairs if a != b), shorter)
+    part = slice(max(0, at - _CONTEXT), at + _CONTEXT)
+    return f'{logged[part]!r} logged, {recomputed[part]!r} recomputed, at character {at}'
+
+
+def _in_bytes(logged: bytes, recomputed: bytes) -> str:
+    if len(logged) != len(recomputed):
+        return f'{len(logged)} bytes logged, {len(recomputed)} recomputed'
+    pairs = enumerate(zip(logged, recomputed, strict=True))
+    at = next(place for place, (a, b) in pairs if a != b)
+    return f'byte {at} = {logged[at]:#04x} logged, {recomputed[at]:#04x} recomputed'

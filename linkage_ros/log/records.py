@@ -1,0 +1,100 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The metadata records by which a log explains itself: configuration and pieces of motion.
+
+MCAP keeps no checksum of metadata, so each record carries one of its own: a flipped bit in a
+setting must not pass for another setting.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping
+from fractions import Fraction
+
+from linkage_ros import __version__
+from linkage_ros.run.configuration import Configuration, from_strings, to_strings
+from linkage_ros.errors import LogError
+from linkage_ros.run.motion import CrankMotion
+
+CONFIGURATION_RECORD = 'linkage_ros'
+MOTION_RECORD = 'linkage_ros/motion'
+
+_CHECKSUM = 'crc32'
+
+
+def write_configuration(configuration: Configuration) -> dict[str, str]:
+    """The record of a configuration, with the version that writes it."""
+    return _seal({'version': __version__, **to_strings(configuration)})
+
+
+def read_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
+    """The version and the configuration of a record.
+
+    Args:
+        record: From `write_configuration`.
+
+    Returns:
+        The version of linkage_ros that wrote it, and the configuration.
+
+    Raises:
+        LogError: The record is damaged.
+        ConfigurationError: This version cannot use the configuration.
+    """
+    settings = _unseal(record, 'configuration')
+    version = settings.pop('version', 'unknown')
+    return version, from_strings(settings)
+
+
+def write_motion(motion: CrankMotion) -> dict[str, str]:
+    """The record of a piece of motion: exact fractions of turns and of turns per minute."""
+    return _seal(
+        {
+            'stamp': str(motion.stamp),
+            'phase': str(motion.phase(motion.stamp)),
+            'speed': str(motion.speed(motion.stamp)),
+            'rpm': json.dumps(motion.rpm),
+            'acceleration': json.dumps(motion.acceleration),
+        }
+    )
+
+
+def read_motion(record: Mapping[str, str]) -> CrankMotion:
+    """The piece of motion of a record.
+
+    Args:
+        record: From `write_motion`.
+
+    Returns:
+        The motion.
+
+    Raises:
+        LogError: The record is damaged.
+    """
+    fields = _unseal(record, 'motion')
+    try:
+        return CrankMotion(
+            int(fields['stamp']),
+            Fraction(fields['phase']),
+            Fraction(fields['speed']),
+            float(json.loads(fields['rpm'])),
+            float(json.loads(fields['acceleration'])),
+        )
+    except (KeyError, ValueError, TypeError, ArithmeticError) as error:
+        raise LogError(f'a motion record is damaged ({type(error).__name__})') from error
+
+
+def _checksum(fields: Mapping[str, str]) -> str:
+    return f'{zlib.crc32(json.dumps(sorted(fields.items())).encode()):08x}'
+
+
+def _seal(fields: dict[str, str]) -> dict[str, str]:
+    return {**fields, _CHECKSUM: _checksum(fields)}
+
+
+def _unseal(record: Mapping[str, str], name: str) -> dict[str, str]:
+    fields = dict(record)
+    if fields.pop(_CHECKSUM, '') != _checksum(fields):
+        raise LogError(f'a {name} record is damaged: its checksum is wrong')
+    return fields

@@ -1,0 +1,223 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Saves what a killed run or a damaged disk left of a log into a complete one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
+from mcap.writer import CompressionType, Writer
+
+from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.log.records import (
+    CONFIGURATION_RECORD,
+    MOTION_RECORD,
+    read_configuration,
+    read_motion,
+)
+from linkage_ros.log.salvage import Losses, is_mcap, read_summary, walk
+
+# No chunk of ours is as large: the chunks stay as they were.
+_CHUNK_SIZE = 1 << 23
+
+
+class Recovered(NamedTuple):
+    """What came of a recovery.
+
+    Attributes:
+        messages: Saved.
+        duration: From the first to the last of them, s.
+        losses: What was not.
+    """
+
+    messages: int
+    duration: float
+    losses: Losses
+
+
+def recover(
+    source: Path | str,
+    target: Path | str,
+    *,
+    overwrite: bool = False,
+    progress: Callable[[int], object] = lambda _: None,
+) -> Recovered:
+    """Copies all that can be read of a log: messages, topics, configuration and motions.
+
+    Args:
+        source: The log; it is left as it is.
+        target: The new log.
+        overwrite: Whether to replace an existing file.
+        progress: Called with the number of bytes that were read since the last call.
+
+    Returns:
+        What was saved and what was lost.
+
+    Raises:
+        LogError: The source is no log of this package, or the target cannot be written or is
+            the source.
+    """
+    source, target = Path(source), Path(target)
+    with _opened(source) as data:
+        if not is_mcap(data):
+            raise LogError(f'{source} is no MCAP file: nothing in it can be recovered')
+        if not _has_configuration(data):
+            raise LogError(f'{source} has no configuration record: it cannot be recovered')
+        if target.exists() and target.samefile(source):
+            raise LogError(f'{target} is the broken log itself: choose another name')
+        with _replaced(target, overwrite=overwrite) as part:
+            return _copy(data, part, progress)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[bytes | mmap]:
+    try:
+        with path.open('rb') as stream:
+            if not path.stat().st_size:
+                yield b''
+                return
+            with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+                yield data
+    except OSError as error:
+        raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
+
+
+@contextmanager
+def _replaced(target: Path, *, overwrite: bool) -> Iterator[Path]:
+    """A path beside the target for the new file, which takes the target's place at the end.
+
+    Raises:
+        LogError: The target exists and is not to be replaced, or cannot be written.
+    """
+    if target.exists() and not overwrite:
+        raise LogError(
+            f'{target} exists already and is kept: choose another name, or give --overwrite'
+        )
+    part = target.with_name(f'{target.name}.part')
+    try:
+        yield part
+        part.replace(target)
+    except OSError as error:
+        raise LogError(f'{target} cannot be written: {error.strerror or error}') from error
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def _is_right(record: Metadata) -> bool:
+    """Whether a record of ours is undamaged; those of others have nothing to tell by."""
+    try:
+        if record.name == CONFIGURATION_RECORD:
+            read_configuration(record.metadata)
+        elif record.name == MOTION_RECORD:
+            read_motion(record.metadata)
+    except ConfigurationError:
+        return True  # written by another version: undamaged, though this one cannot use it
+    except LogError:
+        return False
+    return True
+
+
+def _has_configuration(data: bytes | mmap) -> bool:
+    return any(
+        isinstance(record, Metadata) and record.name == CONFIGURATION_RECORD and _is_right(record)
+        for stretch in walk(data, Losses())
+        for record in stretch.records
+    )
+
+
+def _copy(data: bytes | mmap, path: Path, progress: Callable[[int], object]) -> Recovered:
+    losses, before = Losses(), 0
+    with path.open('wb') as stream:
+        writer = Writer(stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD)
+        copy = _Copy(writer, losses, read_summary(data))
+        for end, records, is_chunk in walk(data, losses):
+            for record in records:
+                copy.add(record)
+            if is_chunk:
+                writer.flush()
+            progress(end - before)
+            before = end
+        writer.finish()
+    return Recovered(copy.messages, max(0, copy.end - copy.start) / 1e9, losses)
+
+
+class _Copy:
+    """Writes records to a new file; its own numbers stand for schemas and channels there.
+
+    Attributes:
+        messages: Written so far.
+        start: First log time, ns.
+        end: Last log time, ns.
+    """
+
+    def __init__(self, writer: Writer, losses: Losses, summary: list[McapRecord]) -> None:
+        self.messages = self.start = self.end = 0
+        self._writer, self._losses = writer, losses
+        # From the end of a complete file, for messages whose first chunk is lost.
+        self._spare = {r.id: r for r in summary if isinstance(r, Channel)}
+        self._sources = {r.id: r for r in summary if isinstance(r, Schema)}
+        self._schemas: dict[int, int] = {0: 0}
+        self._channels: dict[int, int] = {}
+        self._begun = False
+
+    def add(self, record: McapRecord) -> None:
+        """Writes a record, unless it is damaged or there already."""
+        if not self._begun:
+            header = record if isinstance(record, Header) else Header('ros2', 'linkage_ros')
+            self._writer.start(header.profile, header.library)
+            self._begun = True
+        if isinstance(record, Message):
+            self._add_message(record)
+        elif isinstance(record, Schema):
+            self._sources[record.id] = record
+            self._schema(record.id)
+        elif isinstance(record, Channel):
+            self._channel(record)
+        elif isinstance(record, Metadata):
+            self._add_metadata(record)
+        elif isinstance(record, Attachment):
+            self._writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+
+    def _schema(self, number: int) -> int | None:
+        if number not in self._schemas and number in self._sources:
+            source = self._sources[number]
+            self._schemas[number] = self._writer.register_schema(
+                source.name, source.encoding, source.data
+            )
+        return self._schemas.get(number)
+
+    def _channel(self, channel: Channel) -> None:
+        schema = self._schema(channel.schema_id)
+        if channel.id not in self._channels and schema is not None:
+            self._channels[channel.id] = self._writer.register_channel(
+                channel.topic, channel.message_encoding, schema, channel.metadata
+            )
+
+    def _add_message(self, message: Message) -> None:
+        if message.channel_id not in self._channels and message.channel_id in self._spare:
+            self._channel(self._spare[message.channel_id])
+        channel = self._channels.get(message.channel_id)
+        if channel is None:
+            self._losses.messages += 1
+            return
+        time = message.log_time
+        self._writer.add_message(
+            channel, time, message.data, message.publish_time, message.sequence
+        )
+        self.start = min(self.start, time) if self.messages else time
+        self.end = max(self.end, time)
+        self.messages += 1
+
+    def _add_metadata(self, record: Metadata) -> None:
+        if _is_right(record):
+            self._writer.add_metadata(record.name, record.metadata)
+        else:
+            self._losses.records += 1

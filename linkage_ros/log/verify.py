@@ -1,0 +1,143 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recomputes every state of a log from its configuration and its pieces of motion.
+
+To be equal means to have equal bytes. Topics are told apart by their types, because their names
+may be remapped. What the log has beside them is named, not compared.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from linkage_ros.log.comparison import Column, Comparison, is_stamped
+from linkage_ros.log.differences import differing
+from linkage_ros.errors import LogError
+from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import COUPLER_POINT, DIAGNOSTICS, ROBOT_DESCRIPTION, Topic
+from linkage_ros.log.timeline import Timeline, check_begin
+
+
+class Report(NamedTuple):
+    """What came of a verification.
+
+    Attributes:
+        states: Found equal.
+        compared: Names of the topics that were compared.
+        others: Names of the topics that nothing can recompute.
+        absent: Relative names of the mechanism's topics that the log does not have.
+        missed: Ticks without a state.
+        cut: Names of the topics that the very last state lacks: it was cut off while written.
+        difference: The first one; empty if there is none.
+    """
+
+    states: int
+    compared: tuple[str, ...]
+    others: tuple[str, ...]
+    absent: tuple[str, ...]
+    missed: int
+    cut: tuple[str, ...]
+    difference: str
+
+
+def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> Report:
+    """Recomputes and compares the messages of a log, up to the first difference.
+
+    Args:
+        log: The log.
+        progress: Called with the number of states that were compared since the last call.
+
+    Returns:
+        What came of it.
+
+    Raises:
+        LogError: The file is damaged, or has states but nothing that explains or dates them.
+    """
+    machine = Machine(log.configuration)
+    columns = _pair(log, machine.topics)
+    descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
+    difference = _check_topics(log, columns, descriptions) or check_begin(machine, log.motions)
+    wrong: list[str] = []
+    messages = _described(log, descriptions, machine.description, wrong)
+    states, missed = 0, 0
+    cut: tuple[str, ...] = ()
+    if not difference and _has_states(log, columns):
+        timeline = _timeline(log, machine, columns)
+        comparison = Comparison(machine, columns, timeline, recorded=_is_record(log))
+        difference = comparison.run(messages, progress)
+        states, cut, missed = comparison.states, comparison.cut, timeline.missed
+    elif not difference:
+        deque(messages, maxlen=0)
+    names = [topic.name for topic in log.topics]
+    known = {*(name for name, _ in columns), *descriptions}
+    paired = [*(topic for _, topic in columns), *[ROBOT_DESCRIPTION][: len(descriptions)]]
+    return Report(
+        states,
+        tuple(name for name in names if name in known),
+        tuple(name for name in names if name not in known),
+        tuple(t.name for t in (*machine.topics, ROBOT_DESCRIPTION) if t not in paired),
+        missed,
+        cut,
+        wrong[0] if wrong else difference,
+    )
+
+
+def _pair(log: LogReader, topics: tuple[Topic, ...]) -> list[Column]:
+    """The channels of a log that carry a machine's topics, whatever they are called.
+
+    Of several channels of one type, those that kept their name come first, then the others in
+    the order in which they were declared, which is that of the topics.
+    """
+    free, pairs = list(log.topics), []
+    for topic in topics:
+        fitting = [channel for channel in free if channel.type == topic.interface.name]
+        fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
+        if fitting:
+            free.remove(fitting[0])
+            pairs.append((fitting[0].name, topic))
+    return pairs
+
+
+def _check_topics(log: LogReader, columns: list[Column], descriptions: list[str]) -> str:
+    """Tells which topics cannot come from a run of this configuration."""
+    points = [t.name for t in log.topics if t.type == COUPLER_POINT.interface.name]
+    if points and not any(topic == COUPLER_POINT for _, topic in columns):
+        return f'{points[0]} is logged, but the configuration has no coupler.point'
+    counts = {topic.name: topic.messages for topic in log.topics}
+    empty = [name for name in descriptions if not counts[name]]
+    return f'{empty[0]} has no message' if empty and _has_states(log, columns) else ''
+
+
+def _has_states(log: LogReader, columns: list[Column]) -> bool:
+    names = {name for name, _ in columns}
+    return any(topic.messages for topic in log.topics if topic.name in names)
+
+
+def _is_record(log: LogReader) -> bool:
+    """Whether every tick has to be there; a run on simulated time may begin at 0 as well."""
+    live = any(topic.type == DIAGNOSTICS.interface.name for topic in log.topics)
+    return not live and bool(log.motions) and log.motions[0].stamp == 0
+
+
+def _timeline(log: LogReader, machine: Machine, columns: list[Column]) -> Timeline:
+    if not any(is_stamped(topic) for _, topic in columns):
+        raise LogError(f'{log.path} cannot be verified: none of its topics has stamps')
+    if not log.motions:
+        raise LogError(f'{log.path} cannot be verified: it has states but no motion record')
+    return Timeline(machine, log.motions)
+
+
+def _described(
+    log: LogReader, descriptions: list[str], description: bytes, wrong: list[str]
+) -> Iterator[LoggedMessage]:
+    """The messages of a log; ends at a robot_description that differs, which goes to `wrong`."""
+    for message in log.written():
+        if message.topic not in descriptions:
+            yield message
+        elif message.data != description:
+            words = differing(ROBOT_DESCRIPTION.interface, message.data, description)
+            wrong.append(f'{message.topic}: {words}')
+            return

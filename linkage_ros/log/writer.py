@@ -1,0 +1,176 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the MCAP log: a bag that ROS tools open bare, and that explains how it came about."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+from pathlib import Path
+from typing import NoReturn, TypeAlias
+
+from mcap.writer import CompressionType, Writer
+
+from linkage_ros.run.configuration import Configuration
+from linkage_ros.errors import LogError
+from linkage_ros.wire.messages import Topic
+from linkage_ros.run.motion import CrankMotion
+from linkage_ros.log.records import (
+    CONFIGURATION_RECORD,
+    MOTION_RECORD,
+    write_configuration,
+    write_motion,
+)
+
+# s. What a killed run loses is at most this and the worker's period.
+FLUSH_PERIOD = 0.2
+
+# Arguments of `LogWriter.write`, or a change of motion.
+LogItem: TypeAlias = tuple[int, int, bytes] | CrankMotion
+
+_CHUNK_SIZE = 1 << 20
+_FOREVER = '{sec: 9223372036, nsec: 854775807}'
+
+
+def _qos(topic: Topic) -> str:
+    """A publisher's quality of service as rosbag2 writes it down; it wants every key."""
+    durability = 'transient_local' if topic.latched else 'volatile'
+    return (
+        f'- history: keep_last\n  depth: {topic.depth}\n'
+        f'  reliability: reliable\n  durability: {durability}\n'
+        f'  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n'
+        f'  liveliness: automatic\n  liveliness_lease_duration: {_FOREVER}\n'
+        '  avoid_ros_namespace_conventions: false\n'
+    )
+
+
+class LogWriter(AbstractContextManager['LogWriter']):
+    """Writes one log; not to be shared between threads.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, path: Path | str, configuration: Configuration, *, overwrite: bool) -> None:
+        """Creates the file and writes down what the run is.
+
+        Args:
+            path: The file.
+            configuration: Of the run.
+            overwrite: Whether to replace an existing file.
+
+        Raises:
+            LogError: The file exists and is not to be replaced, or cannot be created.
+        """
+        self.path = Path(path)
+        try:
+            self._stream = self.path.open('wb' if overwrite else 'xb')
+        except FileExistsError as error:
+            raise LogError(
+                f'{path} exists already and is kept: choose another name, or ask to overwrite it'
+            ) from error
+        except OSError as error:
+            _fail(self.path, error)
+        self._writer = Writer(
+            self._stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD
+        )
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        try:
+            with self._reported():
+                self._writer.start(profile='ros2', library='linkage_ros')
+                record = write_configuration(configuration)
+                self._writer.add_metadata(CONFIGURATION_RECORD, record)
+            self.flush()
+        except LogError:
+            self._close_stream()
+            raise
+
+    def add_topic(self, topic: Topic, name: str) -> int:
+        """Declares a channel.
+
+        Args:
+            topic: What is published.
+            name: Its fully qualified name.
+
+        Returns:
+            The channel, for `write`.
+        """
+        interface = topic.interface
+        if interface.name not in self._schemas:
+            self._schemas[interface.name] = self._writer.register_schema(
+                interface.name, 'ros2msg', interface.definition.encode()
+            )
+        metadata = {'offered_qos_profiles': _qos(topic), 'topic_type_hash': interface.hash}
+        schema = self._schemas[interface.name]
+        return self._writer.register_channel(name, 'cdr', schema, metadata)
+
+    def write(self, channel: int, stamp: int, data: bytes) -> None:
+        """Appends a message.
+
+        Args:
+            channel: From `add_topic`.
+            stamp: Its log and its publish time, ns.
+            data: CDR bytes.
+
+        Raises:
+            LogError: The file cannot be written.
+        """
+        try:
+            self._writer.add_message(channel, stamp, data, stamp)
+        except OSError as error:
+            _fail(self.path, error)
+
+    def write_motion(self, motion: CrankMotion) -> None:
+        """Appends a change of motion."""
+        with self._reported():
+            self._writer.add_metadata(MOTION_RECORD, write_motion(motion))
+
+    def consume(self, items: Sequence[LogItem]) -> None:
+        """Appends what has come, and flushes what is older than the flush period.
+
+        Args:
+            items: Arguments of `write`, and changes of motion.
+        """
+        for item in items:
+            if isinstance(item, CrankMotion):
+                self.write_motion(item)
+            else:
+                self.write(*item)
+        if time.monotonic() >= self._next_flush:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hands all messages to the operating system: a killed run loses only what came later."""
+        with self._reported():
+            self._writer.flush()
+        self._next_flush = time.monotonic() + FLUSH_PERIOD
+
+    def close(self) -> None:
+        """Completes the file."""
+        if not self._stream.closed:
+            try:
+                with self._reported():
+                    self._writer.finish()
+                    self._stream.flush()
+            finally:
+                self._close_stream()
+
+    def _close_stream(self) -> None:
+        with suppress(OSError):  # closing flushes once more what could not be written before
+            self._stream.close()
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            _fail(self.path, error)
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+
+def _fail(path: Path, error: OSError) -> NoReturn:
+    raise LogError(f'{path} cannot be written: {error.strerror or error}') from error

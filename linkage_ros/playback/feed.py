@@ -1,0 +1,133 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a replay plays: a piece of a log, once or over and over, read ahead of its time."""
+
+from __future__ import annotations
+
+import itertools
+import queue
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import NamedTuple
+
+from linkage_ros.errors import LinkageError
+from linkage_ros.log.reader import LoggedMessage, LogReader
+
+_NS = 10**9
+# Messages read ahead are at most the product, so that unpacking a chunk holds up no message.
+# Handing them over one by one would wake the reading thread at every message.
+_BATCH, _BATCHES = 512, 8
+
+
+class Piece(NamedTuple):
+    """A part of a log.
+
+    Attributes:
+        start: First log time, ns.
+        end: Log time before which it ends, ns; one message period after the log's last message
+            where it is played to the end, so that rounds join.
+        topics: Fully qualified names.
+    """
+
+    start: int
+    end: int
+    topics: list[str]
+
+
+class Item(NamedTuple):
+    """A message to play.
+
+    Attributes:
+        time: Log time, ns, later by the length of the piece in each round: it never goes back.
+        message: As it was logged.
+    """
+
+    time: int
+    message: LoggedMessage
+
+
+def cut(log: LogReader, offset: float, duration: float | None, topics: list[str] | None) -> Piece:
+    """The piece of a log that options describe.
+
+    Args:
+        log: The log.
+        offset: s to leave out at the beginning.
+        duration: s to play from there; None: to the end.
+        topics: Fully qualified names; None: all.
+
+    Returns:
+        The piece.
+    """
+    start = log.start + round(offset * _NS)
+    end = log.end + round(_NS / log.configuration.session.rate_hz)
+    if duration is not None:
+        end = min(end, start + max(1, round(duration * _NS)))
+    return Piece(start, end, topics or [topic.name for topic in log.topics])
+
+
+@contextmanager
+def feed(log: LogReader, piece: Piece, *, loop: bool) -> Iterator[Iterator[Item]]:
+    """Reads a piece in a thread of its own.
+
+    Args:
+        log: The log; only for the feed from here on.
+        piece: What to play of it; latched messages of earlier times come first.
+        loop: Whether to begin again at its end, for ever.
+
+    Yields:
+        The items; raises a LogError where the file is damaged.
+    """
+    batches: queue.Queue[list[Item] | LinkageError | None] = queue.Queue(_BATCHES)
+    closed = threading.Event()
+
+    def read() -> None:
+        try:
+            for batch in _batches(log, piece, loop=loop):
+                batches.put(batch)
+                if closed.is_set():
+                    return
+            batches.put(None)
+        except LinkageError as error:
+            batches.put(error)
+
+    thread = threading.Thread(target=read, name='reader', daemon=True)
+    thread.start()
+    try:
+        yield _taken(batches)
+    finally:
+        closed.set()
+        for _ in range(20):  # a disk that hangs must not hold up the end
+            if not thread.is_alive():
+                break
+            with suppress(queue.Empty):
+                batches.get(timeout=0.05)
+
+
+def _taken(batches: queue.Queue[list[Item] | LinkageError | None]) -> Iterator[Item]:
+    while (batch := batches.get()) is not None:
+        if isinstance(batch, LinkageError):
+            raise batch
+        yield from batch
+
+
+def _batches(log: LogReader, piece: Piece, *, loop: bool) -> Iterator[list[Item]]:
+    yield _latched(log, piece)
+    for turn in itertools.count():
+        shift = turn * (piece.end - piece.start)
+        messages = log.messages(piece.topics, piece.start, piece.end)
+        size = 1  # the first are needed at once
+        while batch := [Item(m.time + shift, m) for m in itertools.islice(messages, size)]:
+            yield batch
+            size = min(2 * size, _BATCH)
+        if not loop or size == 1:  # a round without a message would be followed by others
+            return
+
+
+def _latched(log: LogReader, piece: Piece) -> list[Item]:
+    """What a subscriber of the latched topics would have got by the start of a piece."""
+    names = [topic.name for topic in log.topics if topic.latched and topic.name in piece.topics]
+    if not names or piece.start <= log.start:
+        return []
+    last = {message.topic: message for message in log.messages(names, end=piece.start)}
+    return [Item(piece.start, message) for message in last.values()]

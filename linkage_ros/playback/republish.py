@@ -1,0 +1,124 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Publishes what a log holds on its topics, and the log's time on /clock."""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from linkage_ros import ros
+from linkage_ros.errors import LogError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.playback.pace import Pace
+from linkage_ros.playback.player import Sink
+from linkage_ros.wire.interfaces import CLOCK
+from linkage_ros.wire.messages import ENCAPSULATION, TOPICS, Topic
+
+# One message only: whoever lags wants the latest time.
+_CLOCK_TOPIC = Topic('/clock', CLOCK, depth=1)
+_STAMP = struct.Struct('<iI')
+_NS = 10**9
+_ACKNOWLEDGE = 2.0  # s given to subscribers for the last messages
+
+
+@contextmanager
+def republishing(
+    name: str,
+    arguments: list[str],
+    log: LogReader,
+    topics: Iterable[str],
+    pace: Pace,
+    clock_hz: float | None,
+) -> Iterator[Sink]:
+    """Publishes messages as a node.
+
+    Args:
+        name: Of the node.
+        arguments: ROS's part of the command line.
+        log: Tells types and quality of service.
+        topics: Fully qualified names of those to publish.
+        pace: Tells the time.
+        clock_hz: How often a second, of real time, to publish that on /clock; None: never.
+
+    Yields:
+        Takes the messages.
+
+    Raises:
+        LogError: A topic has a type that linkage_ros does not write.
+    """
+    ros.start(arguments)
+    try:
+        with ros.reported_as_configuration():
+            node = Node(name)
+        with ExitStack() as stack:
+            stack.enter_context(ros.served(node))
+            publishers = _publishers(node, log, set(topics))
+            if clock_hz is not None:
+                stack.enter_context(_ticking(node, pace, clock_hz))
+            ros.await_listeners(publishers.values())
+            yield lambda item: publishers[item.message.topic].publish(item.message.data)
+            end = time.monotonic() + _ACKNOWLEDGE
+            for publisher in publishers.values():
+                left = max(0.0, end - time.monotonic())
+                publisher.wait_for_all_acked(Duration(seconds=left))
+    finally:
+        rclpy.try_shutdown()
+
+
+def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
+    known = {topic.interface.name: topic.interface for topic in TOPICS}
+    publishers = {}
+    for name, kind, _, latched in log.topics:
+        if name not in topics:
+            continue
+        if kind not in known:
+            raise LogError(f'{log.path}: {name} has the foreign type {kind}')
+        topic = Topic(name, known[kind], latched, 1 if latched else 10)
+        publishers[name] = ros.create_publisher(node, topic)
+    return publishers
+
+
+@contextmanager
+def _ticking(node: Node, pace: Pace, frequency: float) -> Iterator[None]:
+    """Publishes the time at a frequency, standing or running, and once more at the end."""
+    publisher = ros.create_publisher(node, _CLOCK_TOPIC)
+    done = threading.Event()
+
+    def publish() -> None:
+        publisher.publish(clock_message(pace.position()))
+
+    def tick() -> None:
+        due = time.monotonic()
+        while not done.wait(max(0.0, due - time.monotonic())):
+            publish()
+            due = max(due + 1 / frequency, time.monotonic())  # what was missed stays so
+
+    thread = threading.Thread(target=tick, name='clock', daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+        publish()
+
+
+def clock_message(stamp: int) -> bytes:
+    """A Clock message.
+
+    Args:
+        stamp: ns.
+
+    Returns:
+        Its CDR bytes.
+    """
+    return ENCAPSULATION + _STAMP.pack(*divmod(stamp, _NS))

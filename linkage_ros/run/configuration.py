@@ -1,0 +1,193 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From parameters to a checked configuration: the same for the node, a file and a log."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from linkage_ros.core.mechanism import MECHANISMS, Mechanism
+from linkage_ros.core.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
+from linkage_ros.core.solver import Solver
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.run import presets
+from linkage_ros.run.motion import SpeedDrive
+from linkage_ros.run.parameter_file import read_parameter_file
+
+DEFAULT_PRESET = 'quadrilateral'
+
+# Parameters that every ROS 2 node has; they are none of ours and pass unchecked.
+_ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
+
+
+@dataclass(frozen=True)
+class Kind(Checked):
+    """Which mechanism it is and what drives it."""
+
+    mechanism: str = quantity('choice', 'kind of mechanism', choices=tuple(MECHANISMS))
+    drive: str = quantity(
+        'choice', 'what is given: the crank speed', choices=('speed',), default='speed'
+    )
+
+
+@dataclass(frozen=True)
+class Session(Checked):
+    """How a run is published, logged and shown.
+
+    Attributes:
+        rate_hz: States a second.
+        log: Path of the MCAP file; empty: no log.
+        log_overwrite: Whether an existing log or .rrd file may be replaced.
+        viewer: 'spawn', 'web', a Rerun URL or the path of an .rrd file; empty: no viewer.
+        viewer_bind: Address on which a spawned viewer's data, or the page, are served.
+    """
+
+    rate_hz: float = quantity('number', 'states a second', 'Hz', span=(0.01, 1e5), default=200.0)
+    log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
+    log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)
+    viewer: str = quantity(
+        'text', 'spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path; empty: none', default=''
+    )
+    viewer_bind: str = quantity(
+        'text', 'address on which a spawned viewer or the page is served', default='127.0.0.1'
+    )
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Everything that a run depends on."""
+
+    kind: Kind
+    mechanism: Mechanism
+    drive: SpeedDrive
+    session: Session
+
+    def parameters(self) -> dict[str, object]:
+        """All settings by parameter name, defaults included."""
+        flat: dict[str, object] = {}
+        for part in (self.kind, self.mechanism, self.drive, self.session):
+            flat.update(flatten(part))
+        return flat
+
+
+def parameter_leaves(mechanism: str) -> tuple[Leaf, ...]:
+    """The parameters that a mechanism uses, in the order in which they are declared."""
+    classes = (Kind, MECHANISMS[mechanism], SpeedDrive, Session)
+    return tuple(leaf for cls in classes for leaf in leaves(cls))
+
+
+def check_live(name: str, value: object) -> None:
+    """Checks a value that is set while the node runs.
+
+    Args:
+        name: Of a parameter of the drive; others are none of ours and pass.
+        value: The new value.
+
+    Raises:
+        ConfigurationError: The value is bad.
+    """
+    for leaf in leaves(SpeedDrive):
+        if leaf.name == name:
+            leaf.quantity.clean(name, value)
+
+
+def configure(values: Mapping[str, object]) -> Configuration:
+    """Checks parameters and makes the configuration of them.
+
+    Args:
+        values: Values by dotted parameter name. Without 'mechanism' they are taken as changes
+            to the quadrilateral preset.
+
+    Returns:
+        The configuration.
+
+    Raises:
+        ConfigurationError: A name is unknown or missing, a value is bad, the links make no
+            mechanism, or its crank cannot turn. One line that says what would be valid.
+    """
+    given = {name: value for name, value in values.items() if name.split('.')[0] not in _ROS_OWN}
+    if 'mechanism' not in given:
+        given = {**read_parameter_file(presets.preset_path(DEFAULT_PRESET)), **given}
+    kind = build(Kind, given)
+    valid = [leaf.name for leaf in parameter_leaves(kind.mechanism)]
+    for name in given:
+        if name not in valid:
+            raise ConfigurationError(_unknown(name, kind.mechanism, valid))
+    mechanism = build(MECHANISMS[kind.mechanism], given)
+    Solver(mechanism).require_full_turn()
+    return Configuration(kind, mechanism, build(SpeedDrive, given), build(Session, given))
+
+
+def preset_note(values: Mapping[str, object]) -> str:
+    """What to tell a user whose parameters name no mechanism; empty where they do."""
+    return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
+
+
+def _unknown(name: str, mechanism: str, valid: list[str]) -> str:
+    near = difflib.get_close_matches(name, valid, n=1)
+    hint = f'; did you mean {near[0]}?' if near else '.'
+    known = ', '.join(valid)
+    elsewhere = [
+        other for other in MECHANISMS if name in (leaf.name for leaf in parameter_leaves(other))
+    ]
+    if elsewhere:
+        hint = f' but of a {elsewhere[0]}.'
+    return f'{shown(name)} is not a parameter of a {mechanism}{hint} Valid names: {known}'
+
+
+def find(source: str) -> Path:
+    """The parameter file that a path or the name of a preset stands for.
+
+    Args:
+        source: Path of a ROS 2 parameter file, or the name of a preset.
+
+    Returns:
+        The file, which need not exist where source is a path.
+    """
+    path = Path(source)
+    return path if path.suffix or path.exists() else presets.preset_path(source)
+
+
+def load(source: str) -> Configuration:
+    """Reads the configuration of a parameter file or a preset.
+
+    Args:
+        source: Path of a ROS 2 parameter file, or the name of a preset.
+
+    Returns:
+        The configuration.
+
+    Raises:
+        ConfigurationError: There is no such file or preset, or it cannot be used.
+    """
+    return configure(read_parameter_file(find(source)))
+
+
+def to_strings(configuration: Configuration) -> dict[str, str]:
+    """All settings as text that loses nothing, for the log: JSON values by parameter name."""
+    return {name: json.dumps(value) for name, value in configuration.parameters().items()}
+
+
+def from_strings(strings: Mapping[str, str]) -> Configuration:
+    """The configuration that `to_strings` wrote down.
+
+    Args:
+        strings: JSON values by parameter name.
+
+    Returns:
+        The configuration.
+
+    Raises:
+        ConfigurationError: A value is not JSON, or the configuration is bad.
+    """
+    try:
+        values = {name: json.loads(text) for name, text in strings.items()}
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f'the logged configuration is not JSON: {error}') from error
+    if 'mechanism' not in values:
+        raise ConfigurationError('mechanism is missing from the logged configuration')
+    return configure(values)

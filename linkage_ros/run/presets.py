@@ -1,0 +1,75 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The presets: parameter files that come with the package, found by name.
+
+They are no package data, because `colcon build --symlink-install` would leave that behind.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from linkage_ros.errors import ConfigurationError
+
+
+def preset_names() -> list[str]:
+    """Give the names that preset_path knows here, in alphabetical order."""
+    return sorted(_presets())
+
+
+def preset_path(name: str) -> Path:
+    """Find the parameter file of a preset.
+
+    Args:
+        name: The preset's name, which is its file's name without `.yaml`.
+
+    Returns:
+        The file, in the first of these places that has it: the share of each prefix in
+        AMENT_PREFIX_PATH, the share of the installation that this module belongs to, the
+        source tree.
+
+    Raises:
+        ConfigurationError: No place has such a preset.
+    """
+    presets = _presets()
+    if not presets:
+        raise ConfigurationError(
+            'linkage_ros is installed without its presets, share/linkage_ros/config: '
+            'install it with `pip install .` or `colcon build`'
+        )
+    if name not in presets:
+        raise ConfigurationError(f'No preset {name!r}: choose one of {", ".join(sorted(presets))}')
+    return presets[name]
+
+
+def _presets() -> dict[str, Path]:
+    """Map each preset's name to the first file of that name."""
+    presets: dict[str, Path] = {}
+    for folder in _folders():
+        for path in folder.glob('*.yaml'):
+            if path.is_file():  # a link into a workspace that was deleted is not
+                presets.setdefault(path.stem, path)
+    return presets
+
+
+def _folders() -> Iterator[Path]:
+    """Give the folders that may hold presets, the one that counts most first."""
+    share = Path('share', 'linkage_ros', 'config')
+    # Even code that runs from a checkout takes a sourced workspace's presets first: sourcing
+    # is how a ROS user says which installation counts, and how an overlay changes a preset.
+    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+        if prefix:
+            yield Path(prefix, share)
+    root = Path(__file__).resolve().parents[2]
+    yield root / share  # pip install --target
+    if root.name in {'site-packages', 'dist-packages'}:
+        # PREFIX/Lib/site-packages or PREFIX/lib/python3.X/site-packages, where PREFIX need
+        # not be sys.prefix: pip install --user or --prefix, and Debian's /usr/local.
+        yield root.parents[1] / share
+        yield root.parents[2] / share
+    yield Path(sys.prefix, share)
+    if (root / 'package.xml').is_file():  # a stranger's site-packages/config is not ours
+        yield root / 'config'

@@ -1,0 +1,138 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a picture of a linkage consists of: lines and points, whatever shows them.
+
+All coordinates are m in base_link, x to the right and y up.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.numeric import Array
+from linkage_ros.core.solver import Solver
+
+_STEPS_PER_TURN = 360
+# Parts of the width of all that moves: the margin around it, and the marks of the fixed link.
+_MARGIN, _MARK = 0.06, 0.04
+
+
+class Drawing:
+    """The picture of one mechanism.
+
+    Attributes:
+        pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
+        pins: Names of the moving points, in the order of `place`.
+        output: Name of the output link.
+        paths: What B and, if there is one, the coupler point C trace out, by the name of the
+            link whose point it is; each of shape (n, 2), m.
+        ground: The marks of the fixed link, lines of shape (n, 2), m.
+        bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        solver = Solver(mechanism)
+        self._joints = solver.structure.joints
+        points = solver.structure.points
+        fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
+        moving = {name: point for name, point in points.items() if name not in fixed}
+        self.pins = tuple(moving)
+        self._weights = np.array([point.weights for point in moving.values()])
+        self._fixed = np.array([point.fixed for point in moving.values()])
+        self.pivots = _plane(np.array(list(fixed.values())))
+
+        turns = solver.mobility.period_turns
+        crank = np.linspace(0, turns * 2 * math.pi, turns * _STEPS_PER_TURN + 1)
+        swept = self.place(np.stack(solver.state(crank).position, axis=-1))
+        output = self._joints[2]
+        self.output = output.name
+        self.paths = {self.output: swept[:, 1]}
+        if 'C' in self.pins:
+            self.paths['coupler'] = swept[:, 2]
+        everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
+        mark = _MARK * np.ptp(everything, axis=0).max()
+        self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
+        self._block: npt.NDArray[np.complex128] | None = None
+        if output.slides:
+            axis = complex(math.cos(output.angle), math.sin(output.angle))
+            self._block = mark * axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j])
+            self.ground += _rail(swept[:, 1], axis, mark)
+        everything = np.concatenate([everything, *self.ground])
+        margin = _MARGIN * np.ptp(everything, axis=0).max()
+        self.bounds = np.array([everything.min(axis=0) - margin, everything.max(axis=0) + margin])
+
+    def place(self, position: Array) -> Array:
+        """Where the moving points are.
+
+        Args:
+            position: Of the links, shape (n, 3), rad and m.
+
+        Returns:
+            A, B and, if there is one, C; shape (n, 2 or 3, 2), m.
+        """
+        # A slide would be no angle, but then the points do not depend on it.
+        turned = np.exp(1j * np.where([joint.slides for joint in self._joints], 0.0, position))
+        return _plane(turned @ self._weights.T + self._fixed)
+
+    def points(self, position: Array) -> Array:
+        """Where the moving points are, from what ROS sees.
+
+        Args:
+            position: Joint positions in the order of the tree, shape (n, 3), rad and m.
+
+        Returns:
+            As `place`.
+        """
+        links = position.copy()
+        for joint in self._joints:
+            if joint.parent is not None:
+                links[:, joint.link] += links[:, joint.parent]
+        return self.place(links)
+
+    def links(self, points: Array) -> dict[str, Array]:
+        """The lines of the moving links, by their names.
+
+        Args:
+            points: As `place` gives them, shape (n, 2 or 3, 2), m.
+
+        Returns:
+            Lines of shape (n, 2, 2), m. A coupler with a point is a triangle, (n, 4, 2), a
+            slider a block, (n, 5, 2).
+        """
+        a0, b0 = (np.broadcast_to(pivot, (len(points), 1, 2)) for pivot in self.pivots[[0, -1]])
+        a, b, *c = (points[:, i : i + 1] for i in range(points.shape[1]))
+        lines = {'crank': [a0, a], 'coupler': [a, b, *c, a] if c else [a, b]}
+        if self._block is None:
+            lines['rocker'] = [b0, b]
+        else:
+            corners = _plane(self._block)
+            lines['slider'] = [b + corners[i % 4] for i in range(5)]
+        return {name: np.concatenate(line, axis=1) for name, line in lines.items()}
+
+
+def _plane(points: npt.NDArray[np.complex128]) -> Array:
+    return np.stack([points.real, points.imag], axis=-1)
+
+
+def _pivot(pivot: Array, size: float) -> list[Array]:
+    """A triangle that stands on hatched ground, as drawings of mechanisms have it."""
+    shapes: list[list[tuple[float, float]]] = [
+        [(0, 0), (-0.6, -1), (0.6, -1), (0, 0)],
+        [(-1, -1), (1, -1)],
+        *([(x, -1), (x - 0.4, -1.4)] for x in (-0.6, -0.2, 0.2, 0.6, 1.0)),
+    ]
+    return [pivot + size * np.array(shape) for shape in shapes]
+
+
+def _rail(path: Array, axis: complex, size: float) -> list[Array]:
+    """Hatched ground below a slider, as long as its stroke."""
+    along = (path[:, 0] + 1j * path[:, 1]) * axis.conjugate()
+    below = 1j * (along.imag.mean() - 0.6 * size)
+    start, end = along.real.min() - 1.6 * size, along.real.max() + 1.6 * size
+    marks = np.linspace(start, end, round((end - start) / (0.8 * size)) + 1)[1:]
+    lines = [[start, end], *([x, x - (0.4 + 0.4j) * size] for x in marks)]
+    return [_plane((np.array(line) + below) * axis) for line in lines]

@@ -1,0 +1,213 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""States as the very bytes of ROS messages: CDR, little endian, every padding byte zero.
+
+The bytes are what is published, logged and replayed. Fast DDS would leave whatever was on the
+heap in the padding, so that equal states gave unequal files; and filling a template is several
+times faster than serialising a message object.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from linkage_ros.wire.interfaces import (
+    DIAGNOSTIC_ARRAY,
+    FLOAT64,
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    POINT_STAMPED,
+    STRING,
+    Interface,
+)
+
+ENCAPSULATION = b'\x00\x01\x00\x00'
+_STAMP = struct.Struct('<iI')
+_NS = 10**9
+ROOT_FRAME = 'base_link'
+
+
+class Topic(NamedTuple):
+    """A topic of the node.
+
+    Attributes:
+        name: Relative, but for /diagnostics.
+        interface: Its message type.
+        latched: Whether late subscribers get the last message (transient local durability).
+        depth: Messages kept for a reader that lags.
+        on_demand: Whether it is published only while somebody subscribes; a log has it always.
+    """
+
+    name: str
+    interface: Interface
+    latched: bool = False
+    depth: int = 10
+    on_demand: bool = False
+
+
+JOINT_STATES = Topic('joint_states', JOINT_STATE)
+DRIVING_TORQUE = Topic('driving_torque', FLOAT64)
+MECHANISM_STATE = Topic('mechanism_state', JOINT_TRAJECTORY, on_demand=True)
+COUPLER_POINT = Topic('coupler_point', POINT_STAMPED)
+DIAGNOSTICS = Topic('/diagnostics', DIAGNOSTIC_ARRAY)
+ROBOT_DESCRIPTION = Topic('robot_description', STRING, latched=True, depth=1)
+TOPICS = (
+    JOINT_STATES,
+    DRIVING_TORQUE,
+    MECHANISM_STATE,
+    COUPLER_POINT,
+    DIAGNOSTICS,
+    ROBOT_DESCRIPTION,
+)
+
+
+class _RowsCodec:
+    """Messages that hold rows of numbers, one number for each of a fixed set of joints.
+
+    Attributes:
+        names: The joints.
+    """
+
+    def __init__(self, names: Sequence[str], frame_id: str, rows: int, *, points: bool) -> None:
+        self.names = tuple(names)
+        self._rows = rows
+        count = len(self.names)
+        body = align(header(frame_id), 4) + struct.pack('<I', count)
+        for name in names:
+            body = align(string(body, name), 4)
+        if points:
+            body += struct.pack('<I', 1)  # a sequence of one point, which holds the rows
+        # Each row is a length, padding to 8 bytes, the numbers. All but the first length fall on
+        # multiples of 8. A point ends with a duration, which is 0.
+        first_gap = -(len(body) + 4) % 8
+        other_rows = f'I4x{count}d' * (rows - 1)
+        self._numbers = struct.Struct(
+            f'<I{first_gap}x{count}d{other_rows}{"8x" if points else ""}'
+        )
+        self._head = len(ENCAPSULATION) + len(body)
+        self._buffer = bytearray(ENCAPSULATION + body + b'\0' * self._numbers.size)
+
+    def encode(self, stamp: int, *rows: Sequence[float]) -> bytes:
+        """One message.
+
+        Args:
+            stamp: ns.
+            *rows: In the order of the message: positions, rad or m, velocities, accelerations
+                in a trajectory alone, efforts, N m or N; one number for each joint.
+
+        Returns:
+            Its CDR bytes.
+        """
+        count = len(self.names)
+        numbers: list[float] = []
+        for row in rows:
+            numbers.append(count)
+            numbers += row
+        _STAMP.pack_into(self._buffer, 4, *divmod(stamp, _NS))
+        self._numbers.pack_into(self._buffer, self._head, *numbers)
+        return bytes(self._buffer)
+
+    def decode(self, data: bytes) -> tuple[int, tuple[float, ...]]:
+        """Reads a message of the same joints.
+
+        Args:
+            data: Its CDR bytes.
+
+        Returns:
+            Stamp, ns, and all rows one after the other.
+
+        Raises:
+            ValueError: The bytes are no such message.
+        """
+        fixed = len(data) == len(self._buffer) and all(
+            data[part] == self._buffer[part] for part in (slice(4), slice(12, self._head))
+        )
+        numbers = self._numbers.unpack_from(data, self._head) if fixed else ()
+        count = len(self.names)
+        if numbers[:: count + 1] != (count,) * self._rows:
+            raise ValueError(f'no message of the joints {", ".join(self.names)}')
+        seconds, nanoseconds = _STAMP.unpack_from(data, 4)
+        rows = (
+            numbers[start + 1 : start + 1 + count]
+            for start in range(0, self._rows * (count + 1), count + 1)
+        )
+        return seconds * _NS + nanoseconds, tuple(value for row in rows for value in row)
+
+
+class JointStateCodec(_RowsCodec):
+    """JointState messages: positions, velocities and efforts of a fixed set of joints."""
+
+    def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
+        super().__init__(names, frame_id, 3, points=False)
+
+
+class TrajectoryCodec(_RowsCodec):
+    """JointTrajectory messages of one point: the same with accelerations before the efforts."""
+
+    def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
+        super().__init__(names, frame_id, 4, points=True)
+
+
+class PointCodec:
+    """PointStamped messages of one frame."""
+
+    def __init__(self, frame_id: str = ROOT_FRAME) -> None:
+        head = align(header(frame_id), 8)
+        self._head = len(ENCAPSULATION) + len(head)
+        self._numbers = struct.Struct('<3d')
+        self._buffer = bytearray(ENCAPSULATION + head + b'\0' * self._numbers.size)
+
+    def encode(self, stamp: int, x: float, y: float) -> bytes:
+        """One message.
+
+        Args:
+            stamp: ns.
+            x: m.
+            y: m; z is 0.
+
+        Returns:
+            Its CDR bytes.
+        """
+        _STAMP.pack_into(self._buffer, 4, *divmod(stamp, _NS))
+        self._numbers.pack_into(self._buffer, self._head, x, y, 0.0)
+        return bytes(self._buffer)
+
+
+def encode_float64(value: float) -> bytes:
+    """A std_msgs/Float64 message as CDR bytes."""
+    return ENCAPSULATION + struct.pack('<d', value)
+
+
+def encode_string(text: str) -> bytes:
+    """A std_msgs/String message as CDR bytes.
+
+    It is filled up to a multiple of 4 bytes, as DDS would do on the way: subscribers get the
+    bytes that are logged.
+    """
+    return align(ENCAPSULATION + string(b'', text), 4)
+
+
+def header(frame_id: str, stamp: int = 0) -> bytes:
+    """A std_msgs/Header as CDR bytes, without padding behind it.
+
+    Args:
+        frame_id: Its frame.
+        stamp: ns.
+
+    Returns:
+        The bytes.
+    """
+    return string(_STAMP.pack(*divmod(stamp, _NS)), frame_id)
+
+
+def string(body: bytes, text: str) -> bytes:
+    """Appends a string to CDR bytes that end on a multiple of 4."""
+    data = text.encode() + b'\0'
+    return body + struct.pack('<I', len(data)) + data
+
+
+def align(body: bytes, size: int) -> bytes:
+    """Fills CDR bytes, counted without encapsulation, up to a multiple of some size."""
+    return body + b'\0' * (-len(body) % size)

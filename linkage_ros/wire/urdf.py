@@ -1,0 +1,89 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The URDF of a mechanism's open tree, made from its description alone."""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree as ET
+
+from linkage_ros.core.bodies import Body, Slider
+from linkage_ros.core.kinematics import kinematics_of
+from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.structure import Joint
+from linkage_ros.palette import COLORS
+from linkage_ros.wire.messages import ROOT_FRAME
+
+# URDF demands limits of force and speed for a prismatic joint; the model has none.
+_NO_LIMIT = '1e9'
+
+
+def make_urdf(mechanism: Mechanism) -> str:
+    """Writes the URDF: a link and a joint for each joint of the open tree.
+
+    The loop is open at the pin between coupler and output link; joint states close it. Each
+    link's x axis points from its first to its second pin, a slider's along its guide. Bars are
+    drawn as boxes of a twentieth of the shortest link, one above the other so that they do not
+    cut through each other.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        XML text.
+    """
+    robot = ET.Element('robot', name='linkage')
+    ET.SubElement(robot, 'link', name=ROOT_FRAME)
+    joints = kinematics_of(mechanism).structure.joints
+    bodies: list[Body | Slider] = [getattr(mechanism, joint.name) for joint in joints]
+    lengths = [body.length for body in bodies if isinstance(body, Body)]
+    width = min(lengths) / 20
+    for layer, (joint, body) in enumerate(zip(joints, bodies, strict=True)):
+        _add_link(robot, joint.name, body, width, layer)
+        _add_joint(robot, joint, ROOT_FRAME if joint.parent is None else joints[joint.parent].name)
+        if joint.slides:
+            reach = repr(math.fsum(lengths))  # the loop closes nowhere beyond
+            limit = {'effort': _NO_LIMIT, 'velocity': _NO_LIMIT}
+            ET.SubElement(robot[-1], 'limit', {'lower': f'-{reach}', 'upper': reach, **limit})
+    ET.indent(robot)
+    return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
+
+
+def _add_joint(robot: ET.Element, joint: Joint, parent: str) -> None:
+    kind, axis = ('prismatic', '1 0 0') if joint.slides else ('continuous', '0 0 1')
+    element = ET.SubElement(robot, 'joint', name=joint.name, type=kind)
+    ET.SubElement(element, 'parent', link=parent)
+    ET.SubElement(element, 'child', link=joint.name)
+    _add_origin(element, joint.origin.real, joint.origin.imag, yaw=joint.angle)
+    ET.SubElement(element, 'axis', xyz=axis)
+
+
+def _add_link(robot: ET.Element, name: str, body: Body | Slider, width: float, layer: int) -> None:
+    link = ET.SubElement(robot, 'link', name=name)
+    visual = ET.SubElement(link, 'visual')
+    if isinstance(body, Body):
+        length, height, inertia, center = body.length, width, body.inertia, body.center
+        _add_origin(visual, length / 2, 0.0, layer * width)
+    else:
+        length, height, center = 6 * width, 4 * width, (0.0, 0.0)
+        # It does not turn: any inertia gives the same motion, but simulators refuse none at all.
+        inertia = body.mass * (length**2 + height**2) / 12
+        _add_origin(visual, 0.0, 0.0, layer * width)
+    box = ET.SubElement(ET.SubElement(visual, 'geometry'), 'box')
+    box.set('size', f'{length!r} {height!r} {width!r}')
+    color = ' '.join(f'{part / 255:.3f}' for part in COLORS[name])
+    ET.SubElement(ET.SubElement(visual, 'material', name=name), 'color', rgba=f'{color} 1')
+    if body.mass or inertia:
+        inertial = ET.SubElement(link, 'inertial')
+        _add_origin(inertial, *center)
+        ET.SubElement(inertial, 'mass', value=repr(body.mass))
+        # A planar description knows izz alone; a flat body has ixx + iyy = izz.
+        half = repr(inertia / 2)
+        terms = {'ixx': half, 'iyy': half, 'izz': repr(inertia)}
+        ET.SubElement(inertial, 'inertia', {**terms, 'ixy': '0', 'ixz': '0', 'iyz': '0'})
+
+
+def _add_origin(
+    element: ET.Element, x: float, y: float, z: float = 0.0, *, yaw: float = 0.0
+) -> None:
+    ET.SubElement(element, 'origin', xyz=f'{x!r} {y!r} {z!r}', rpy=f'0 0 {yaw!r}')
