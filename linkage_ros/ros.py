@@ -31,7 +31,7 @@ from rclpy.utilities import remove_ros_args
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.wire.messages import Topic
 
-# s given to subscribers to find the node, and to be matched with it.
+# s given to subscribers to find a node, and to be matched with it.
 _DISCOVERY, _MATCH = 0.5, 0.15
 
 # What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
@@ -143,13 +143,14 @@ def _held_stderr() -> Iterator[Callable[[], None]]:
             os.close(saved)
 
 
-def await_listeners(publishers: Iterable[Publisher]) -> None:
+def await_listeners(publishers: Iterable[Publisher], patience: float = _DISCOVERY) -> None:
     """Lets subscribers that are there already find a node, so that they miss no message.
 
     Args:
-        publishers: Of the node; waits for at most half a second until one has a subscriber.
+        publishers: Of the node.
+        patience: Longest time to wait until one of them has a subscriber, s.
     """
-    end = time.monotonic() + _DISCOVERY
+    end = time.monotonic() + patience
     while time.monotonic() < end:
         if any(publisher.get_subscription_count() for publisher in publishers):
             # The other topics, and the other side of the match, may take a moment longer.

@@ -191,7 +191,7 @@ def test_a_preset_missing_from_data_files_is_noticed(tmp_path: Path) -> None:
 def site_packages(prefix: Path) -> Path:
     """Find the folder that an installation prefix adds to the module search path."""
     (module,) = prefix.glob('**/linkage_ros/run/presets.py')
-    return module.parents[1]
+    return module.parents[2]
 
 
 def test_each_executable_names_a_function(wheel: Path) -> None:

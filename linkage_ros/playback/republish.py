@@ -27,7 +27,9 @@ from linkage_ros.wire.messages import ENCAPSULATION, TOPICS, Topic
 _CLOCK_TOPIC = Topic('/clock', CLOCK, depth=1)
 _STAMP = struct.Struct('<iI')
 _NS = 10**9
-_ACKNOWLEDGE = 2.0  # s given to subscribers for the last messages
+# s given to subscribers to be found, because a replay loses what nobody hears, and for the last
+# messages.
+_PATIENCE, _ACKNOWLEDGE = 2.0, 2.0
 
 
 @contextmanager
@@ -64,7 +66,7 @@ def republishing(
             publishers = _publishers(node, log, set(topics))
             if clock_hz is not None:
                 stack.enter_context(_ticking(node, pace, clock_hz))
-            ros.await_listeners(publishers.values())
+            ros.await_listeners(publishers.values(), _PATIENCE)
             yield lambda item: publishers[item.message.topic].publish(item.message.data)
             end = time.monotonic() + _ACKNOWLEDGE
             for publisher in publishers.values():
