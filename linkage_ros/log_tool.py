@@ -14,6 +14,7 @@ from typing import NoReturn
 from tqdm import tqdm
 
 from linkage_ros import __version__, cli
+from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.verify import Report, verify
@@ -106,6 +107,8 @@ def _verify(options: argparse.Namespace) -> int:
         most = max((topic.messages for topic in log.topics), default=0)
         with _bar(most, ' states') as bar:
             report = verify(log, bar.update)
+        if not report.states and not report.difference:
+            raise LogError(f'{options.log} has no states: there is nothing to verify')
         for line in verdict(log, report):
             print(line)
     return 1 if report.difference else 0

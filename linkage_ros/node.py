@@ -71,6 +71,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._make_stepper(simulated=self.get_parameter('use_sim_time').value)
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._state: State | None = None
+        self._said: dict[str, str] = {}
         self._diagnosis: bytes | None = None
         # Simulated time may stand still; whether all goes well is asked in real time.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -209,11 +210,15 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         parts = {'log': self._log_health(), 'viewer': self._viewer_health()}
         statuses = self._watch.report(self._stepper.counts, self._figures(), parts)
         for status in statuses:
-            if status.level == WARN:  # what has failed was said when it did
+            # What has failed was said when it did; what stays as it is is said once.
+            if status.level == WARN and self._said.get(status.name) != status.message:
                 self.get_logger().warning(status.message)
+            self._said[status.name] = status.message
         stamp = self.get_clock().now().nanoseconds
         self._diagnosis = encode_diagnostics(stamp, statuses)
         self._diagnostics.publish(self._diagnosis)
+        if isinstance(self._stepper, ClockStepper):  # it steps in this very thread, or stands
+            self._log_diagnosis()
 
     def _figures(self) -> dict[str, str]:
         if self._state is None:

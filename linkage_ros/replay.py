@@ -62,7 +62,7 @@ def _viewing(log: LogReader, target: str) -> Iterator[Sink]:
     machine = Machine(log.configuration)
     codec, joints = JointStateCodec(machine.joints), len(machine.joints)
     failed: list[Exception] = []
-    view = View(log.configuration, target, log.configuration.session.viewer_bind)
+    view = View(log.configuration, target)  # on this machine alone, whatever the run's was
     if view.page:
         print(f'watch it in a browser: {view.page}', flush=True)
     worker: Worker[Sample] = Worker(

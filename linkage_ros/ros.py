@@ -32,7 +32,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.wire.messages import Topic
 
 # s given to subscribers to find a node, and to be matched with it.
-_DISCOVERY, _MATCH = 0.5, 0.15
+_DISCOVERY, _MATCH = 0.8, 0.2
 
 # What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
 # which has no public name, is a RuntimeError.
@@ -143,20 +143,28 @@ def _held_stderr() -> Iterator[Callable[[], None]]:
             os.close(saved)
 
 
-def await_listeners(publishers: Iterable[Publisher], patience: float = _DISCOVERY) -> None:
+def await_listeners(publishers: Iterable[Publisher], patience: float = _DISCOVERY) -> bool:
     """Lets subscribers that are there already find a node, so that they miss no message.
 
     Args:
         publishers: Of the node.
         patience: Longest time to wait until one of them has a subscriber, s.
+
+    Returns:
+        Whether anybody listens.
     """
-    end = time.monotonic() + patience
-    while time.monotonic() < end:
-        if any(publisher.get_subscription_count() for publisher in publishers):
-            # The other topics, and the other side of the match, may take a moment longer.
-            time.sleep(_MATCH)
-            return
+    publishers = list(publishers)
+    start = changed = time.monotonic()
+    before = [0] * len(publishers)
+    while (now := time.monotonic()) < start + patience:
+        counts = [publisher.get_subscription_count() for publisher in publishers]
+        if counts != before:
+            before, changed = counts, now
+        # The other topics, and the other side of a match, may take a moment longer.
+        if any(counts) and now > changed + _MATCH:
+            return True
         time.sleep(0.01)
+    return any(before)
 
 
 @contextmanager

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 import struct
@@ -182,6 +183,51 @@ def test_a_damaged_chunk_is_passed_over_and_the_others_kept(tmp_path, whole, num
     assert report.difference == ''
     assert (report.missed > 5) == (not last)
     assert report.absent == (('robot_description',) if number == 0 else ())
+
+
+@pytest.mark.parametrize('opcode', [0x02, 0x03, 0x0A, 0x0E, 0x0F])
+def test_a_chunk_that_claims_to_be_something_else_is_lost_and_told(tmp_path, whole, opcode):
+    """An end of the data, a schema, an index: one wrong bit makes a chunk look like these."""
+    data, good, counts = bytearray(whole.read_bytes()), messages(whole), chunk_messages(whole)
+    start, end = spans(bytes(data), 'chunk')[2]
+    data[start] = opcode
+    done = recover(broken(tmp_path, data), tmp_path / 'out.mcap')
+    assert messages(tmp_path / 'out.mcap') == good[: counts[2]] + good[counts[3] :]
+    assert done.losses.places == 1
+    assert done.losses.damaged >= end - start
+
+
+@pytest.mark.parametrize('bit', range(12, 22))
+def test_a_length_that_swallows_what_lies_behind_it_is_not_believed(tmp_path, whole, bit):
+    data, good = bytearray(whole.read_bytes()), messages(whole)
+    start, _ = spans(bytes(data), 'motion')[2]
+    length = struct.unpack_from('<Q', data, start + 1)[0]
+    struct.pack_into('<Q', data, start + 1, length ^ (1 << bit))
+    done = recover(broken(tmp_path, data), tmp_path / 'out.mcap')
+    assert messages(tmp_path / 'out.mcap') == good
+    assert done.losses.places == 1
+
+
+def test_what_an_earlier_run_left_beside_the_target_is_left_alone(tmp_path, whole):
+    source, target = tmp_path / 'saved.mcap.part', tmp_path / 'saved.mcap'
+    source.write_bytes(whole.read_bytes())
+    recover(source, target)
+    assert source.read_bytes() == target.read_bytes() == whole.read_bytes()
+
+
+def test_devices_and_links_are_never_replaced(tmp_path, whole):
+    dangling, kept = tmp_path / 'dangling.mcap', tmp_path / 'kept.mcap'
+    kept.write_bytes(b'precious')
+    dangling.symlink_to(tmp_path / 'nowhere')
+    link = tmp_path / 'link.mcap'
+    link.symlink_to(kept)
+    os.mkfifo(tmp_path / 'pipe')
+    for target in (dangling, link, tmp_path / 'pipe', tmp_path):
+        for overwrite in (False, True):
+            with pytest.raises(LogError, match='is no file that could be replaced'):
+                recover(whole, target, overwrite=overwrite)
+    assert kept.read_bytes() == b'precious'
+    assert link.is_symlink()
 
 
 def test_a_damaged_chunk_of_a_cut_file(tmp_path, whole):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from mmap import ACCESS_READ, mmap
@@ -94,11 +95,19 @@ def _replaced(target: Path, *, overwrite: bool) -> Iterator[Path]:
     Raises:
         LogError: The target exists and is not to be replaced, or cannot be written.
     """
-    if target.exists() and not overwrite:
-        raise LogError(
-            f'{target} exists already and is kept: choose another name, or give --overwrite'
-        )
-    part = target.with_name(f'{target.name}.part')
+    if os.path.lexists(target):
+        if target.is_symlink() or not target.is_file():
+            raise LogError(f'{target} is no file that could be replaced: choose another name')
+        if not overwrite:
+            raise LogError(
+                f'{target} exists already and is kept: choose another name, or give --overwrite'
+            )
+    # A name of its own: what an earlier run left beside the target may be the source.
+    part = target.with_name(f'{target.name}.{os.getpid()}.part')
+    try:
+        part.open('xb').close()
+    except OSError as error:
+        raise LogError(f'{target} cannot be written: {error.strerror or error}') from error
     try:
         yield part
         part.replace(target)

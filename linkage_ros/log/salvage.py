@@ -41,6 +41,9 @@ _KEPT: dict[int, type[Header | Schema | Channel | Metadata | Attachment]] = {
     Opcode.METADATA: Metadata,
     Opcode.ATTACHMENT: Attachment,
 }
+# What else a data section holds; another opcode is damage. The lengths of what ends it.
+_OTHERS = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX)
+_ENDS: dict[int, int] = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
 # The beginning of a chunk or of a metadata record of linkage_ros, wherever it is.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
 
@@ -90,7 +93,7 @@ def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
     at, hurt = len(MCAP0_MAGIC), False
     while at < len(data):
         opcode, end = _frame(data, at)
-        if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+        if _is_the_end(data, at):
             return
         records = _read(data, at, opcode, end) if _is_whole(data, at) else None
         if records is not None:
@@ -101,7 +104,9 @@ def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
             at = end
             continue
         hurt = opcode == Opcode.CHUNK
-        is_framed = _is_whole(data, at) and _is_whole(data, end)
+        # Where the length of a chunk is right, the next record is known; elsewhere it may lie
+        # within what the damaged length claims.
+        is_framed = hurt and _is_whole(data, at) and _is_whole(data, end)
         after = end if is_framed else _next_landmark(data, at + 1)
         if after is None:
             losses.tail = len(data) - at
@@ -145,10 +150,18 @@ def _frame(data: bytes | mmap, at: int) -> tuple[int, int]:
     return opcode, at + _HEAD + length
 
 
+def _is_the_end(data: bytes | mmap, at: int) -> bool:
+    """Whether the data section ends at a place: one wrong bit makes a chunk look so."""
+    opcode, end = _frame(data, at)
+    return end <= len(data) and end - at - _HEAD == _ENDS.get(opcode)
+
+
 def _is_whole(data: bytes | mmap, at: int) -> bool:
     """Whether a record at a place lies within the file, and its length fits its parts."""
     opcode, end = _frame(data, at)
-    if not Opcode.HEADER <= opcode <= Opcode.DATA_END or end > len(data):
+    if _is_the_end(data, at):
+        return True
+    if (opcode not in _KEPT and opcode not in _OTHERS) or end > len(data):
         return False
     body = at + _HEAD
     if opcode == Opcode.MESSAGE_INDEX:
@@ -179,7 +192,9 @@ def _read(data: bytes | mmap, at: int, opcode: int, end: int) -> list[McapRecord
         if opcode == Opcode.MESSAGE:
             return [Message.read(stream, len(body))]
         kind = _KEPT.get(opcode)
-        return [kind.read(stream)] if kind else []
+        found: list[McapRecord] = [kind.read(stream)] if kind else []
+        # A damaged length would swallow what lies behind the record.
+        return None if kind and stream.count != len(body) else found
     except Exception:  # noqa: BLE001, nothing bounds what damage makes a parser raise
         return None
 

@@ -38,7 +38,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         """
         self._descriptor = descriptor
         self._pending = b''
-        self._taken = False
+        self._taken = self._gone = False
         self._saved: list[Any] | None = None
         with suppress(termios.error):  # no terminal, or closed
             self._saved = termios.tcgetattr(descriptor)
@@ -60,6 +60,8 @@ class Keyboard(AbstractContextManager['Keyboard']):
         Returns:
             SPACE, RIGHT, UP or DOWN; None: no key, or another one.
         """
+        if not self._taken:
+            self._take()  # a shell's fg says nothing to a job that it had let run
         key = self._next_key()
         if key is None and self._is_ready(timeout):
             self._pending += self._receive()
@@ -88,7 +90,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         with suppress(OSError):
             data = os.read(self._descriptor, 64)
         if not data:  # the terminal has gone: it would be ready, with nothing, for ever
-            self._taken = False
+            self._taken, self._gone = False, True
         return data
 
     def _next_key(self) -> bytes | None:
@@ -110,7 +112,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
 
     def _take(self) -> None:
         # In the background, touching the terminal would stop the process (SIGTTOU).
-        if self._saved is None or not self._is_in_foreground():
+        if self._saved is None or self._gone or not self._is_in_foreground():
             return
         with suppress(termios.error):
             raw = termios.tcgetattr(self._descriptor)

@@ -29,7 +29,7 @@ _STAMP = struct.Struct('<iI')
 _NS = 10**9
 # s given to subscribers to be found, because a replay loses what nobody hears, and for the last
 # messages.
-_PATIENCE, _ACKNOWLEDGE = 2.0, 2.0
+_PATIENCE, _ACKNOWLEDGE = 3.0, 2.0
 
 
 @contextmanager
@@ -66,7 +66,8 @@ def republishing(
             publishers = _publishers(node, log, set(topics))
             if clock_hz is not None:
                 stack.enter_context(_ticking(node, pace, clock_hz))
-            ros.await_listeners(publishers.values(), _PATIENCE)
+            if not ros.await_listeners(publishers.values(), _PATIENCE):
+                node.get_logger().info('nobody listens so far; --delay S gives them time')
             yield lambda item: publishers[item.message.topic].publish(item.message.data)
             end = time.monotonic() + _ACKNOWLEDGE
             for publisher in publishers.values():

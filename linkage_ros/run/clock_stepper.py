@@ -88,6 +88,7 @@ class ClockStepper:
         due = self._ticks.tick_at(now - self._t0) if now >= self._t0 else -1
         if due - self._tick >= _AT_ONCE:
             self.counts.missed += due - self._tick
+            self.counts.clock_steps += 1
             self._tick = due
         while self._tick <= due and self._begin is not None:
             self._step(self._t0 + self._ticks.elapsed(self._tick))

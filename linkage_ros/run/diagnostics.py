@@ -103,8 +103,10 @@ class Watch:
         missed = counts.missed - self._before.missed
         stepped = counts.clock_steps - self._before.clock_steps
         rate = (counts.kept - self._before.kept) / seconds
-        troubles = []
-        if missed:
+        troubles = ['waiting for /clock'] if 'waiting for' in figures else []
+        if missed and stepped:
+            troubles.append(f'{missed} ticks skipped where the clock jumped')
+        elif missed:
             troubles.append(
                 f'{missed} ticks missed in the last second, {counts.missed} so far: the machine '
                 'is too busy for this rate_hz'
