@@ -116,7 +116,8 @@ def _motion_rows(curves: Curves) -> list[list[_Panel]]:
                     if in_degrees else column.values
                     for column in found
                 }  # fmt: skip
-                values = {name: _quieted(curves, quantity, v) for name, v in values.items()}
+                size = curves.solver.mechanism.longest if slides else 1.0
+                values = {n: _quieted(curves, quantity, size, v) for n, v in values.items()}
                 row.append(_Panel(f'Slider {_SHORT[quantity]}' if slides else title, unit, values))
         rows.append(row)
     torque = curves.columns['driving_torque']
@@ -124,16 +125,18 @@ def _motion_rows(curves: Curves) -> list[list[_Panel]]:
     return rows
 
 
-def _quieted(curves: Curves, quantity: str, values: Array) -> Array:
+def _quieted(curves: Curves, quantity: str, size: float, values: Array) -> Array:
     """0 for what rounding alone keeps from 0, as the rate of a parallelogram's coupler."""
-    size = max(1.0, curves.solver.mechanism.longest)
-    crank = curves.columns
-    natural = {
-        'position': 1.0,
-        'velocity': abs(curves.speed),
-        'acceleration': curves.speed**2 + np.abs(crank['crank.acceleration'].values).max(),
-    }[quantity]
-    return values if np.abs(values).max() > 1e-12 * natural * size else np.zeros_like(values)
+    acceleration = curves.columns['crank.acceleration'].values
+    natural = (
+        size
+        * {
+            'position': 1.0,
+            'velocity': abs(curves.speed),
+            'acceleration': curves.speed**2 + np.abs(acceleration).max(),
+        }[quantity]
+    )
+    return values if np.abs(values).max() > 1e-12 * natural else np.zeros_like(values)
 
 
 def _reaction_rows(curves: Curves) -> list[list[_Panel]]:

@@ -68,13 +68,10 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 view.discard()
             raise
         self._view = self._work(view)
-        self._make_stepper(simulated=self.get_parameter('use_sim_time').value)
-        self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
+        self._stepper = self._make_stepper(simulated=self.get_parameter('use_sim_time').value)
         self._state: State | None = None
         self._said: dict[str, str] = {}
         self._diagnosis: bytes | None = None
-        # Simulated time may stand still; whether all goes well is asked in real time.
-        self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(preset_note(given) + self._machine.summary())
 
     def start(self) -> None:
@@ -85,6 +82,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         gc.freeze()
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._stepper.start(self._begin)
+        # Simulated time may stand still; whether all goes well is asked in real time.
+        self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> bool:
         """Stops turning and completes log and view.
@@ -146,17 +145,17 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             'view', view, capacity=_VIEW_CAPACITY, period=_VIEW_PERIOD, on_error=self._view_failed
         )
 
-    def _make_stepper(self, *, simulated: bool) -> None:
+    def _make_stepper(self, *, simulated: bool) -> Stepper | ClockStepper:
         calls = self._machine, self._step, self._restamp, self._fail
-        self._stepper: Stepper | ClockStepper = Stepper(*calls)
         if not simulated:
-            return
-        self._stepper = clock = ClockStepper(*calls)
+            return Stepper(*calls)
+        stepper = ClockStepper(*calls)
 
         def hear(message: ClockMessage) -> None:
-            clock.hear(message.clock.sec * 10**9 + message.clock.nanosec)
+            stepper.hear(message.clock.sec * 10**9 + message.clock.nanosec)
 
         self.create_subscription(ClockMessage, '/clock', hear, _CLOCK_QOS)
+        return stepper
 
     def _begin(self, stamp: int) -> None:
         self._motion = self._machine.begin(stamp)

@@ -18,8 +18,6 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State
 from linkage_ros.errors import ConfigurationError
 
-_STEPS_PER_TURN = 720
-
 
 class Column(NamedTuple):
     """One quantity over the period.
@@ -90,7 +88,7 @@ class Curves:
         self.solver = solver = Solver(mechanism)
         solver.require_full_turn()
         self.speed, self._acceleration = speed, acceleration
-        self.crank = solver.kinematics.map.samples(_STEPS_PER_TURN)
+        self.crank = solver.kinematics.map.samples()
         state = solver.state(self.crank, speed, acceleration)
         columns = [Column('crank_angle', 'rad', self.crank), *self._links(state)]
         columns += [

@@ -95,7 +95,7 @@ class TransmissionMap:
         smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(self.far if near else 1.0))
         return smallest, 2 * math.atan2(math.sqrt(self.near if far else 1.0), math.sqrt(far))
 
-    def samples(self, steps_per_turn: int) -> Array:
+    def samples(self, steps_per_turn: int = 720) -> Array:
         """Crank angles over one period that miss nothing of the motion.
 
         Whatever happens fast happens at h = 0 and h = pi/2, next to a change point: within half

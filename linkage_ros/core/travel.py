@@ -11,8 +11,6 @@ import numpy as np
 
 from linkage_ros.core.solver import Solver
 
-_STEPS_PER_TURN = 720
-
 
 class Travel(NamedTuple):
     """The motion of the output link over a period.
@@ -70,7 +68,7 @@ def travel(solver: Solver) -> Travel:
     solver.require_full_turn()
     turns = solver.mobility.period_turns
     # Beside the symmetric angles, at which a rate may vanish exactly.
-    crank = solver.kinematics.map.samples(_STEPS_PER_TURN)
+    crank = solver.kinematics.map.samples()
     crank = 0.5 * (crank[1:] + crank[:-1])
     crank = np.append(crank, crank[0] + turns * 2 * math.pi)
     state = solver.state(crank, 1.0)

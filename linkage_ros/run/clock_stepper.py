@@ -5,45 +5,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
-from linkage_ros.run.stepper import Ticks, Timekeeping
+from linkage_ros.run.stepper import Stepping
 
 # Ticks that one message of the clock may make due; what a jump forward skips is missed.
 _AT_ONCE = 1000
 
 
-class ClockStepper:
+class ClockStepper(Stepping):
     """Calls `step(stamp)` for every tick up to the time of a clock that is heard.
 
     Tick 0 is the first time heard; no tick is invented while the clock stands. Where the clock
     goes back, t0 moves with it and the motion goes on from there: the step is counted, as one of
     the wall clock is.
-
-    Attributes:
-        counts: What became of the ticks.
-        error: What a call failed with, which ended the motion; None while all is well.
     """
 
-    def __init__(
-        self,
-        ticks: Ticks,
-        step: Callable[[int], None],
-        restamp: Callable[[int, int], None],
-        on_error: Callable[[BaseException], None],
-    ) -> None:
-        """Prepares the motion; `start` lets it begin with the first time heard.
-
-        Args:
-            ticks: The rate.
-            step: Called at each tick with its stamp, ns.
-            restamp: Called before a step whose stamp was to be `old`, ns, and will be `new`.
-            on_error: Called with what a call failed with.
-        """
-        self.counts = Timekeeping()
-        self.error: BaseException | None = None
+    def __init__(self, *calls: Any) -> None:
+        super().__init__(*calls)
         self._heard = False
-        self._ticks, self._step, self._restamp = ticks, step, restamp
-        self._on_error = on_error
         self._begin: Callable[[int], None] | None = None
         self._t0 = self._tick = self._now = 0
 
@@ -70,8 +50,7 @@ class ClockStepper:
         try:
             self._advance(self._begin, now)
         except BaseException as error:  # noqa: BLE001, the node must learn of it, whatever it is
-            self.error = error
-            self._on_error(error)
+            self._fail(error)
 
     def _advance(self, begin: Callable[[int], None], now: int) -> None:
         before, self._now = self._now, now

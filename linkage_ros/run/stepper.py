@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
@@ -49,8 +49,8 @@ class Timekeeping:
     latest: int = 0
 
 
-class Stepper:
-    """Calls `step(stamp)` at every tick, and `restamp(old, new)` where the clock was stepped.
+class Stepping:
+    """What every stepper calls: `step(stamp)` at a tick, `restamp(old, new)` at a clock's step.
 
     Attributes:
         counts: What became of the ticks.
@@ -76,6 +76,17 @@ class Stepper:
         self.error: BaseException | None = None
         self._ticks, self._step, self._restamp = ticks, step, restamp
         self._on_error = on_error
+
+    def _fail(self, error: BaseException) -> None:
+        self.error = error
+        self._on_error(error)
+
+
+class Stepper(Stepping):
+    """Steps in real time, in its own thread."""
+
+    def __init__(self, *calls: Any) -> None:
+        super().__init__(*calls)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name='stepper', daemon=True)
 
@@ -108,8 +119,7 @@ class Stepper:
                 self.counts.kept += 1
                 tick += 1
         except BaseException as error:  # noqa: BLE001, the node must learn of it, whatever it is
-            self.error = error
-            self._on_error(error)
+            self._fail(error)
 
     def _await(self, tick: int) -> int:
         """Sleeps until a tick is due; returns it, or a later one where it is too late for it."""

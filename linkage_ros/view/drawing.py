@@ -25,6 +25,7 @@ class Drawing:
     """The picture of one mechanism.
 
     Attributes:
+        joints: Names of the joints, in the order of positions.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pins: Names of the moving points, in the order of `place`.
         output: Name of the output link.
@@ -36,7 +37,7 @@ class Drawing:
 
     def __init__(self, mechanism: Mechanism) -> None:
         solver = Solver(mechanism)
-        self._joints = solver.structure.joints
+        self._joints, self.joints = solver.structure.joints, solver.links
         points = solver.structure.points
         fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
         moving = {name: point for name, point in points.items() if name not in fixed}
@@ -45,8 +46,7 @@ class Drawing:
         self._fixed = np.array([point.fixed for point in moving.values()])
         self.pivots = _plane(np.array(list(fixed.values())))
 
-        turns = solver.mobility.period_turns
-        crank = np.linspace(0, turns * 2 * math.pi, turns * _STEPS_PER_TURN + 1)
+        crank = solver.kinematics.map.samples(_STEPS_PER_TURN)
         swept = self.place(np.stack(solver.state(crank).position, axis=-1))
         output = self._joints[2]
         self.output = output.name

@@ -34,12 +34,11 @@ _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _THICK, _PIN = -1.0, -3.5, -5.0  # radii; negative: points on the screen
 
 
-def fixed_components(drawing: Drawing, joints: Sequence[str]) -> dict[str, rr.AsComponents]:
+def fixed_components(drawing: Drawing) -> dict[str, rr.AsComponents]:
     """What is sent once: colours, names, the paths and the ground.
 
     Args:
         drawing: The picture.
-        joints: Their names.
 
     Returns:
         Components by entity.
@@ -56,14 +55,14 @@ def fixed_components(drawing: Drawing, joints: Sequence[str]) -> dict[str, rr.As
     for link, path in drawing.paths.items():
         strip = path.astype(np.float32)
         fixed[f'linkage/paths/{link}'] = lines(strip, colors=COLORS[link], radii=_THIN)
-    for joint in joints:
+    for joint in drawing.joints:
         # The crank above the others: a coupler's triangle would hide it.
         order = _FRONT - 1 if joint == 'crank' else _FRONT - 2
         fixed[f'linkage/{joint}'] = lines.from_fields(
             colors=COLORS[joint], radii=_THICK, draw_order=order
         )
     for quantity in QUANTITIES:
-        fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=list(joints))
+        fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=list(drawing.joints))
     return fixed
 
 
@@ -106,7 +105,7 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
         angles.insert(0, plot('Slider position, m', 'position', sliding))
         rates.insert(0, plot('Slider velocity, m/s', 'velocity', sliding))
     # Passive joints have none. In a small window the axis may show no number but 0.
-    turns = solver.kinematics.map.samples(720)
+    turns = solver.kinematics.map.samples()
     torque = extent(turns, solver.state(turns, rpm * math.pi / 30).torque)
     title = f'Driving torque, N m ({torque.low:.3g} to {torque.high:.3g} at {rpm:g} rpm)'
     effort = plot(title, 'effort', [crank.name])

@@ -22,7 +22,6 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.core.numeric import Array
-from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ViewerError
 from linkage_ros.run.configuration import Configuration
 from linkage_ros.view.drawing import Drawing
@@ -130,8 +129,7 @@ class View:
         binary = find_viewer() if target in (SPAWN, WEB) else None
         self._recording = self._open(bind, overwrite)
         self._recording.send_blueprint(layout(configuration, self._drawing.bounds))
-        joints = Solver(configuration.mechanism).links
-        for entity, components in fixed_components(self._drawing, joints).items():
+        for entity, components in fixed_components(self._drawing).items():
             self._recording.log(entity, components, static=True, strict=True)
         self._program: Program | None = None
         if binary and self.url:
