@@ -143,6 +143,18 @@ def test_a_hangup_gives_the_terminal_back_and_only_a_kill_does_not(shell, number
     assert held(shell.terminal) == back
 
 
+def test_a_terminal_given_back_is_taken_again_though_no_signal_says_so(terminal):
+    """As after a shell's fg of a job that it had let run: nobody sends SIGCONT."""
+    master, slave = terminal
+    with Keyboard(slave) as keyboard:
+        keyboard._give_back()
+        assert held(slave)
+        os.write(master, b' ')
+        assert keyboard.read(1.0) == SPACE
+        assert not held(slave)
+    assert held(slave)
+
+
 def test_a_stopped_program_gives_it_back_and_takes_it_again(program):
     with Shell('-i') as shell:
         shell.send(f'{program}\n'.encode())
