@@ -61,6 +61,25 @@ def measure_lateness(path, *options, rate=1.0):
     return (late - np.median(late)) * 1e3
 
 
+def measure_bare_loop():
+    """Milliseconds by which a loop that does nothing but sleep wakes late: what the machine is."""
+    begin, late = time.monotonic(), []
+    for tick in range(round(SECONDS * 1e9 / PERIOD)):
+        due = begin + tick * PERIOD / 1e9
+        time.sleep(max(0.0, due - time.monotonic()))
+        late.append(time.monotonic() - due)
+    return np.array(late) * 1e3
+
+
+def show(name, late):
+    """Prints figures of some latenesses, ms."""
+    print(
+        f'{name} off the rhythm by {np.median(late):.3f} ms (median), '
+        f'{np.percentile(late, 99):.3f} ms (p99), {late.max():.3f} ms (most); '
+        f'over 2 ms: {np.count_nonzero(late > 2)}'
+    )
+
+
 def write_long(path, messages):
     """A log of as many messages, two to a state, without solving a state."""
     configuration = configure({'rpm': 60.0})
@@ -112,11 +131,8 @@ def main():
         rclpy.init()
         for rate in RATES:
             part = np.abs(measure_lateness(path, rate=rate))
-            print(
-                f'rate {rate:3g}: {len(part)} joint states, same bytes; off the rhythm by '
-                f'{np.median(part):.3f} ms (median), {np.percentile(part, 99):.3f} ms (p99), '
-                f'{part.max():.3f} ms (most); over 2 ms: {np.count_nonzero(part > 2)}'
-            )
+            show(f'rate {rate:3g}: {len(part)} joint states, same bytes;', part)
+        show('a bare loop of sleeps:', measure_bare_loop())
         rclpy.try_shutdown()
         long = Path(folder, 'long.mcap')
         begin = time.perf_counter()

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import gc
 import itertools
+import queue
 import sys
 import time
 
@@ -71,7 +72,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stepper = self._make_stepper(simulated=self.get_parameter('use_sim_time').value)
         self._state: State | None = None
         self._said: dict[str, str] = {}
-        self._diagnosis: bytes | None = None
+        self._reports: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self.get_logger().info(preset_note(given) + self._machine.summary())
 
     def start(self) -> None:
@@ -93,7 +94,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         self._stepper.stop()
         self._report()
-        self._log_diagnosis()  # no step is left to do it
+        self._log_reports()  # no step is left to do it
         counts = self._stepper.counts
         self.get_logger().info(
             f'{counts.kept} states published, {counts.missed} ticks missed, '
@@ -180,16 +181,15 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if self._log is not None:
             for channel, message in zip(self._channels, step.messages, strict=True):
                 self._log.offer((channel, now, message))
-            self._log_diagnosis()
+            self._log_reports()
         if self._view is not None:
             position, velocity, _, effort = step.values
             self._view.offer(Sample(stamp, position, velocity, effort))
 
-    def _log_diagnosis(self) -> None:
-        """Logs the last report; from the thread that logs the states, because queues ask so."""
-        diagnosis, self._diagnosis = self._diagnosis, None
-        if self._log is not None and diagnosis is not None:
-            self._log.offer((self._diagnostics_channel, time.time_ns(), diagnosis))
+    def _log_reports(self) -> None:
+        """Logs the latest reports; from the thread that logs the states, because queues ask so."""
+        while self._log is not None and not self._reports.empty():
+            self._log.offer((self._diagnostics_channel, time.time_ns(), self._reports.get()))
 
     def _restamp(self, old: int, new: int) -> None:
         self._move(self._motion.change(old, self._motion.rpm, restamp=new))
@@ -214,10 +214,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 self.get_logger().warning(status.message)
             self._said[status.name] = status.message
         stamp = self.get_clock().now().nanoseconds
-        self._diagnosis = encode_diagnostics(stamp, statuses)
-        self._diagnostics.publish(self._diagnosis)
+        diagnosis = encode_diagnostics(stamp, statuses)
+        self._diagnostics.publish(diagnosis)
+        self._reports.put(diagnosis)
         if isinstance(self._stepper, ClockStepper):  # it steps in this very thread, or stands
-            self._log_diagnosis()
+            self._log_reports()
 
     def _figures(self) -> dict[str, str]:
         if self._state is None:

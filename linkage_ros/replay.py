@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import itertools
 import os
 import sys
 import time
@@ -191,13 +192,18 @@ def _run(arguments: list[str]) -> int:
     with ExitStack() as stack:
         log = stack.enter_context(LogReader(options.log))
         _check(options, log)
+        if any(b.stamp < a.stamp for a, b in itertools.pairwise(log.motions)):
+            cli.print_error(
+                _NAME, 'the clock was set back during this run: messages are played in the order '
+                'of their log times, which mixes what came before and after',
+            )  # fmt: skip
         piece = cut(log, options.start_offset, options.playback_duration, options.topics)
         pace = Pace(piece.start, options.rate)
         sinks = _sinks(stack, options, of_ros, log, piece, pace)
         keyboard = stack.enter_context(Keyboard())
         # A message must not wait for the reading thread's turn in the interpreter to end, nor
         # for a search through all objects that were made so far.
-        sys.setswitchinterval(0.0005)
+        sys.setswitchinterval(0.0001)
         gc.freeze()
         stop.wait(options.delay)
         items = stack.enter_context(feed(log, piece, loop=options.loop))

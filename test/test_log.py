@@ -305,6 +305,13 @@ def test_topics_and_start_pick_what_a_filter_picks(path, topics, start):
         assert list(log.messages(topics, start)) == expected
 
 
+def test_chunks_share_one_table_of_their_channels(path):
+    with LogReader(path) as log:
+        tables = [chunk.message_index_offsets for chunk in log._reader.get_summary().chunk_indexes]
+    assert len(tables) > 2
+    assert len({id(table) for table in tables}) == len({tuple(table) for table in tables})
+
+
 def test_two_readers_of_one_log_do_not_disturb_each_other(path):
     with LogReader(path) as log:
         first, second = log.messages(), log.messages(['/ns/driving_torque'])

@@ -421,6 +421,18 @@ def test_bad_options_are_one_line_and_code_2(log, called, options, words):
     assert code == 2
 
 
+@pytest.mark.parametrize('step', [-1_000_000_000, 1_000_000_000])
+def test_a_clock_that_was_set_back_is_said(called, tmp_path, step):
+    path, configuration = tmp_path / 'run.mcap', configure({})
+    motion = Machine(configuration).begin(10**10)
+    with LogWriter(path, configuration, overwrite=False) as writer:
+        writer.write_motion(motion)
+        writer.write_motion(motion.change(10**10, motion.rpm, restamp=10**10 + step))
+    code, err = called(path, '--viewer', tmp_path / 'view.rrd', '--no-ros')
+    assert code == 0
+    assert ('the clock was set back during this run' in err) == (step < 0)
+
+
 @pytest.mark.parametrize(
     ('options', 'words'),
     [

@@ -467,6 +467,7 @@ def test_a_log_time_that_is_not_the_stamp_of_a_record_is_found(path):
     def later(states):
         for message in states[7]:
             message.log_time += 1
+            message.publish_time += 1
         return states
 
     rewrite(path, edit_states(later))
@@ -475,11 +476,23 @@ def test_a_log_time_that_is_not_the_stamp_of_a_record_is_found(path):
 
 def test_one_log_time_beside_those_of_its_state_is_found(path):
     def edit(records):
-        records[places_of(records, '/mechanism_state')[7]].log_time += 1
+        message = records[places_of(records, '/mechanism_state')[7]]
+        message.log_time += 1
+        message.publish_time += 1
         return records
 
     rewrite(path, edit)
     assert '/mechanism_state has the log time' in checked(path).difference
+
+
+@pytest.mark.parametrize('by', [1, -1])
+def test_a_publish_time_that_is_not_the_log_time_is_found(path, by):
+    def edit(records):
+        records[places_of(records, '/driving_torque')[7]].publish_time += by
+        return records
+
+    rewrite(path, edit)
+    assert re.match('/driving_torque: publish time .* s, log time .* s', checked(path).difference)
 
 
 def reconfigured(**values):
@@ -518,6 +531,18 @@ def test_a_changed_configuration_is_found(path, name, value, words):
     difference = checked(path).difference
     assert difference
     assert re.search(words, difference), difference
+
+
+def test_an_impossible_mechanism_is_named_as_what_is_refused(path):
+    def edit(records):
+        (item,) = (r for r in records if getattr(r, 'name', '') == CONFIGURATION_RECORD)
+        settings = {k: v for k, v in item.metadata.items() if k != 'crc32'}
+        item.metadata = _seal({**settings, 'frame.length': '0.9'})
+        return records
+
+    rewrite(path, edit)
+    with pytest.raises(LogError, match=r'its configuration is refused: .*lengthen the coupler'):
+        checked(path)
 
 
 def remotion(number, **fields):

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import struct
+import textwrap
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -13,10 +14,10 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from mcap.reader import McapReader, NonSeekingReader, make_reader
-from mcap.records import Channel, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
-from linkage_ros.errors import LogError
+from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
@@ -36,12 +37,14 @@ class LoggedMessage(NamedTuple):
         type: Message type, such as 'std_msgs/msg/Float64'.
         time: Log time, ns.
         data: CDR bytes.
+        published: Publish time, ns.
     """
 
     topic: str
     type: str
     time: int
     data: bytes
+    published: int
 
 
 class LoggedTopic(NamedTuple):
@@ -95,6 +98,7 @@ class LogReader(AbstractContextManager['LogReader']):
         if summary is None or summary.statistics is None:
             raise LogError(_CUT)
         _check_summary(self._stream)
+        _share_offsets(summary.chunk_indexes)
         records = list(self._reader.iter_metadata())
         # The index is under the summary's checksum, the records' names are under none.
         if [record.name for record in records] != [i.name for i in summary.metadata_indexes]:
@@ -148,8 +152,7 @@ class LogReader(AbstractContextManager['LogReader']):
         stored = self._reader.iter_messages(topics=wanted, starting_at=start, ending_before=end)
         with _damage_reported(self.path):
             for schema, channel, message in stored:
-                kind = '' if schema is None else schema.name
-                yield LoggedMessage(channel.topic, kind, message.log_time, message.data)
+                yield _logged(schema, channel, message)
 
     def written(self) -> Iterator[LoggedMessage]:
         """Reads all messages in the order of writing, whatever their log times.
@@ -165,9 +168,8 @@ class LogReader(AbstractContextManager['LogReader']):
         with _damage_reported(self.path), self.path.open('rb') as stream:
             reader = NonSeekingReader(stream, validate_crcs=True)
             for schema, channel, message in reader.iter_messages(log_time_order=False):
-                kind, topic = '' if schema is None else schema.name, channel.topic
-                found[topic] = found.get(topic, 0) + 1
-                yield LoggedMessage(topic, kind, message.log_time, message.data)
+                found[channel.topic] = found.get(channel.topic, 0) + 1
+                yield _logged(schema, channel, message)
             # A damaged opcode hides its record: no checksum covers it.
             if found != expected:
                 raise LogError('it is damaged: its messages are not as many as its summary says')
@@ -178,6 +180,13 @@ class LogReader(AbstractContextManager['LogReader']):
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+def _logged(schema: Schema | None, channel: Channel, message: Message) -> LoggedMessage:
+    kind = '' if schema is None else schema.name
+    return LoggedMessage(
+        channel.topic, kind, message.log_time, message.data, message.publish_time
+    )
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
@@ -206,6 +215,17 @@ def _check_summary(stream: BinaryIO) -> None:
         raise LogError('it is damaged: the checksum of its summary is wrong')
 
 
+def _share_offsets(chunks: Iterable[ChunkIndex]) -> None:
+    """Gives chunks with the same channels one table of them: half of what an index holds.
+
+    The reader looks at the keys alone. A log of a day has hundreds of thousands of chunks.
+    """
+    tables: dict[tuple[int, ...], dict[int, int]] = {}
+    for chunk in chunks:
+        offsets = chunk.message_index_offsets
+        chunk.message_index_offsets = tables.setdefault(tuple(offsets), offsets)
+
+
 @contextmanager
 def _damage_reported(path: Path) -> Iterator[None]:
     """Turns whatever damage makes a parser raise into one line that names the file.
@@ -217,6 +237,9 @@ def _damage_reported(path: Path) -> Iterator[None]:
         yield
     except LogError as error:
         raise LogError(f'{path} cannot be used: {error}') from error
+    except ConfigurationError as error:
+        words = textwrap.shorten(str(error), 300, placeholder=' ...')
+        raise LogError(f'{path} cannot be used: its configuration is refused: {words}') from error
     except Exception as error:  # nothing bounds what damage makes a parser raise
         cause = ' '.join(f'{type(error).__name__}: {error}'.split())[:200]
         raise LogError(

@@ -18,7 +18,7 @@ from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import COUPLER_POINT, DIAGNOSTICS, ROBOT_DESCRIPTION, Topic
-from linkage_ros.log.timeline import Timeline, check_begin
+from linkage_ros.log.timeline import Timeline, check_begin, seconds
 
 
 class Report(NamedTuple):
@@ -133,8 +133,15 @@ def _timeline(log: LogReader, machine: Machine, columns: list[Column]) -> Timeli
 def _described(
     log: LogReader, descriptions: list[str], description: bytes, wrong: list[str]
 ) -> Iterator[LoggedMessage]:
-    """The messages of a log; ends at a robot_description that differs, which goes to `wrong`."""
+    """The messages of a log, to the first with a wrong publish time or description.
+
+    What is wrong with it goes to `wrong`.
+    """
     for message in log.written():
+        if message.published != message.time:
+            published, time = seconds(message.published), seconds(message.time)
+            wrong.append(f'{message.topic}: publish time {published}, log time {time}')
+            return
         if message.topic not in descriptions:
             yield message
         elif message.data != description:

@@ -16,8 +16,10 @@ from linkage_ros.log.reader import LoggedMessage, LogReader
 
 _NS = 10**9
 # Messages read ahead are at most the product, so that unpacking a chunk holds up no message.
-# Handing them over one by one would wake the reading thread at every message.
-_BATCH, _BATCHES = 512, 8
+# Handing them over one by one would wake the reading thread at every message; where it works
+# for milliseconds on end, a subscriber that sleeps on the same processor gets its message late.
+_BATCH, _BATCHES = 16, 256
+_LOOK = 0.1  # s, within which the reading thread sees that nobody takes its batches any more
 
 
 class Piece(NamedTuple):
@@ -81,15 +83,21 @@ def feed(log: LogReader, piece: Piece, *, loop: bool) -> Iterator[Iterator[Item]
     batches: queue.Queue[list[Item] | LinkageError | None] = queue.Queue(_BATCHES)
     closed = threading.Event()
 
+    def put(batch: list[Item] | LinkageError | None) -> None:
+        while not closed.is_set():
+            with suppress(queue.Full):
+                batches.put(batch, timeout=_LOOK)
+                return
+
     def read() -> None:
         try:
-            for batch in _batches(log, piece, loop=loop):
-                batches.put(batch)
-                if closed.is_set():
-                    return
-            batches.put(None)
+            for batch in itertools.takewhile(
+                lambda _: not closed.is_set(), _batches(log, piece, loop=loop)
+            ):
+                put(batch)
+            put(None)
         except LinkageError as error:
-            batches.put(error)
+            put(error)
 
     thread = threading.Thread(target=read, name='reader', daemon=True)
     thread.start()
@@ -97,11 +105,7 @@ def feed(log: LogReader, piece: Piece, *, loop: bool) -> Iterator[Iterator[Item]
         yield _taken(batches)
     finally:
         closed.set()
-        for _ in range(20):  # a disk that hangs must not hold up the end
-            if not thread.is_alive():
-                break
-            with suppress(queue.Empty):
-                batches.get(timeout=0.05)
+        thread.join(1.0)  # a disk that hangs must not hold up the end
 
 
 def _taken(batches: queue.Queue[list[Item] | LinkageError | None]) -> Iterator[Item]:
