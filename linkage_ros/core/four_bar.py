@@ -20,7 +20,7 @@ from __future__ import annotations
 import cmath
 import math
 
-from linkage_ros.core.links import Links
+from linkage_ros.core.links import Links, Place
 from linkage_ros.core.mechanism import OPEN, FourBar
 from linkage_ros.core.numeric import Functions, Real, nearest_turns, short_sum
 from linkage_ros.core.structure import Joint, Point, Structure, TurningBody
@@ -83,6 +83,48 @@ class FourBarKinematics:
         # Where q < 0 the crank never comes near theta = 0, where L would be short.
         self._nearly_concentric = self.map.q >= 0 and abs(diff_dr) < _CLOSE * sum_dr
 
+    def locate(self, crank: Real, functions: Functions) -> Place:
+        """The position alone.
+
+        Args:
+            crank: Crank angle, rad; float or array. The loop must close there.
+            functions: SCALAR or ARRAY.
+
+        Returns:
+            Positions, cosines and sines of the links, and what `solve` makes the rates from.
+        """
+        S, C = self.map.half_angle(crank, functions)
+        sin_m, cos_m = self.map.roots(S, C, functions)
+        # Unit vectors: w = e^(i (delta + theta/2)), crank e^(i alpha) = w e^(i theta/2).
+        ax, ay = self._axis
+        wx, wy = ax * C - ay * S, ax * S + ay * C
+        crank_cos, crank_sin = wx * C - wy * S, wx * S + wy * C
+        if self._concentric:
+            fx, fy = self._quotient * wx, self._quotient * wy
+            square = scale = 0.0
+        else:
+            diff_dr, sum_dr, diff_bc, sum_bc = self._brackets
+            nearest, growth = self._square
+            x1, y1, x2, y2 = diff_dr * C, sum_dr * S, diff_bc * cos_m, sum_bc * sin_m
+            square = nearest + growth * (S * S)
+            scale = 1.0 / square
+            dot, cross = scale * (x1 * x2 + y1 * y2), scale * (x1 * y2 - y1 * x2)
+            fx, fy = wx * dot - wy * cross, wx * cross + wy * dot
+        signed = self.side * sin_m
+        xc, ys, yc, xs = fx * cos_m, fy * signed, fy * cos_m, fx * signed
+        coupler_cos, coupler_sin = xc + ys, yc - xs
+        rocker_cos, rocker_sin = xc - ys, yc + xs
+        return (
+            (
+                crank,
+                functions.atan2(coupler_sin, coupler_cos),
+                functions.atan2(rocker_sin, rocker_cos),
+            ),
+            (crank_cos, coupler_cos, rocker_cos),
+            (crank_sin, coupler_sin, rocker_sin),
+            (S, C, sin_m, cos_m, square, scale),
+        )
+
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.
 
@@ -93,57 +135,33 @@ class FourBarKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        S, C = self.map.half_angle(crank, functions)
-        sin_m, cos_m, first, second = self.map.solve(S, C, functions)
-        # Unit vectors: w = e^(i (delta + theta/2)), crank e^(i alpha) = w e^(i theta/2).
-        ax, ay = self._axis
-        wx, wy = ax * C - ay * S, ax * S + ay * C
-        crank_cos, crank_sin = wx * C - wy * S, wx * S + wy * C
+        positions, cosines, sines, made = self.locate(crank, functions)
+        S, C, sin_m, cos_m, square, scale = made
+        first, second = self.map.slopes(S, C, sin_m, cos_m)
         if self._concentric:
-            fx, fy = self._quotient * wx, self._quotient * wy
             mean, mean_slope = 0.5, 0.0
+        elif self._nearly_concentric:
+            mean, mean_slope = self._careful_mean(made, (first, second), functions)
         else:
-            diff_dr, sum_dr, diff_bc, sum_bc = self._brackets
-            nearest, growth = self._square
-            x1, y1, x2, y2 = diff_dr * C, sum_dr * S, diff_bc * cos_m, sum_bc * sin_m
-            SS = S * S
-            square = nearest + growth * SS
-            scale = 1.0 / square
-            dot, cross = scale * (x1 * x2 + y1 * y2), scale * (x1 * y2 - y1 * x2)
-            fx, fy = wx * dot - wy * cross, wx * cross + wy * dot
-            if self._nearly_concentric:
-                transmission = sin_m, cos_m, first, second
-                mean, mean_slope = self._careful_mean((S, C), transmission, square, functions)
-            else:
-                # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
-                half_moment, (arm, arm_growth) = 0.5 * self._moment, self._arm
-                mean = scale * (arm + arm_growth * SS + half_moment * first)
-                mean_slope = scale * (
-                    (arm_growth - mean * growth) * (S * C) + half_moment * second
-                )
-        signed = self.side * sin_m
-        xc, ys, yc, xs = fx * cos_m, fy * signed, fy * cos_m, fx * signed
-        coupler_cos, coupler_sin = xc + ys, yc - xs
-        rocker_cos, rocker_sin = xc - ys, yc + xs
+            # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
+            half_moment, (arm, arm_growth) = 0.5 * self._moment, self._arm
+            growth = self._square[1]
+            mean = scale * (arm + arm_growth * (S * S) + half_moment * first)
+            mean_slope = scale * ((arm_growth - mean * growth) * (S * C) + half_moment * second)
         half_side = 0.5 * self.side
         first, second = half_side * first, half_side * second
         return (
-            (
-                crank,
-                functions.atan2(coupler_sin, coupler_cos),
-                functions.atan2(rocker_sin, rocker_cos),
-            ),
-            (crank_cos, coupler_cos, rocker_cos),
-            (crank_sin, coupler_sin, rocker_sin),
+            positions,
+            cosines,
+            sines,
             ((1.0, mean - first, mean + first),),
             (0.0, mean_slope - second, mean_slope + second),
         )
 
     def _careful_mean(
         self,
-        half: tuple[Real, Real],
-        transmission: tuple[Real, Real, Real, Real],
-        square: Real,
+        made: tuple[Real, ...],
+        slopes: tuple[Real, Real],
         functions: Functions,
     ) -> tuple[Real, Real]:
         """(1 - nu) / 2 and its derivative where A passes B0 closely, L much shorter than d.
@@ -151,8 +169,8 @@ class FourBarKinematics:
         There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' are alike. But
         (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
         """
-        S, C = half
-        sin_m, cos_m, first, second = transmission
+        S, C, sin_m, cos_m, square, _ = made
+        first, second = slopes
         p, q, kappa = self.map.p, self.map.q, self.map.kappa
         diff_dr, sum_dr, diff_bc, _ = self._brackets
         u, v = (kappa * C / cos_m if p else 1.0), (kappa * S / sin_m if q else 1.0)

@@ -21,7 +21,7 @@ from __future__ import annotations
 import cmath
 import math
 
-from linkage_ros.core.links import Links
+from linkage_ros.core.links import Links, Place
 from linkage_ros.core.mechanism import OPEN, SliderCrank
 from linkage_ros.core.numeric import HALF_PI, Functions, Real, nearest_turns, short_sum, two_sum
 from linkage_ros.core.structure import Joint, Point, SlidingBody, Structure, TurningBody
@@ -56,6 +56,32 @@ class SliderCrankKinematics:
         self.side = 1.0 if mechanism.assembly == OPEN else -1.0
         self._lengths = (r, b)
 
+    def locate(self, crank: Real, functions: Functions) -> Place:
+        """The position alone.
+
+        Args:
+            crank: Crank angle, rad; float or array. The loop must close there.
+            functions: SCALAR or ARRAY.
+
+        Returns:
+            Positions, cosines and sines of the links, and what `solve` makes the rates from.
+        """
+        (r, b), side = self._lengths, self.side
+        S, C = self.map.half_angle(crank, functions)
+        sin_m, cos_m = self.map.roots(S, C, functions)
+        # In the guide's axes: r e^(i alpha) and b e^(i beta).
+        rx, ry = 2 * r * (S * C), r * ((S - C) * (S + C))
+        bx, by = 2 * side * b * (sin_m * cos_m), b * ((cos_m - sin_m) * (cos_m + sin_m))
+        (gx, gy), (gx_r, gy_r), (gx_b, gy_b) = self._guide
+        crank_cos, crank_sin = gx_r * rx - gy_r * ry, gx_r * ry + gy_r * rx
+        coupler_cos, coupler_sin = gx_b * bx - gy_b * by, gx_b * by + gy_b * bx
+        return (
+            (crank, functions.atan2(coupler_sin, coupler_cos), rx + bx),
+            (crank_cos, coupler_cos, gx),
+            (crank_sin, coupler_sin, gy),
+            (S, C, sin_m, cos_m, rx, ry, bx, by),
+        )
+
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.
 
@@ -66,22 +92,16 @@ class SliderCrankKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        (r, b), side = self._lengths, self.side
-        S, C = self.map.half_angle(crank, functions)
-        sin_m, cos_m, first, second = self.map.solve(S, C, functions)
-        # In the guide's axes: r e^(i alpha) and b e^(i beta).
-        rx, ry = 2 * r * (S * C), r * ((S - C) * (S + C))
-        bx, by = 2 * side * b * (sin_m * cos_m), b * ((cos_m - sin_m) * (cos_m + sin_m))
-        turn, bend = -side * first, -side * second
+        positions, cosines, sines, made = self.locate(crank, functions)
+        S, C, sin_m, cos_m, rx, ry, bx, by = made
+        first, second = self.map.slopes(S, C, sin_m, cos_m)
+        turn, bend = -self.side * first, -self.side * second
         slope = -(ry + by * turn)
         curvature = -(rx + bx * (turn * turn) + by * bend)
-        (gx, gy), (gx_r, gy_r), (gx_b, gy_b) = self._guide
-        crank_cos, crank_sin = gx_r * rx - gy_r * ry, gx_r * ry + gy_r * rx
-        coupler_cos, coupler_sin = gx_b * bx - gy_b * by, gx_b * by + gy_b * bx
         return (
-            (crank, functions.atan2(coupler_sin, coupler_cos), rx + bx),
-            (crank_cos, coupler_cos, gx),
-            (crank_sin, coupler_sin, gy),
+            positions,
+            cosines,
+            sines,
             ((1.0, turn, slope),),
             (0.0, bend, curvature),
         )
