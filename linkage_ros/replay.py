@@ -167,7 +167,7 @@ def _sinks(
     stack: ExitStack, options: argparse.Namespace, of_ros: list[str], log: LogReader,
     piece: Piece, pace: Pace,
 ) -> list[Sink]:  # fmt: skip
-    sinks = []
+    topics = None
     if not options.no_ros:
         try:
             from linkage_ros.playback.republish import republishing
@@ -179,10 +179,9 @@ def _sinks(
                 ) from error
         else:
             topics = republishing(_NAME, of_ros, log, piece.topics, pace, options.clock)
-            sinks.append(stack.enter_context(topics))
-    if options.viewer:
-        sinks.append(stack.enter_context(_viewing(log, options.viewer)))
-    return sinks
+    # A wrong viewer is said at once, topics wait for listeners; but messages go to topics first.
+    views = [stack.enter_context(_viewing(log, options.viewer))] if options.viewer else []
+    return [stack.enter_context(topics), *views] if topics else views
 
 
 def _run(arguments: list[str]) -> int:

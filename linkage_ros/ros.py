@@ -143,12 +143,15 @@ def _held_stderr() -> Iterator[Callable[[], None]]:
             os.close(saved)
 
 
-def await_listeners(publishers: Iterable[Publisher], patience: float = _DISCOVERY) -> bool:
+def await_listeners(
+    publishers: Iterable[Publisher], patience: float = _DISCOVERY, settle: float = _MATCH
+) -> bool:
     """Lets subscribers that are there already find a node, so that they miss no message.
 
     Args:
         publishers: Of the node.
         patience: Longest time to wait until one of them has a subscriber, s.
+        settle: Time after the last one was found, s, in which their side finds the node.
 
     Returns:
         Whether anybody listens.
@@ -161,7 +164,7 @@ def await_listeners(publishers: Iterable[Publisher], patience: float = _DISCOVER
         if counts != before:
             before, changed = counts, now
         # The other topics, and the other side of a match, may take a moment longer.
-        if any(counts) and now > changed + _MATCH:
+        if any(counts) and now > changed + settle:
             return True
         time.sleep(0.01)
     return any(before)

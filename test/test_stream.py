@@ -737,3 +737,13 @@ def test_a_process_ends_though_its_viewer_never_reads(server):
     assert float(closing) < 3
     assert int(dropped) > 0
     assert time.monotonic() - start < 10
+
+
+@pytest.mark.parametrize('bind', ['0.0.0.0', '127.0.0.1'])
+def test_a_page_for_everybody_asks_for_this_machine_by_name(window, bind):
+    window('exec sleep 30')
+    with opened('web', bind) as (view, _):
+        host = socket.gethostname() if bind == '0.0.0.0' else bind
+        assert re.fullmatch(rf'rerun\+http://{host}:\d+/proxy', view.url)
+        asked = urllib.parse.quote(view.url, safe='')
+        assert re.fullmatch(rf'http://{host}:\d+/\?url={asked}', view.page)

@@ -136,7 +136,7 @@ class FourBarKinematics:
             The links; rates and curvatures per crank speed.
         """
         positions, cosines, sines, made = self.locate(crank, functions)
-        S, C, sin_m, cos_m, square, scale = made
+        S, C, sin_m, cos_m, _, scale = made
         first, second = self.map.slopes(S, C, sin_m, cos_m)
         if self._concentric:
             mean, mean_slope = 0.5, 0.0

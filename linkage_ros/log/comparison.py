@@ -16,11 +16,14 @@ from collections.abc import Callable, Iterator
 from linkage_ros.log.differences import differing
 from linkage_ros.log.reader import LoggedMessage
 from linkage_ros.run.machine import Machine
+from linkage_ros.run.stepper import CLOCK_STEP
 from linkage_ros.wire.messages import Topic
 from linkage_ros.log.timeline import Timeline, seconds
 
 _STAMP = struct.Struct('<iI')
 _NS = 10**9
+# ns that log time and stamp of a first state may be apart if both are the wall clock's.
+_ONE_CLOCK = 10**10
 _HEADER = 12  # bytes up to the end of a stamp
 # Messages that one topic may be behind the others before it counts as broken off.
 _BEHIND = 10_000
@@ -64,7 +67,8 @@ class Comparison:
             name: queue for (name, _), queue in zip(columns, self._queues, strict=True)
         }
         self._before: list[bytes] = []
-        self._piece = 1
+        self._piece = self._piece_before = 1
+        self._same_clock = False
         self._time_before: int | None = None
 
     def run(self, messages: Iterator[LoggedMessage], progress: Callable[[int], object]) -> str:
@@ -119,7 +123,7 @@ class Comparison:
         stamps = [_stamp(logged[i]) for i in self._stamped if i < len(logged)]
         stamp = stamps[0] if stamps.count(stamps[0]) == len(stamps) else self._likeliest(stamps)
         expected, wrong = self._explain(logged, stamp)
-        if wrong := wrong or self._unlike_a_record(stamp, times[0]):
+        if wrong := wrong or self._mistimed(stamp, times[0]):
             return f'the stamp {seconds(stamp)} of state {self.states + 1} {wrong}'
         if logged != expected:
             self._read_on(messages)
@@ -134,37 +138,45 @@ class Comparison:
     def _explain(self, logged: list[bytes], stamp: int) -> tuple[list[bytes], str]:
         """The messages that belong to a stamp, or what is wrong with the stamp."""
         timeline, places = self._timeline, self._places[: len(logged)]
-
-        def expect() -> list[bytes]:
-            messages = self._machine.step(timeline.motion, stamp).messages
-            return [messages[place] for place in places]
-
-        if timeline.follows(stamp) and (expected := expect()) == logged:
-            timeline.take(stamp)
-            return expected, ''
-        if wrong := timeline.place(stamp):
-            return [], wrong
-        should = expected = expect()
-        self._piece = timeline.number
-        while expected != logged:
-            if not timeline.skip_to(stamp):
-                return should, ''
-            expected = expect()
+        likeliest: tuple[int, list[bytes]] | None = None
+        for piece in timeline.pieces_at(stamp):
+            messages = self._machine.step(piece.motion, stamp).messages
+            expected = [messages[place] for place in places]
+            if expected == logged:
+                timeline.take(piece, stamp)
+                self._piece = piece.number
+                return expected, ''
+            likeliest = likeliest or (piece.number, expected)
+        if likeliest is None:
+            return [], timeline.why_none(stamp)
+        self._piece, expected = likeliest
         return expected, ''
 
-    def _unlike_a_record(self, stamp: int, time: int) -> str:
-        if not self._recorded:
+    def _mistimed(self, stamp: int, time: int) -> str:
+        """What is wrong with the log time of a state that is right, or with those before it."""
+        when = f'was logged at {seconds(time)}'
+        if self._recorded:
+            if self._timeline.missed:
+                return f'comes after {self._timeline.missed} lost states: a record has every tick'
+            return '' if time == stamp else f'{when}: a record has its stamp'
+        if self._time_before is None:
+            self._same_clock = abs(time - stamp) < _ONE_CLOCK
+        if not self._same_clock:  # simulated time
             return ''
-        if self._timeline.missed:
-            return f'comes after {self._timeline.missed} lost states: a record has every tick'
-        return '' if time == stamp else f'was logged at {seconds(time)}: a record has its stamp'
+        if time < stamp - CLOCK_STEP:
+            return f'{when}, before its time came'
+        piece, self._piece_before = self._piece_before, self._piece
+        if piece == self._piece and time < (self._time_before or 0) - CLOCK_STEP:
+            return f'{when}, before the state that it follows'
+        return ''
 
     def _likeliest(self, stamps: list[int]) -> int:
         """The stamp of a state whose messages do not agree on it."""
-        last, offset = self._timeline.last, self._timeline.offset
+        timeline, last = self._timeline, self._timeline.last
 
         def doubt(stamp: int) -> tuple[int, bool, bool, int]:
-            return -stamps.count(stamp), offset(stamp) > 0, stamp <= last, stamp
+            past = last is not None and stamp <= last
+            return -stamps.count(stamp), timeline.late(stamp) > 0, past, stamp
 
         return min(stamps, key=doubt)
 
@@ -216,7 +228,7 @@ class Comparison:
                 continue
             this, following = (_stamp(queue[i].data) for i in range(2))
             if this == stamp < following:
-                return self._machine.step(self._timeline.motion, following).messages[place]
+                return self._machine.step(self._timeline.piece.motion, following).messages[place]
         return None
 
     def _broken_off(self) -> str:

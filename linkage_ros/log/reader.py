@@ -48,12 +48,21 @@ class LoggedMessage(NamedTuple):
 
 
 class LoggedTopic(NamedTuple):
-    """A channel of a log: its fully qualified name, message type, number of messages, latching."""
+    """A channel of a log.
+
+    Attributes:
+        name: Fully qualified.
+        type: Of its messages.
+        messages: Their number.
+        latched: Whether late subscribers get the last one.
+        layout: Encodings of message and schema, and the schema's text.
+    """
 
     name: str
     type: str
     messages: int
     latched: bool
+    layout: tuple[str, str, str]
 
 
 class LogReader(AbstractContextManager['LogReader']):
@@ -111,6 +120,8 @@ class LogReader(AbstractContextManager['LogReader']):
                 motions.append(read_motion(record.metadata))
         if not about:
             raise LogError('it is no log of linkage_ros: it has no configuration record')
+        if len(about) > 1:
+            raise LogError(f'it has {len(about)} configuration records: which one explains it?')
         self.version, self.configuration = about[0]
         self.motions = tuple(motions)
         statistics: Statistics = summary.statistics
@@ -190,11 +201,14 @@ def _logged(schema: Schema | None, channel: Channel, message: Message) -> Logged
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
+    schema = schemas[channel.schema_id]
+    text = schema.data.decode(errors='replace')
     return LoggedTopic(
         channel.topic,
-        schemas[channel.schema_id].name,
+        schema.name,
         statistics.channel_message_counts.get(channel.id, 0),
         'transient_local' in channel.metadata.get('offered_qos_profiles', ''),
+        (channel.message_encoding, schema.encoding, text),
     )
 
 

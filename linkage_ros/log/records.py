@@ -49,15 +49,16 @@ def read_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
 
 def write_motion(motion: CrankMotion) -> dict[str, str]:
     """The record of a piece of motion: exact fractions of turns and of turns per minute."""
-    return _seal(
-        {
-            'stamp': str(motion.stamp),
-            'phase': str(motion.phase(motion.stamp)),
-            'speed': str(motion.speed(motion.stamp)),
-            'rpm': json.dumps(motion.rpm),
-            'acceleration': json.dumps(motion.acceleration),
-        }
-    )
+    fields = {
+        'stamp': str(motion.stamp),
+        'phase': str(motion.phase(motion.stamp)),
+        'speed': str(motion.speed(motion.stamp)),
+        'rpm': json.dumps(motion.rpm),
+        'acceleration': json.dumps(motion.acceleration),
+    }
+    if motion.before is not None:  # what a step of the clock renamed
+        fields['before'] = str(motion.before)
+    return _seal(fields)
 
 
 def read_motion(record: Mapping[str, str]) -> CrankMotion:
@@ -80,6 +81,7 @@ def read_motion(record: Mapping[str, str]) -> CrankMotion:
             Fraction(fields['speed']),
             float(json.loads(fields['rpm'])),
             float(json.loads(fields['acceleration'])),
+            int(fields['before']) if 'before' in fields else None,
         )
     except (KeyError, ValueError, TypeError, ArithmeticError) as error:
         raise LogError(f'a motion record is damaged ({type(error).__name__})') from error

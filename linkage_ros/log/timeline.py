@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.motion import CrankMotion
 from linkage_ros.log.records import write_motion
 
 _NS = 10**9
-# Ticks enough to show whether a period is whole ns.
-_MANY = 10**18
 
 
 def seconds(stamp: int) -> str:
@@ -19,8 +20,10 @@ def seconds(stamp: int) -> str:
     return f'{whole}.{rest:09d} s'
 
 
-def check_begin(machine: Machine, motions: tuple[CrankMotion, ...]) -> str:
-    """Compares the first piece of motion with the one that the configuration asks for.
+def check_motions(machine: Machine, motions: tuple[CrankMotion, ...]) -> str:
+    """Compares each piece of motion with what follows from the configuration and those before.
+
+    Only when and to which rpm or clock a piece changes is its own.
 
     Args:
         machine: Of the configuration.
@@ -29,29 +32,56 @@ def check_begin(machine: Machine, motions: tuple[CrankMotion, ...]) -> str:
     Returns:
         What differs; empty if nothing does.
     """
-    if not motions:
-        return ''
-    logged = write_motion(motions[0])
-    asked = write_motion(machine.begin(motions[0].stamp))
-    for name in ('phase', 'rpm', 'acceleration', 'speed'):
-        if logged[name] != asked[name]:
-            return (
-                f'the first motion record has {name} = {logged[name]}, the configuration gives '
-                f'{asked[name]}'
-            )
+    for number, logged in enumerate(motions, 1):
+        if number == 1:
+            due, source = machine.begin(logged.stamp), 'the configuration gives'
+        else:
+            past = motions[number - 2]
+            moment = _moment(logged)
+            if moment < past.stamp:
+                return (
+                    f'motion record {number} begins at {seconds(moment)}, before record '
+                    f'{number - 1} does'
+                )
+            restamp = None if logged.before is None else logged.stamp
+            due, source = past.change(moment, logged.rpm, restamp), 'what went before gives'
+        found, expected = write_motion(logged), write_motion(due)
+        for name in ('phase', 'rpm', 'acceleration', 'speed', 'before'):
+            if found.get(name) != expected.get(name):
+                which = 'the first motion record' if number == 1 else f'motion record {number}'
+                return f'{which} has {name} = {found.get(name)}, {source} {expected.get(name)}'
     return ''
+
+
+def _moment(motion: CrankMotion) -> int:
+    """The start of a piece on the clock of the one before it."""
+    return motion.stamp if motion.before is None else motion.before
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of motion on the grid of ticks, which keeps its count when the clock is stepped.
+
+    Attributes:
+        motion: The motion.
+        number: Which piece that is, from 1.
+        anchor: Stamp of tick 0 on the clock as it stands, ns.
+        end: First stamp that belongs to the next piece, on this piece's clock; None: it is last.
+    """
+
+    motion: CrankMotion
+    number: int
+    anchor: int
+    end: int | None
 
 
 class Timeline:
     """Follows the stamps of a log in the order in which they were written.
 
-    A piece of motion begins with a state: where rpm was set, on the next tick; where the clock
-    was stepped, forward or back, on a grid of ticks of its own.
-
     Attributes:
-        motion: The piece that the last stamp lies in.
-        number: Which piece that is, from 1.
+        piece: The piece that the last stamp lies in.
         missed: Ticks so far that have no state.
+        last: The last stamp, ns; None: there was none.
     """
 
     def __init__(self, machine: Machine, motions: tuple[CrankMotion, ...]) -> None:
@@ -61,86 +91,64 @@ class Timeline:
             machine: Knows the ticks.
             motions: All pieces, in order; at least one.
         """
-        self._machine, self._motions = machine, motions
-        self.motion, self.number, self.missed = motions[0], 1, 0
-        self._anchor, self._tick = self.motion.stamp, -1
-        self.last = self._anchor - 1
-        # Which tick a clock step fell on is not logged. Ticks that are no whole ns apart may
-        # then be rounded to either side.
-        self._slack = 0
+        self._machine = machine
+        self._pieces: list[Piece] = []
+        anchor = motions[0].stamp
+        for number, motion in enumerate(motions, 1):
+            if motion.before is not None:
+                anchor += motion.stamp - motion.before
+            following = motions[number] if number < len(motions) else None
+            end = None if following is None else _moment(following)
+            self._pieces.append(Piece(motion, number, anchor, end))
+        self.piece, self.missed = self._pieces[0], 0
+        self.last: int | None = None
+        self._tick = -1
 
-    def offset(self, stamp: int) -> int:
+    def late(self, stamp: int) -> int:
         """How far a stamp is behind the last tick at or before it, ns; 0 on a tick."""
-        elapsed = stamp - self._anchor
-        offset = elapsed - self._machine.elapsed(self._machine.tick_at(elapsed))
-        return 0 if offset <= self._slack else offset
+        return self._late(self.piece, stamp)
 
-    def follows(self, stamp: int) -> bool:
-        """Tells whether a stamp may lie in the piece of the one before it.
+    def pieces_at(self, stamp: int) -> Iterator[Piece]:
+        """The pieces that the next stamp may lie in, the likeliest first.
 
-        Args:
-            stamp: The next one, ns.
-
-        Returns:
-            Whether it is a later tick.
-        """
-        return stamp > self.last and not self.offset(stamp)
-
-    def place(self, stamp: int) -> str:
-        """Goes on to a stamp and the piece of motion that it should lie in.
+        It is a tick of theirs, later than the last one. Where clocks overlap because one was set
+        back, only the values of the state tell which piece it is.
 
         Args:
             stamp: The next one, ns.
 
-        Returns:
-            What is wrong with the stamp; empty if nothing is.
+        Yields:
+            The pieces, in order.
         """
-        while self._is_next_due(stamp):
-            self._begin_next()
-        if stamp <= self.last:
-            return f'is not after the one before it, {seconds(self.last)}'
-        if offset := self.offset(stamp):
-            rate = self._machine.configuration.session.rate_hz
-            return f'is no tick of rate_hz = {rate:g}: {offset} ns late'
-        self.take(stamp)
-        return ''
+        for piece in self._pieces[self.piece.number - 1 :]:
+            if stamp < piece.motion.stamp or (piece.end is not None and stamp >= piece.end):
+                continue
+            if not self._late(piece, stamp) and self._tick_of(piece, stamp) > self._tick:
+                yield piece
 
-    def take(self, stamp: int) -> None:
-        """Counts a stamp as one of the piece it was found to lie in."""
-        tick = self._machine.tick_at(stamp - self._anchor)
+    def take(self, piece: Piece, stamp: int) -> None:
+        """Goes on to a stamp.
+
+        Args:
+            piece: From `pieces_at`.
+            stamp: The next one, ns.
+        """
+        tick = self._tick_of(piece, stamp)
         self.missed += tick - self._tick - 1
-        self._tick, self.last = tick, stamp
+        self.piece, self._tick, self.last = piece, tick, stamp
 
-    def skip_to(self, stamp: int) -> bool:
-        """Goes on to the next piece for a stamp that was placed already, if it can lie there.
+    def why_none(self, stamp: int) -> str:
+        """What is wrong with a stamp that lies in no piece."""
+        if self.last is not None and stamp <= self.last:
+            return f'is not after the one before it, {seconds(self.last)}'
+        if late := self.late(stamp):
+            rate = self._machine.configuration.session.rate_hz
+            return f'is no tick of rate_hz = {rate:g}: {late} ns late'
+        return 'lies in no piece of motion'
 
-        Where pieces overlap because the clock was set back, only the values tell which it is.
+    def _tick_of(self, piece: Piece, stamp: int) -> int:
+        return self._machine.tick_at(stamp - piece.anchor)
 
-        Args:
-            stamp: The one that was placed last, ns.
-
-        Returns:
-            Whether there is such a piece.
-        """
-        if self.number == len(self._motions) or self._motions[self.number].stamp > stamp:
-            return False
-        self._begin_next()
-        self._tick, self.last = self._machine.tick_at(stamp - self._anchor), stamp
-        return True
-
-    def _is_next_due(self, stamp: int) -> bool:
-        if self.number == len(self._motions):
-            return False
-        begin = self._motions[self.number].stamp
-        # A clock that is to be set back later calls an earlier moment by a time gone by.
-        goes_on = begin <= self.last < stamp and not self.offset(stamp)
-        return begin <= stamp and not goes_on
-
-    def _begin_next(self) -> None:
-        self.motion = self._motions[self.number]
-        self.number += 1
-        begin = self.motion.stamp
-        if begin <= self.last or self.offset(begin):
-            self._anchor, self._tick = begin, -1
-            self._slack = int(self._machine.elapsed(_MANY) != _MANY * self._machine.elapsed(1))
-        self.last = min(self.last, begin - 1)
+    def _late(self, piece: Piece, stamp: int) -> int:
+        elapsed = stamp - piece.anchor
+        return elapsed - self._machine.elapsed(self._machine.tick_at(elapsed))

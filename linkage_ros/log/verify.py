@@ -17,8 +17,8 @@ from linkage_ros.log.differences import differing
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import COUPLER_POINT, DIAGNOSTICS, ROBOT_DESCRIPTION, Topic
-from linkage_ros.log.timeline import Timeline, check_begin, seconds
+from linkage_ros.wire.messages import COUPLER_POINT, DIAGNOSTICS, ROBOT_DESCRIPTION, TOPICS, Topic
+from linkage_ros.log.timeline import Timeline, check_motions, seconds
 
 
 class Report(NamedTuple):
@@ -59,7 +59,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     machine = Machine(log.configuration)
     columns = _pair(log, machine.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = _check_topics(log, columns, descriptions) or check_begin(machine, log.motions)
+    difference = _check_topics(log, columns, descriptions) or check_motions(machine, log.motions)
     wrong: list[str] = []
     messages = _described(log, descriptions, machine.description, wrong)
     states, missed = 0, 0
@@ -103,6 +103,11 @@ def _pair(log: LogReader, topics: tuple[Topic, ...]) -> list[Column]:
 
 def _check_topics(log: LogReader, columns: list[Column], descriptions: list[str]) -> str:
     """Tells which topics cannot come from a run of this configuration."""
+    interfaces = {topic.interface.name: topic.interface for topic in TOPICS}
+    for channel in log.topics:
+        known = interfaces.get(channel.type)
+        if known and channel.layout != ('cdr', 'ros2msg', known.definition):
+            return f'{channel.name}: its schema is not that of {channel.type}'
     points = [t.name for t in log.topics if t.type == COUPLER_POINT.interface.name]
     if points and not any(topic == COUPLER_POINT for _, topic in columns):
         return f'{points[0]} is logged, but the configuration has no coupler.point'

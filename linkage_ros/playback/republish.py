@@ -29,7 +29,7 @@ _STAMP = struct.Struct('<iI')
 _NS = 10**9
 # s given to subscribers to be found, because a replay loses what nobody hears, and for the last
 # messages.
-_PATIENCE, _ACKNOWLEDGE = 3.0, 2.0
+_PATIENCE, _SETTLE, _ACKNOWLEDGE = 3.0, 0.5, 2.0
 
 
 @contextmanager
@@ -66,7 +66,7 @@ def republishing(
             publishers = _publishers(node, log, set(topics))
             if clock_hz is not None:
                 stack.enter_context(_ticking(node, pace, clock_hz))
-            if not ros.await_listeners(publishers.values(), _PATIENCE):
+            if not ros.await_listeners(publishers.values(), _PATIENCE, _SETTLE):
                 node.get_logger().info('nobody listens so far; --delay S gives them time')
             yield lambda item: publishers[item.message.topic].publish(item.message.data)
             end = time.monotonic() + _ACKNOWLEDGE
@@ -80,12 +80,13 @@ def republishing(
 def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
     known = {topic.interface.name: topic.interface for topic in TOPICS}
     publishers = {}
-    for name, kind, _, latched in log.topics:
+    for channel in log.topics:
+        name, latched = channel.name, channel.latched
         if name not in topics:
             continue
-        if kind not in known:
-            raise LogError(f'{log.path}: {name} has the foreign type {kind}')
-        topic = Topic(name, known[kind], latched, 1 if latched else 10)
+        if channel.type not in known:
+            raise LogError(f'{log.path}: {name} has the foreign type {channel.type}')
+        topic = Topic(name, known[channel.type], latched, 1 if latched else 10)
         publishers[name] = ros.create_publisher(node, topic)
     return publishers
 

@@ -75,10 +75,18 @@ class CrankMotion:
         stamp: Start, ns.
         rpm: The speed it moves to, turns per minute.
         acceleration: At which it does so, rad/s^2, not negative; 0: at once.
+        before: What the moment of the start was called until then, ns, where a step of the clock
+            began the piece; None: the clock went on.
     """
 
     def __init__(
-        self, stamp: int, phase: Fraction, speed: Fraction, rpm: float, acceleration: float
+        self,
+        stamp: int,
+        phase: Fraction,
+        speed: Fraction,
+        rpm: float,
+        acceleration: float,
+        before: int | None = None,
     ) -> None:
         """Describes a piece of motion.
 
@@ -88,8 +96,10 @@ class CrankMotion:
             speed: At the start, turns per minute; ignored where acceleration is 0.
             rpm: Speed to move to, turns per minute.
             acceleration: Not negative, rad/s^2.
+            before: The start on the clock as it stood before a step; None: there was none.
         """
         self.stamp, self.rpm, self.acceleration = stamp, rpm, acceleration
+        self.before = before
         self._phase, self._target = round(phase * _GRID), round(Fraction(rpm) * _GRID)
         self._speed = round(speed * _GRID) if acceleration else self._target
         gap = self._target - self._speed
@@ -160,8 +170,10 @@ class CrankMotion:
         Returns:
             The next piece of motion.
         """
-        start = stamp if restamp is None else restamp
-        return CrankMotion(start, self.phase(stamp), self.speed(stamp), rpm, self.acceleration)
+        continued = self.phase(stamp), self.speed(stamp), rpm, self.acceleration
+        if restamp is None:
+            return CrankMotion(stamp, *continued)
+        return CrankMotion(restamp, *continued, before=stamp)
 
     def time_to_turn(self, turns: int) -> int | None:
         """The first moment at which the crank is this many turns from its start, either way.

@@ -18,6 +18,8 @@ from typing import Any, Protocol
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
 CLOCK_STEP = 50_000_000
+# Readings of two clocks belong together if no more ns than these are between them.
+_TOGETHER = 1_000_000
 # Longest uninterrupted sleep, s: how long a slow node may take to notice that it should stop.
 _NAP = 0.1
 
@@ -96,8 +98,9 @@ class Stepper(Stepping):
         Args:
             begin: Called, in the caller's thread, with the stamp of tick 0, ns.
         """
-        self._origin, self._t0 = time.monotonic_ns(), time.time_ns()
-        self._offset = self._t0 - self._origin
+        self._offset = _clock_offset()
+        self._origin = time.monotonic_ns()
+        self._t0 = self._origin + self._offset
         begin(self._t0)
         self._thread.start()
 
@@ -138,7 +141,7 @@ class Stepper(Stepping):
     def _stamp(self, tick: int) -> int:
         """The stamp of a tick on the wall clock as it stands."""
         stamp = self._t0 + self._ticks.elapsed(tick)
-        stepped = time.time_ns() - time.monotonic_ns() - self._offset
+        stepped = _clock_offset() - self._offset
         if abs(stepped) > CLOCK_STEP:
             self._offset += stepped
             self._t0 += stepped
@@ -146,3 +149,16 @@ class Stepper(Stepping):
             self._restamp(stamp, stamp + stepped)
             stamp += stepped
         return stamp
+
+
+def _clock_offset() -> int:
+    """What the wall clock is ahead of the monotonic one, ns.
+
+    A thread that is held up between two readings would see a step; three of them tell.
+    """
+    while True:
+        before = time.monotonic_ns()
+        wall = time.time_ns()
+        after = time.monotonic_ns()
+        if after - before < _TOGETHER:
+            return wall - after

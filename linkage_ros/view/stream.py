@@ -35,6 +35,7 @@ from linkage_ros.view.viewer import (
     free_address,
     host_page,
     open_window,
+    reachable,
     require_screen,
     viewer_url,
 )
@@ -183,7 +184,8 @@ class View:
         if self._target in (SPAWN, WEB):
             host, port, self.exposed = free_address(bind)
             sink = rr.GrpcServerSink(host, port, server_memory_limit=_SERVED)
-            self.url = f'rerun+http://{host}:{port}/proxy'
+            where = reachable(host) if self._target == WEB else host
+            self.url = f'rerun+http://{where}:{port}/proxy'
         elif url := viewer_url(self._target):
             sink = rr.GrpcSink(url)
         else:

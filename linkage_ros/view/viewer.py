@@ -118,7 +118,7 @@ def host_page(binary: Path, data: str, bind: str) -> tuple[Program, str]:
     """
     host, port, _ = free_address(bind)
     options = ['--serve-web', '--bind', bind, '--web-viewer-port', str(port), '--port', 'auto']
-    page = f'http://{host}:{port}/?url={urllib.parse.quote(data, safe="")}'
+    page = f'http://{reachable(host)}:{port}/?url={urllib.parse.quote(data, safe="")}'
     return Program([binary, data, *options], outlives=False), page
 
 
@@ -209,6 +209,18 @@ def viewer_url(target: str) -> str | None:
             return target
         time.sleep(0.1)
     raise ViewerError(f'no viewer answers at {target}: start one there first, with `rerun`')
+
+
+def reachable(host: str) -> str:
+    """What a browser elsewhere has to ask for where something is served on every address.
+
+    Args:
+        host: From `free_address`.
+
+    Returns:
+        The address, or this machine's name instead of all addresses.
+    """
+    return socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
 
 
 def create_file(target: str, *, overwrite: bool) -> None:
