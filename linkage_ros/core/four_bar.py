@@ -91,14 +91,13 @@ class FourBarKinematics:
             functions: SCALAR or ARRAY.
 
         Returns:
-            Positions, cosines and sines of the links, and what `solve` makes the rates from.
+            Positions, and what `solve` makes the rest from.
         """
         S, C = self.map.half_angle(crank, functions)
         sin_m, cos_m = self.map.roots(S, C, functions)
         # Unit vectors: w = e^(i (delta + theta/2)), crank e^(i alpha) = w e^(i theta/2).
         ax, ay = self._axis
         wx, wy = ax * C - ay * S, ax * S + ay * C
-        crank_cos, crank_sin = wx * C - wy * S, wx * S + wy * C
         if self._concentric:
             fx, fy = self._quotient * wx, self._quotient * wy
             square = scale = 0.0
@@ -112,17 +111,10 @@ class FourBarKinematics:
             fx, fy = wx * dot - wy * cross, wx * cross + wy * dot
         signed = self.side * sin_m
         xc, ys, yc, xs = fx * cos_m, fy * signed, fy * cos_m, fx * signed
-        coupler_cos, coupler_sin = xc + ys, yc - xs
-        rocker_cos, rocker_sin = xc - ys, yc + xs
+        coupler, rocker = (yc - xs, xc + ys), (yc + xs, xc - ys)
         return (
-            (
-                crank,
-                functions.atan2(coupler_sin, coupler_cos),
-                functions.atan2(rocker_sin, rocker_cos),
-            ),
-            (crank_cos, coupler_cos, rocker_cos),
-            (crank_sin, coupler_sin, rocker_sin),
-            (S, C, sin_m, cos_m, square, scale),
+            (crank, functions.atan2(*coupler), functions.atan2(*rocker)),
+            (S, C, sin_m, cos_m, square, scale, (wx, wy), coupler, rocker),
         )
 
     def solve(self, crank: Real, functions: Functions) -> Links:
@@ -135,13 +127,14 @@ class FourBarKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        positions, cosines, sines, made = self.locate(crank, functions)
-        S, C, sin_m, cos_m, _, scale = made
+        positions, made = self.locate(crank, functions)
+        S, C, sin_m, cos_m, square, scale, (wx, wy), coupler, rocker = made
         first, second = self.map.slopes(S, C, sin_m, cos_m)
         if self._concentric:
             mean, mean_slope = 0.5, 0.0
         elif self._nearly_concentric:
-            mean, mean_slope = self._careful_mean(made, (first, second), functions)
+            halves = S, C, sin_m, cos_m
+            mean, mean_slope = self._careful_mean(halves, (first, second), square, functions)
         else:
             # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
             half_moment, (arm, arm_growth) = 0.5 * self._moment, self._arm
@@ -152,16 +145,17 @@ class FourBarKinematics:
         first, second = half_side * first, half_side * second
         return (
             positions,
-            cosines,
-            sines,
+            (wx * C - wy * S, coupler[1], rocker[1]),
+            (wx * S + wy * C, coupler[0], rocker[0]),
             ((1.0, mean - first, mean + first),),
             (0.0, mean_slope - second, mean_slope + second),
         )
 
     def _careful_mean(
         self,
-        made: tuple[Real, ...],
+        halves: tuple[Real, Real, Real, Real],
         slopes: tuple[Real, Real],
+        square: Real,
         functions: Functions,
     ) -> tuple[Real, Real]:
         """(1 - nu) / 2 and its derivative where A passes B0 closely, L much shorter than d.
@@ -169,8 +163,7 @@ class FourBarKinematics:
         There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' are alike. But
         (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
         """
-        S, C, sin_m, cos_m, square, _ = made
-        first, second = slopes
+        (S, C, sin_m, cos_m), (first, second) = halves, slopes
         p, q, kappa = self.map.p, self.map.q, self.map.kappa
         diff_dr, sum_dr, diff_bc, _ = self._brackets
         u, v = (kappa * C / cos_m if p else 1.0), (kappa * S / sin_m if q else 1.0)

@@ -22,4 +22,4 @@ PerLink: TypeAlias = tuple[Real, Real, Real]
 #              acceleration is zero
 Links: TypeAlias = tuple[PerLink, PerLink, PerLink, tuple[PerLink, ...], PerLink]
 # The position alone, and what the kinematics that found it makes the rest from.
-Place: TypeAlias = tuple[PerLink, PerLink, PerLink, tuple[Real, ...]]
+Place: TypeAlias = tuple[PerLink, tuple[Real, ...]]

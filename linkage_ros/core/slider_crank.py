@@ -52,9 +52,10 @@ class SliderCrankKinematics:
             near=short_sum(mechanism.longest, b, -e, r) / (2 * b),
         )
         gx, gy = math.cos(guide), math.sin(guide)
-        self._guide = (gx, gy), (gx / r, gy / r), (gx / b, gy / b)
+        self._guide, self._guide_over_r, self._over_b = (gx, gy), (gx / r, gy / r), 1 / b
         self.side = 1.0 if mechanism.assembly == OPEN else -1.0
-        self._lengths = (r, b)
+        self._radius = r
+        self._double = 2 * r, 2 * self.side * b, b
 
     def locate(self, crank: Real, functions: Functions) -> Place:
         """The position alone.
@@ -64,23 +65,17 @@ class SliderCrankKinematics:
             functions: SCALAR or ARRAY.
 
         Returns:
-            Positions, cosines and sines of the links, and what `solve` makes the rates from.
+            Positions, and what `solve` makes the rest from.
         """
-        (r, b), side = self._lengths, self.side
         S, C = self.map.half_angle(crank, functions)
         sin_m, cos_m = self.map.roots(S, C, functions)
         # In the guide's axes: r e^(i alpha) and b e^(i beta).
-        rx, ry = 2 * r * (S * C), r * ((S - C) * (S + C))
-        bx, by = 2 * side * b * (sin_m * cos_m), b * ((cos_m - sin_m) * (cos_m + sin_m))
-        (gx, gy), (gx_r, gy_r), (gx_b, gy_b) = self._guide
-        crank_cos, crank_sin = gx_r * rx - gy_r * ry, gx_r * ry + gy_r * rx
-        coupler_cos, coupler_sin = gx_b * bx - gy_b * by, gx_b * by + gy_b * bx
-        return (
-            (crank, functions.atan2(coupler_sin, coupler_cos), rx + bx),
-            (crank_cos, coupler_cos, gx),
-            (crank_sin, coupler_sin, gy),
-            (S, C, sin_m, cos_m, rx, ry, bx, by),
-        )
+        crank_along, coupler_along, coupler_across = self._double
+        rx, bx = crank_along * (S * C), coupler_along * (sin_m * cos_m)
+        by = coupler_across * ((cos_m - sin_m) * (cos_m + sin_m))
+        gx, gy = self._guide
+        x, y = gx * bx - gy * by, gx * by + gy * bx
+        return (crank, functions.atan2(y, x), rx + bx), (S, C, sin_m, cos_m, (rx, bx, by), (x, y))
 
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.
@@ -92,16 +87,17 @@ class SliderCrankKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        positions, cosines, sines, made = self.locate(crank, functions)
-        S, C, sin_m, cos_m, rx, ry, bx, by = made
+        positions, (S, C, sin_m, cos_m, (rx, bx, by), (x, y)) = self.locate(crank, functions)
+        ry = self._radius * ((S - C) * (S + C))
+        (gx, gy), (gx_r, gy_r), over_b = self._guide, self._guide_over_r, self._over_b
         first, second = self.map.slopes(S, C, sin_m, cos_m)
         turn, bend = -self.side * first, -self.side * second
         slope = -(ry + by * turn)
         curvature = -(rx + bx * (turn * turn) + by * bend)
         return (
             positions,
-            cosines,
-            sines,
+            (gx_r * rx - gy_r * ry, over_b * x, gx),
+            (gx_r * ry + gy_r * rx, over_b * y, gy),
             ((1.0, turn, slope),),
             (0.0, bend, curvature),
         )

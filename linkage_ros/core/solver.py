@@ -152,13 +152,13 @@ class Solver:
         """
         functions = functions_of(crank)
         if self._limited:
-            self._require_reachable(crank, functions)
+            self.require_reachable(crank, functions)
         ((inertia,),) = self._masses.matrix(self.kinematics.solve(crank, functions))
         return inertia
 
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
         if self._limited:
-            self._require_reachable(crank, functions)
+            self.require_reachable(crank, functions)
         links = self.kinematics.solve(crank, functions)
         position, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
         squared = speed * speed
@@ -174,11 +174,20 @@ class Solver:
         (torque,) = self._masses.balance(links, velocity, accelerations)
         return _new(State, (position, velocity, accelerations, torque))
 
-    def _require_reachable(self, crank: Real, functions: Functions) -> None:
+    def require_reachable(self, crank: Real, functions: Functions) -> None:
+        """Refuses crank angles that a limited crank cannot have.
+
+        Args:
+            crank: Crank angle, rad; float or array.
+            functions: SCALAR or ARRAY.
+
+        Raises:
+            UnreachableError: The loop cannot close at a crank angle.
+        """
         for margin in self.kinematics.map.margins(crank, functions):
             if not functions.lowest(margin) > 0:
                 worst = np.atleast_1d(crank)[np.atleast_1d(margin) <= 0][0]
-                raise unreachable(self.mobility, float(worst))
+                raise unreachable(self.mobility, float(worst))  # noqa: DOC501, a function makes it
 
     def _solve_chunks(self, shape: tuple[int, ...], inputs: tuple[Real, Real, Real]) -> State:
         # What is the same for all states stays a number: half of the work on it is saved.
