@@ -22,8 +22,6 @@ from linkage_ros.log.timeline import Timeline, seconds
 
 _STAMP = struct.Struct('<iI')
 _NS = 10**9
-# ns that log time and stamp of a first state may be apart if both are the wall clock's.
-_ONE_CLOCK = 10**10
 _HEADER = 12  # bytes up to the end of a stamp
 # Messages that one topic may be behind the others before it counts as broken off.
 _BEHIND = 10_000
@@ -67,8 +65,10 @@ class Comparison:
             name: queue for (name, _), queue in zip(columns, self._queues, strict=True)
         }
         self._before: list[bytes] = []
-        self._piece = self._piece_before = 1
-        self._same_clock = False
+        self._piece = 1
+        self._piece_before = timeline.piece
+        # What is wrong with the log time of the state before, unless the clock was set back.
+        self._fell, self._latest = '', 0
         self._time_before: int | None = None
 
     def run(self, messages: Iterator[LoggedMessage], progress: Callable[[int], object]) -> str:
@@ -159,16 +159,15 @@ class Comparison:
             if self._timeline.missed:
                 return f'comes after {self._timeline.missed} lost states: a record has every tick'
             return '' if time == stamp else f'{when}: a record has its stamp'
-        if self._time_before is None:
-            self._same_clock = abs(time - stamp) < _ONE_CLOCK
-        if not self._same_clock:  # simulated time
-            return ''
-        if time < stamp - CLOCK_STEP:
-            return f'{when}, before its time came'
-        piece, self._piece_before = self._piece_before, self._piece
-        if piece == self._piece and time < (self._time_before or 0) - CLOCK_STEP:
-            return f'{when}, before the state that it follows'
-        return ''
+        piece, self._piece_before = self._piece_before, self._timeline.piece
+        fell, self._fell = self._fell, ''
+        if piece != self._piece_before and self._piece_before.motion.before is not None:
+            # The clock may have been set back between the stamp of a state and its log time.
+            self._latest, fell = time, ''
+        elif time < self._latest - 2 * CLOCK_STEP:
+            self._fell = f'{when}, before states that it follows'
+        self._latest = max(self._latest, time)
+        return fell
 
     def _likeliest(self, stamps: list[int]) -> int:
         """The stamp of a state whose messages do not agree on it."""

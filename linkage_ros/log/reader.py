@@ -107,6 +107,8 @@ class LogReader(AbstractContextManager['LogReader']):
         if summary is None or summary.statistics is None:
             raise LogError(_CUT)
         _check_summary(self._stream)
+        if summary.statistics.chunk_count != len(summary.chunk_indexes):
+            raise LogError('it is damaged: its index leaves out parts of it')
         _share_offsets(summary.chunk_indexes)
         records = list(self._reader.iter_metadata())
         # The index is under the summary's checksum, the records' names are under none.

@@ -59,7 +59,8 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     machine = Machine(log.configuration)
     columns = _pair(log, machine.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = _check_topics(log, columns, descriptions) or check_motions(machine, log.motions)
+    difference = _check_topics(log, columns, descriptions, machine.topics)
+    difference = difference or check_motions(machine, log.motions)
     wrong: list[str] = []
     messages = _described(log, descriptions, machine.description, wrong)
     states, missed = 0, 0
@@ -101,13 +102,28 @@ def _pair(log: LogReader, topics: tuple[Topic, ...]) -> list[Column]:
     return pairs
 
 
-def _check_topics(log: LogReader, columns: list[Column], descriptions: list[str]) -> str:
+def _check_topics(
+    log: LogReader,
+    columns: list[Column],
+    descriptions: list[str],
+    machine_topics: tuple[Topic, ...],
+) -> str:
     """Tells which topics cannot come from a run of this configuration."""
     interfaces = {topic.interface.name: topic.interface for topic in TOPICS}
     for channel in log.topics:
         known = interfaces.get(channel.type)
         if known and channel.layout != ('cdr', 'ros2msg', known.definition):
             return f'{channel.name}: its schema is not that of {channel.type}'
+    paired, known_types = dict(columns), {t.interface.name for _, t in columns}
+    kinds = {topic.name: topic.interface.name for topic in machine_topics}
+    for channel in log.topics:
+        kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
+        if channel.name in paired:
+            continue
+        if channel.type in known_types and channel.messages:
+            return f'{channel.name} is of the type of another topic: which one is of this run?'
+        if kind != channel.type:
+            return f'{channel.name} is of type {channel.type}, not {kind}'
     points = [t.name for t in log.topics if t.type == COUPLER_POINT.interface.name]
     if points and not any(topic == COUPLER_POINT for _, topic in columns):
         return f'{points[0]} is logged, but the configuration has no coupler.point'
