@@ -74,7 +74,7 @@ setup(
             )
         ],
         'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
-        'chart': ['matplotlib'],
+        'chart': ['matplotlib', 'mpmath'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',

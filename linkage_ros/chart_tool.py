@@ -5,11 +5,20 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
+import os
+import platform
 import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from linkage_ros import cli
+import numpy as np
+from tqdm import tqdm
+
+from linkage_ros import __version__, cli
 from linkage_ros.core.curves import Curves
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
@@ -28,13 +37,8 @@ def motion(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism, the speed or the folder cannot be used.
     """
-    try:
-        from linkage_ros.chart import draw_motion
-    except ModuleNotFoundError as error:
-        raise ConfigurationError(
-            f"charts need {error.name}: pip install 'linkage_ros[chart]'"
-        ) from error
-
+    with _libraries():
+        from linkage_ros.charts.motion import draw_motion
     configuration = load(options.params)
     mechanism, kind = configuration.mechanism, configuration.kind.mechanism
     rpm = configuration.drive.rpm if options.rpm is None else options.rpm
@@ -53,16 +57,110 @@ def motion(options: argparse.Namespace) -> None:
         *travel(curves.solver).words(),
     ]
     picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
-    try:
-        options.out.mkdir(parents=True, exist_ok=True)
+    with _folder(options.out):
         curves.save(table)
         draw_motion(curves, title, picture)
-    except FileExistsError as error:
-        raise ConfigurationError(f'{options.out} is no folder: name another') from error
-    except OSError as error:
-        raise ConfigurationError(f'{options.out} cannot be written: {error.strerror}') from error
     print(', '.join(title))
     print(f'{picture}\n{table}')
+
+
+def accuracy(options: argparse.Namespace) -> None:
+    """Measures speed and accuracy of all methods, draws them and writes the records.
+
+    Args:
+        options: Of the command line.
+
+    Raises:
+        ConfigurationError: The folder cannot be written.
+    """
+    with _libraries():
+        from linkage_ros.charts.accuracy import draw_accuracy
+        from linkage_ros.methods.accuracy import measure, tasks
+        from linkage_ros.methods.measure import Bench
+    quadrilateral = load('quadrilateral').mechanism
+    slider_crank = load('slider_crank').mechanism
+    with _folder(options.out):
+        benches = {
+            name: Bench(task, 120 if options.quick else 360)
+            for name, task in tasks(quadrilateral, slider_crank).items()
+        }
+        points = measure(benches, quick=options.quick, progress=_progress)
+        _save(options.out / 'accuracy.json', [point.record() for point in points])
+        for name in benches:
+            stem = options.out / f'accuracy_{name.replace(" ", "_")}'
+            paths = [stem.with_suffix('.png'), stem.with_suffix('.svg')]
+            title = f'Speed against accuracy: {name.replace("_", "-")}'
+            draw_accuracy([point for point in points if point.mechanism == name], title, paths)
+            print(*paths, sep='\n')
+
+
+def stability(options: argparse.Namespace) -> None:
+    """Runs all methods through all situations, draws what comes of it and writes the records.
+
+    Args:
+        options: Of the command line.
+
+    Raises:
+        ConfigurationError: The folder cannot be written.
+    """
+    with _libraries():
+        from linkage_ros.charts.stability import draw_stability
+        from linkage_ros.methods.situations import SITUATIONS
+        from linkage_ros.methods.stability import measure
+    with _folder(options.out):
+        cases = 6 if options.quick else 30
+        cells = measure(SITUATIONS, cases=cases, progress=_progress)
+        _save(options.out / 'stability.json', [cell.record() for cell in cells])
+        title = f'What comes of each method in each situation: the worst of {cases} cases'
+        draw_stability(cells, title, options.out / 'stability.png')
+    print(options.out / 'stability.png')
+
+
+@contextmanager
+def _libraries() -> Iterator[None]:
+    """Says in one line which library a chart lacks.
+
+    Raises:
+        ConfigurationError: It is missing.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ConfigurationError(
+            f"charts need {error.name}: pip install 'linkage_ros[chart]'"
+        ) from error
+
+
+@contextmanager
+def _folder(path: Path) -> Iterator[None]:
+    """Makes the folder of the results, and says in one line why something cannot be written.
+
+    Raises:
+        ConfigurationError: It cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        yield
+    except FileExistsError as error:
+        raise ConfigurationError(f'{path} is no folder: name another') from error
+    except OSError as error:
+        raise ConfigurationError(f'{path} cannot be written: {error.strerror}') from error
+
+
+def _progress(items: Iterable[Any], words: str) -> Iterable[Any]:
+    return tqdm(items, desc=words, disable=None, leave=False)
+
+
+def _save(path: Path, records: list[dict[str, Any]]) -> None:
+    """Writes records, with what they were measured on."""
+    about = {
+        'linkage_ros': __version__,
+        'python': platform.python_version(),
+        'numpy': np.__version__,
+        'machine': f'{platform.system()} {platform.machine()}, {os.cpu_count()} processors',
+    }
+    path.write_text(json.dumps({'about': about, 'records': records}, indent=1) + '\n')
+    print(path)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -70,7 +168,8 @@ def _parser() -> argparse.ArgumentParser:
         _NAME,
         'Draw what a mechanism does; needs no ROS.',
         ('motion quadrilateral', 'motion my_linkage.yaml --reactions --out charts',
-         'motion slider_crank --rpm 4.7746482927568605 --acceleration 1'),
+         'motion slider_crank --rpm 4.7746482927568605 --acceleration 1',
+         'accuracy --quick --out charts', 'stability --out charts'),
     )  # fmt: skip
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     curves = commands.add_parser(
@@ -89,20 +188,34 @@ def _parser() -> argparse.ArgumentParser:
     curves.add_argument(
         '--reactions', action='store_true', help='add joint forces, shaking force and moment'
     )
-    curves.add_argument(
-        '--out',
-        type=Path,
-        default=Path(),
-        metavar='DIR',
-        help='folder for PNG and CSV, which are replaced (default: this one)',
+    curves.set_defaults(draw=motion)
+    compared = commands.add_parser(
+        'accuracy', help='speed against accuracy of all methods: PNG, SVG and JSON'
     )
+    compared.set_defaults(draw=accuracy)
+    failing = commands.add_parser(
+        'stability', help='what comes of all methods where some of them fail: PNG and JSON'
+    )
+    failing.set_defaults(draw=stability)
+    for command in (compared, failing):
+        command.add_argument(
+            '--quick', action='store_true', help='fewer settings, cases and rounds: half a minute'
+        )
+    for command in (curves, compared, failing):
+        command.add_argument(
+            '--out',
+            type=Path,
+            default=Path(),
+            metavar='DIR',
+            help='folder for the results, which are replaced (default: this one)',
+        )
     return parser
 
 
 def main() -> int:
     """Entry point."""
     options = _parser().parse_args()
-    return cli.run(_NAME, lambda: motion(options))
+    return cli.run(_NAME, lambda: options.draw(options))
 
 
 if __name__ == '__main__':

@@ -18,7 +18,7 @@ PACKAGE = ROOT / 'linkage_ros'
 FILES = sorted(PACKAGE.rglob('*.py'))
 # The floors, lowest first: each imports those below it. What lies in no folder is an edge, or one
 # of three files that stand apart.
-FLOORS = ('core', 'wire', 'run', 'log', 'view', 'playback')
+FLOORS = ('core', 'methods', 'wire', 'run', 'log', 'view', 'charts', 'playback')
 BELOW_ALL = {'errors', 'palette'}
 
 
@@ -33,12 +33,15 @@ MODULES = {name_of(path) for path in FILES} - {'__init__'}
 ROS = {'ros', 'ros_parameters', 'playback.republish', 'node'}
 MCAP = {'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
 RERUN = {'view.stream', 'view.layout'}
-TQDM = {'record', 'replay', 'log_tool'}
+CHARTS = {'charts.motion', 'charts.accuracy', 'charts.stability'}
+MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.stability'}
+TQDM = {'record', 'replay', 'log_tool', 'chart_tool'}
 ROOMS = {
     'mcap': (MCAP, MCAP),
     'zstandard': ({'log.salvage'}, {'log.salvage'}),
     'rerun': (RERUN, RERUN),
-    'matplotlib': ({'chart'}, {'chart'}),
+    'matplotlib': (CHARTS, CHARTS),
+    'mpmath': ({'methods.reference'}, {'methods.reference'}),
     'yaml': ({'run.parameter_file'}, {'run.parameter_file'}),
     'tqdm': (TQDM, TQDM),
     'rclpy': (ROS, {*ROS, 'demo'}),
@@ -261,6 +264,6 @@ def test_the_block_keeps_a_library_out(module, library):
 
 
 def test_all_but_the_ros_modules_are_imported_without_ros_viewer_and_charts():
-    names = ', '.join(f'linkage_ros.{name}' for name in sorted(MODULES - ROS - {'chart'}))
+    names = ', '.join(f'linkage_ros.{name}' for name in sorted(MODULES - ROS - CHARTS - MPMATH))
     done = run(f'import {names}\nprint("all")', OPTIONAL)
     assert (done.returncode, done.stdout) == (0, 'all\n'), done.stderr

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Charts as pictures; the only file that knows matplotlib."""
+"""The curves of one mechanism over a period, as a picture."""
 
 from __future__ import annotations
 

@@ -93,8 +93,7 @@ class FourBarKinematics:
         Returns:
             Positions, and what `solve` makes the rest from.
         """
-        S, C = self.map.half_angle(crank, functions)
-        sin_m, cos_m = self.map.roots(S, C, functions)
+        S, C, sin_m, cos_m = self.map.place(crank, functions)
         # Unit vectors: w = e^(i (delta + theta/2)), crank e^(i alpha) = w e^(i theta/2).
         ax, ay = self._axis
         wx, wy = ax * C - ay * S, ax * S + ay * C

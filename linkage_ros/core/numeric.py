@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
-from types import SimpleNamespace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,8 @@ Real: TypeAlias = Any
 Array: TypeAlias = npt.NDArray[np.float64]
 
 
-class Functions(Protocol):
+@dataclass(frozen=True)
+class Functions:
     """The elementary functions that a formula needs, for floats or for arrays."""
 
     sin: Callable[[Real], Real]
@@ -31,11 +32,11 @@ class Functions(Protocol):
     lowest: Callable[[Real], float]
 
 
-SCALAR: Functions = SimpleNamespace(
+SCALAR = Functions(
     sin=math.sin, cos=math.cos, sqrt=math.sqrt, atan2=math.atan2, round=round, lowest=float,
     where=lambda condition, then, otherwise: then if condition else otherwise,
 )  # fmt: skip
-ARRAY: Functions = SimpleNamespace(
+ARRAY = Functions(
     sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, lowest=np.min,
     where=np.where,
 )  # fmt: skip

@@ -54,8 +54,8 @@ class SliderCrankKinematics:
         gx, gy = math.cos(guide), math.sin(guide)
         self._guide, self._guide_over_r, self._over_b = (gx, gy), (gx / r, gy / r), 1 / b
         self.side = 1.0 if mechanism.assembly == OPEN else -1.0
-        self._radius = r
-        self._double = 2 * r, 2 * self.side * b, b
+        self._lengths, self._two_r, self._two_b = (r, b), 2 * r, 2 * self.side * b
+        self._coupler = gx * self._two_b, gy * self._two_b, gx * b, gy * b
 
     def locate(self, crank: Real, functions: Functions) -> Place:
         """The position alone.
@@ -67,15 +67,13 @@ class SliderCrankKinematics:
         Returns:
             Positions, and what `solve` makes the rest from.
         """
-        S, C = self.map.half_angle(crank, functions)
-        sin_m, cos_m = self.map.roots(S, C, functions)
-        # In the guide's axes: r e^(i alpha) and b e^(i beta).
-        crank_along, coupler_along, coupler_across = self._double
-        rx, bx = crank_along * (S * C), coupler_along * (sin_m * cos_m)
-        by = coupler_across * ((cos_m - sin_m) * (cos_m + sin_m))
-        gx, gy = self._guide
-        x, y = gx * bx - gy * by, gx * by + gy * bx
-        return (crank, functions.atan2(y, x), rx + bx), (S, C, sin_m, cos_m, (rx, bx, by), (x, y))
+        S, C, sin_m, cos_m = self.map.place(crank, functions)
+        # Half of sin mu, and cos mu; b e^(i beta) is the coupler.
+        sine, cosine = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
+        across_x, across_y, along_x, along_y = self._coupler
+        x, y = across_x * sine - along_y * cosine, along_x * cosine + across_y * sine
+        output = self._two_r * (S * C) + self._two_b * sine
+        return (crank, functions.atan2(y, x), output), (S, C, sin_m, cos_m, sine, cosine, x, y)
 
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.
@@ -87,8 +85,10 @@ class SliderCrankKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        positions, (S, C, sin_m, cos_m, (rx, bx, by), (x, y)) = self.locate(crank, functions)
-        ry = self._radius * ((S - C) * (S + C))
+        positions, (S, C, sin_m, cos_m, sine, cosine, x, y) = self.locate(crank, functions)
+        # In the guide's axes: r e^(i alpha) and b e^(i beta).
+        rx, ry = self._two_r * (S * C), self._lengths[0] * ((S - C) * (S + C))
+        bx, by = self._two_b * sine, self._lengths[1] * cosine
         (gx, gy), (gx_r, gy_r), over_b = self._guide, self._guide_over_r, self._over_b
         first, second = self.map.slopes(S, C, sin_m, cos_m)
         turn, bend = -self.side * first, -self.side * second

@@ -187,7 +187,8 @@ class Solver:
         for margin in self.kinematics.map.margins(crank, functions):
             if not functions.lowest(margin) > 0:
                 worst = np.atleast_1d(crank)[np.atleast_1d(margin) <= 0][0]
-                raise unreachable(self.mobility, float(worst))  # noqa: DOC501, a function makes it
+                error: UnreachableError = unreachable(self.mobility, float(worst))
+                raise error
 
     def _solve_chunks(self, shape: tuple[int, ...], inputs: tuple[Real, Real, Real]) -> State:
         # What is the same for all states stays a number: half of the work on it is saved.

@@ -1,0 +1,44 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Numba: the textbook closed form, compiled."""
+
+import numba
+import numpy as np
+from contract import Peer
+from plain import make_plain
+
+
+class Adapter(Peer):
+    """The Python function of plain.py, compiled; without default arguments, which would cost."""
+
+    name = 'Numba'
+    distribution = 'numba'
+    how = (
+        'njit of the textbook closed form of benchmarks/plain.py, each state by itself on one '
+        'side; for arrays a compiled loop around it. Compiled before timing.'
+    )
+
+    def __init__(self, mechanism, speed, first):
+        super().__init__(mechanism, speed, first)
+        plain = self.plain = numba.njit(make_plain(mechanism, self.side))
+
+        @numba.njit
+        def loop(angles, w, out):
+            for i in range(angles.size):
+                state = plain(angles[i], w)
+                for j in range(7):
+                    out[j, i] = state[j]
+
+        self.loop = loop
+
+    def torque(self, angles):
+        plain, speed = self.plain, self.speed
+        return [plain(angle, speed) for angle in angles]
+
+    def torque_array(self, angles):
+        out = self.rows(7, angles.size)
+        self.loop(angles, self.speed, out)
+        return out
+
+    def table(self, results):
+        return results if isinstance(results, np.ndarray) else super().table(results)

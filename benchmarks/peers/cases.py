@@ -1,0 +1,110 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The situations in which peers are tried: a four-bar, and the crank angles asked for in turn."""
+
+import math
+from dataclasses import dataclass, replace
+
+from linkage_ros import Body, Coupler, FourBar, Frame
+from linkage_ros.run.configuration import load
+
+DEGREE = math.pi / 180
+
+
+@dataclass(frozen=True)
+class Case:
+    """One situation.
+
+    Attributes:
+        name: Of a few words.
+        sentence: What is asked.
+        mechanism: The four-bar.
+        angles: Crank angles, rad, in the order asked; a state exists at the first.
+        lengths: Of crank, coupler, rocker, frame as typed, where the doubles stand for decimals.
+    """
+
+    name: str
+    sentence: str
+    mechanism: FourBar
+    angles: tuple
+    lengths: tuple | None = None
+
+
+def four_bar(r, b, c, d, assembly='open'):
+    """Slender links of 0.1 kg."""
+
+    def link(kind, length):
+        return kind(length, 0.1, 0.1 * length**2 / 12, (length / 2, 0.0))
+
+    return FourBar(Frame(d), link(Body, r), link(Coupler, b), link(Body, c), assembly)
+
+
+def degrees(start, stop):
+    """Angles a degree apart, each the nearest double to its degrees."""
+    return tuple((start + i) * DEGREE for i in range(round(stop - start) + 1))
+
+
+def around(place, nearest, beyond):
+    """Angles that come to a place in steps of about a third of what is left, and go on past it."""
+    count = round(-2 * math.log10(nearest)) + 1
+    offsets = [10 ** (-i / 2) for i in range(count)]
+    before = [place - x for x in offsets]
+    return tuple(before + [place + x for x in reversed(offsets)] if beyond else before)
+
+
+def cases():
+    """All situations; lengths of the first three are exact in binary."""
+    preset = load('quadrilateral').mechanism
+    parallelogram = four_bar(0.125, 0.375, 0.125, 0.375)
+    limited = four_bar(0.2, 0.15, 0.17, 0.26)
+    # Where coupler and rocker lie in line.
+    r, d, reach = 0.2, 0.26, 0.15 + 0.17
+    dead = math.acos((r * r + d * d - reach * reach) / (2 * r * d))
+    once = degrees(30.37, 390.37)
+    far = 1e6 * 2 * math.pi
+    sizes = {
+        name: four_bar(size, 3.15 * size, 5 * size, 4.25 * size)
+        for name, size in (('tiny', 1e-6), ('huge', 1e6))
+    }
+    return (
+        Case(
+            'change point hit', 'A parallelogram, degree by degree until all links lie in line. '
+            'Rounding may save a peer from the division by zero.',
+            parallelogram, degrees(-60, 0),
+        ),
+        Case(
+            'change point passed', 'The same through a turn, past both change points, no angle '
+            'on them.', parallelogram, once,
+        ),
+        Case(
+            'near a change point', 'A crank-rocker whose links miss lying in line by 1e-14 m, '
+            'up to 1e-8 rad from there, and past it.',
+            four_bar(0.125, 0.375, 0.125 + 1e-14, 0.375),
+            around(math.pi, 1e-8, beyond=True),
+        ),
+        Case(
+            'typed in decimals', 'Links of 0.1, 0.2, 0.3, 0.4 m, whose sums meet as typed and '
+            'not in binary; a turn past the change point.', four_bar(0.1, 0.2, 0.3, 0.4), once,
+            ('0.1', '0.2', '0.3', '0.4'),
+        ),
+        Case(
+            'beyond the arc', f'A crank that reaches {dead / DEGREE:.1f} deg is turned to 150 '
+            'deg. A number for an angle where the loop cannot close is a wrong one.',
+            limited, degrees(30, 150),
+        ),
+        Case(
+            'dead centre', 'The same crank, up to 1e-6 rad from the end of its arc.', limited,
+            around(dead, 1e-6, beyond=False),
+        ),
+        Case(
+            'crossed assembly', 'A turn of the four-bar of document 1 in its other assembly.',
+            replace(preset, assembly='crossed'), once,
+        ),
+        Case('tiny links', 'A turn; the crank is 1e-6 m long.', sizes['tiny'], once),
+        Case('huge links', 'A turn; the crank is 1e6 m long.', sizes['huge'], once),
+        Case(
+            'long run', 'A turn of the four-bar of document 1 in steps of 10 deg, begun at a '
+            'crank angle of a million turns.', preset,
+            tuple(far + 10 * i * DEGREE for i in range(37)),
+        ),
+    )  # fmt: skip

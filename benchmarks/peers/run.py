@@ -1,0 +1,140 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Other software on the same work, beside ours in one run: speed, errors, hard situations.
+
+Makes an environment of its own from requirements.txt, measures there, prints the tables, and on
+request writes them: --json all numbers, --markdown the page docs/peers.md. It takes a few
+minutes. Run: python benchmarks/peers/run.py
+"""
+
+import argparse
+import datetime as dt
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+import venv
+from pathlib import Path
+
+import report
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+REQUIREMENTS = HERE / 'requirements.txt'
+
+
+def environment(folder):
+    """Makes or completes the virtual environment.
+
+    Returns:
+        Its Python, and a line for each requirement that cannot be installed.
+    """
+    python = folder / ('Scripts/python.exe' if os.name == 'nt' else 'bin/python')
+    if not python.exists():
+        print(f'making {folder} ...', flush=True)
+        venv.create(folder, with_pip=True)
+    pip = [python, '-m', 'pip', 'install', '--quiet', '--disable-pip-version-check']
+    whole = subprocess.run([*pip, '-r', REQUIREMENTS], check=False, capture_output=True)
+    if whole.returncode == 0:
+        return python, []
+    missing = []
+    lines = [x for x in REQUIREMENTS.read_text().splitlines() if x and not x.startswith('#')]
+    # One by one, but none may move the others.
+    others = folder / 'others.txt'
+    for line in lines:
+        others.write_text('\n'.join(x for x in lines if x != line))
+        command = [*pip, '--constraint', others, line]
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
+        if done.returncode:
+            reasons = re.findall(r'^ERROR: (.*)', done.stderr, re.MULTILINE) or ['pip failed']
+            missing.append(f'{line} cannot be installed: {reasons[-1]}')
+            print(f'left out: {missing[-1]}', flush=True)
+    return python, missing
+
+
+def measured(python, script, folder, *options):
+    """What a script in the environment finds, and the lines it left peers out with.
+
+    Raises:
+        SystemExit: It failed; it has said why.
+    """
+    out = Path(folder, f'{script}.json')
+    paths = os.pathsep.join(map(str, (ROOT, ROOT / 'test', ROOT / 'benchmarks')))
+    # One thread each: what is compared is the work on one core.
+    threads = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS'), '1')
+    process = subprocess.Popen(
+        [python, HERE / script, out, *options], text=True, stdout=subprocess.PIPE,
+        env={**os.environ, **threads, 'PYTHONPATH': paths},
+    )  # fmt: skip
+    left_out = []
+    for line in process.stdout:
+        print(line, end='', flush=True)
+        if line.startswith('left out: '):
+            left_out.append(line.removeprefix('left out: ').strip())
+    if process.wait():
+        raise SystemExit(f'{script} failed')
+    return json.loads(out.read_text()), left_out
+
+
+def machine():
+    """What it ran on."""
+    cpu = platform.processor() or platform.machine()
+    information = Path('/proc/cpuinfo')
+    if information.exists():
+        names = re.findall(r'^model name\s*: (.*)', information.read_text(), re.MULTILINE)
+        cpu = names[0] if names else cpu
+    system = f'{platform.system()} {platform.release()}'
+    release = Path('/etc/os-release')
+    if release.exists():
+        system = re.findall(r'^PRETTY_NAME="?([^"\n]*)', release.read_text(), re.MULTILINE)[0]
+    return {'cpu': cpu, 'cores': os.cpu_count(), 'os': system}
+
+
+def first_line(*command):
+    """Of what a program prints; empty where there is no such program."""
+    try:
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ''
+    return done.stdout.splitlines()[0]
+
+
+def main():
+    """Runs all of it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    default = Path(tempfile.gettempdir(), '.peers')
+    parser.add_argument('--venv', type=Path, default=default, help='default: %(default)s')
+    parser.add_argument('--json', type=Path)
+    parser.add_argument('--markdown', type=Path)
+    parser.add_argument('--rounds', type=int, default=21)
+    options = parser.parse_args()
+    python, left_out = environment(options.venv)
+    with tempfile.TemporaryDirectory() as folder:
+        speed, more = measured(python, 'speed.py', folder, '--rounds', str(options.rounds))
+        hard, _ = measured(python, 'situations.py', folder)
+    listed = json.loads(first_line(python, '-m', 'pip', 'list', '--format', 'json') or '[]')
+    compiler = first_line('cc', '--version')
+    results = {
+        'date': dt.datetime.now(dt.timezone.utc).date().isoformat(),
+        'machine': machine(),
+        'python': platform.python_version(),
+        'compiler': f', {compiler}' if compiler else '',
+        'libraries': {package['name']: package['version'] for package in listed},
+        'rounds': options.rounds,
+        'left_out': list(dict.fromkeys(left_out + more)),
+        **speed,
+        **hard,
+    }
+    page = report.markdown(results)
+    print(page)
+    if options.json:
+        options.json.write_text(json.dumps(results, indent=1) + '\n')
+    if options.markdown:
+        options.markdown.write_text(page, encoding='utf-8')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

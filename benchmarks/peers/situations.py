@@ -1,0 +1,175 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What each peer makes of situations that are hard. Started by run.py.
+
+Each peer has a process of its own, which may hang or crash; it is then started again for the
+situations that are left. Run by itself:
+PYTHONPATH=.:test:benchmarks python benchmarks/peers/situations.py OUT.json
+"""
+
+import argparse
+import contextlib
+import json
+import math
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import registry
+from cases import cases
+from oracle import Oracle
+
+SPEED = 1.0
+CLOSE = 1e-6
+PATIENCE = 120.0  # s for the situations of one peer.
+# From worst to best; of several states the worst counts.
+OUTCOMES = ('diverged', 'wrong branch', 'NaN', 'refused', 'rates wrong', 'right')
+
+
+def reference(case, mechanism):
+    """Angles, rates and accelerations by the oracle; None where the loop cannot close."""
+    oracle = Oracle(mechanism, case.lengths)
+    columns = []
+    for angle in case.angles:
+        if not oracle.closes(angle):
+            columns.append(None)
+            continue
+        state = oracle.state(angle, SPEED)
+        rows = *state.position[1:], *state.velocity[1:], *state.acceleration[1:]
+        columns.append([float(x) for x in rows])
+    return columns
+
+
+def apart(angles, others):
+    """The larger difference of two directions, rad."""
+    difference = angles - others
+    return np.abs(difference - 2 * math.pi * np.round(difference / (2 * math.pi))).max()
+
+
+def judge(state, right, other):
+    """The outcome of one state."""
+    if not np.isfinite(state).all():
+        return 'NaN'
+    if right is None:
+        return 'diverged'
+    if apart(state[:2], right[:2]) > CLOSE:
+        return 'wrong branch' if apart(state[:2], other[:2]) <= CLOSE else 'diverged'
+    scale = np.maximum(np.abs(right[2:]), 1.0)
+    return 'right' if (np.abs(state[2:] - right[2:]) <= CLOSE * scale).all() else 'rates wrong'
+
+
+def arithmetic(error):
+    """Whether an exception only says that an operation failed."""
+    while error is not None:
+        if isinstance(error, (ArithmeticError, np.linalg.LinAlgError)):
+            return True
+        if isinstance(error, ValueError) and 'math domain' in str(error):
+            return True
+        error = error.__cause__
+    return False
+
+
+def answer(peer, ask, angle):
+    """One state, or how it was refused."""
+    try:
+        return peer.table(ask(angle))[:6, 0], ''
+    except Exception as error:  # noqa: BLE001 - whatever a peer raises is its answer
+        outcome = 'NaN' if arithmetic(error) else 'refused'
+        return outcome, f'{type(error).__name__}: {error}'
+
+
+def tried(make, case, right, other):
+    """The outcomes, and what was said first where a state was refused."""
+    peer = make(case.mechanism, SPEED, case.angles[0])
+    alone = peer.kinematics or peer.torque
+    array = peer.torque_array
+
+    def ask(angle):
+        return alone([angle]) if alone else array(np.array([angle]))
+
+    outcomes, said = [], ''
+    for angle, *states in zip(case.angles, right, other, strict=True):
+        state, message = answer(peer, ask, angle)
+        said = said or message
+        outcomes.append(state if isinstance(state, str) else judge(state, *states))
+    counts = {name: outcomes.count(name) for name in OUTCOMES if name in outcomes}
+    found = {'outcome': next(iter(counts)), 'states': counts}
+    return {**found, 'said': said} if said else found
+
+
+def references():
+    """Of all cases: right states and those of the other assembly, as lists."""
+    both = []
+    for case in cases():
+        mechanism = case.mechanism
+        flipped = 'crossed' if mechanism.assembly == 'open' else 'open'
+        both.append(
+            [reference(case, mechanism), reference(case, replace(mechanism, assembly=flipped))]
+        )
+    return both
+
+
+def worker(index, first, known):
+    """Prints a line for each situation of one peer."""
+    warnings.simplefilter('ignore')
+    make = registry.adapter(index)
+    known = json.loads(known.read_text())
+    for number, case in enumerate(cases()[first:], first):
+        right, other = (
+            [None if x is None else np.array(x) for x in states] for states in known[number]
+        )
+        # What a peer prints must not get between the results.
+        with contextlib.redirect_stdout(sys.stderr):
+            found = tried(make, case, right, other)
+        record = {'peer': make.name, 'situation': case.name, **found}
+        print(json.dumps({'number': number, 'record': record}), flush=True)
+
+
+def run_peer(index, names, known):
+    """All situations of one peer."""
+    records, first = [], 0
+    while first < len(names):
+        command = [sys.executable, __file__, known, '--worker', str(index), str(first)]
+        end = 'crashed'
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
+            lines, said = done.stdout, done.stderr.decode().strip().splitlines()[-1:]
+        except subprocess.TimeoutExpired as late:
+            lines, said, end = late.stdout or b'', [], 'hung'
+        for line in lines.decode().splitlines():
+            entry = json.loads(line)
+            records.append(entry['record'])
+            first = entry['number'] + 1
+        if first < len(names):
+            record = {'peer': registry.adapter(index).name, 'situation': names[first]}
+            records.append({**record, 'outcome': end, 'said': ''.join(said)})
+            first += 1
+    return records
+
+
+def main():
+    """Writes the outcomes, and what the situations are."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument('out', type=Path)
+    parser.add_argument('--worker', nargs=2, type=int)
+    options = parser.parse_args()
+    if options.worker:
+        worker(*options.worker, options.out)
+        return
+    described = {case.name: case.sentence for case in cases()}
+    records = []
+    first = cases()[0]
+    known = options.out.with_suffix('.known')
+    known.write_text(json.dumps(references()))
+    for index, _ in registry.usable(first.mechanism, SPEED, first.angles[0]):
+        found = run_peer(index, list(described), known)
+        records += found
+        print(f'{found[0]["peer"]:16}', *(r['outcome'] for r in found), sep=' | ', flush=True)
+    options.out.write_text(json.dumps({'situations': described, 'outcomes': records}))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,96 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a textbook program computes, in Python and in C, for the benchmarks to measure against.
+
+The coupler-rocker pin by one square root, rates and accelerations by division by
+sin(gamma - beta), and document 1's power balance. It fails at change points.
+"""
+
+import math
+import subprocess
+from pathlib import Path
+
+from linkage_ros import FourBar
+
+SOURCE = Path(__file__).with_name('plain.c')
+
+
+def make_plain(mechanism, side=1.0):
+    """The four-bar's, with torque, all constants bound beforehand.
+
+    Args:
+        mechanism: A four-bar; centres of mass along the links, the crank balanced, weight
+            along -y. Of others the torque is not right.
+        side: +1 where the coupler-rocker pin lies left of the line from A to B0, -1 right.
+
+    Returns:
+        A function of crank angle and speed that gives angles, rates and accelerations of coupler
+        and rocker, and the torque.
+    """
+    r, b = mechanism.crank.length, mechanism.coupler.length
+    c, d = mechanism.rocker.length, mechanism.frame.length
+    m2, j2, s2 = mechanism.coupler.mass, mechanism.coupler.inertia, mechanism.coupler.center[0] / b
+    m3, j3, s3 = mechanism.rocker.mass, mechanism.rocker.inertia, mechanism.rocker.center[0] / c
+    pivot_j3 = j3 + m3 * s3 * s3 * c * c
+    g = -mechanism.gravity[1]
+    bx0, by0 = d * math.cos(mechanism.frame.angle), d * math.sin(mechanism.frame.angle)
+    sin, cos, sqrt, atan2 = math.sin, math.cos, math.sqrt, math.atan2
+
+    def plain(alpha, w):
+        ca, sa = cos(alpha), sin(alpha)
+        zx, zy = bx0 - r * ca, by0 - r * sa
+        square = zx * zx + zy * zy
+        u = (b * b - c * c + square) / (2 * square)
+        v = side * sqrt(b * b / square - u * u)
+        bx, by = zx * u - zy * v, zx * v + zy * u
+        cx, cy = bx - zx, by - zy
+        det = bx * cy - by * cx
+        k2, k3 = -r * (ca * cy - sa * cx) / det, -r * (ca * by - sa * bx) / det
+        w2, w3 = k2 * w, k3 * w
+        fx = r * w * w * ca + w2 * w2 * bx - w3 * w3 * cx
+        fy = r * w * w * sa + w2 * w2 * by - w3 * w3 * cy
+        e2, e3 = (fx * cx + fy * cy) / det, (fx * bx + fy * by) / det
+        vx, vy = -r * sa - s2 * k2 * by, r * ca + s2 * k2 * bx
+        ax = -r * w * w * ca - s2 * (w2 * w2 * bx + e2 * by)
+        ay = -r * w * w * sa + s2 * (e2 * bx - w2 * w2 * by)
+        torque = (
+            m2 * (ax * vx + (ay + g) * vy)
+            + j2 * k2 * e2
+            + k3 * e3 * pivot_j3
+            + m3 * g * s3 * k3 * cx
+        )
+        return atan2(by, bx), atan2(cy, cx), w2, w3, e2, e3, torque
+
+    return plain
+
+
+def constants(mechanism, side=1.0):
+    """What the C functions want to know."""
+    crank, coupler, g = mechanism.crank, mechanism.coupler, -mechanism.gravity[1]
+    if isinstance(mechanism, FourBar):
+        rocker, frame = mechanism.rocker, mechanism.frame
+        pivot = (frame.length * math.cos(frame.angle), frame.length * math.sin(frame.angle))
+        coupling = coupler.mass, coupler.inertia, coupler.center[0]
+        following = rocker.mass, rocker.inertia, rocker.center[0]
+        lengths = crank.length, coupler.length, rocker.length
+        return [*lengths, *pivot, *coupling, *following, crank.inertia, g, side]
+    slider = mechanism.slider
+    return [
+        *(crank.length, coupler.length, mechanism.frame.angle, slider.offset),
+        *(coupler.mass, coupler.inertia, coupler.center[0]),
+        *(slider.mass, slider.force, slider.damping, crank.mass * crank.center[0], g),
+    ]
+
+
+def compiled(folder, *flags):
+    """The library of C functions, as a path.
+
+    Raises:
+        RuntimeError: cc refuses, with what it says.
+    """
+    library = Path(folder, 'plain.so')
+    command = ['cc', '-O3', *flags, '-shared', '-fPIC', SOURCE, '-o', library, '-lm']
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    return library

@@ -1,0 +1,169 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Speed against accuracy: every method and setting of the table, measured on three mechanisms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_ros.core.mechanism import FourBar, Mechanism
+from linkage_ros.core.numeric import Array
+from linkage_ros.core.solver import Solver
+from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task
+from linkage_ros.methods.measure import Bench, time_pass
+from linkage_ros.methods.table import METHODS, Method, label
+
+# An answer with fewer than six right digits is fast for nothing: no front goes through it.
+RIGHT = 1e-6
+NEAR = 'near a change point'
+_QUICK_STEPS = 360
+
+
+@dataclass
+class Point:
+    """One measured point of the chart.
+
+    Attributes:
+        method: Name from the table.
+        setting: In words; empty where there is nothing to set.
+        mechanism: What it was measured on.
+        quantity: 'position', 'rate', 'acceleration' or 'torque'.
+        mode: 'one at a time' or 'batch'.
+        us_per_state: Time, the work for all that the quantity needs included; nan where the
+            method fails at an angle.
+        max_error: Over one period; inf where the method fails at an angle.
+        pareto: Whether no other right answer is both faster and closer.
+    """
+
+    method: str
+    setting: str
+    mechanism: str
+    quantity: str
+    mode: str
+    us_per_state: float
+    max_error: float
+    pareto: bool = False
+
+    def record(self) -> dict[str, Any]:
+        """For JSON, which has neither infinity nor nan: null."""
+        return {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in asdict(self).items()
+        }
+
+
+class _Run(NamedTuple):
+    point: Point
+    function: Function
+    cranks: list[float] | Array  # for the time
+
+
+def tasks(quadrilateral: Mechanism, slider_crank: Mechanism) -> dict[str, Task]:
+    """The three mechanisms of the chart.
+
+    Args:
+        quadrilateral: The four-bar of document 1.
+        slider_crank: Of document 4.
+
+    Returns:
+        Tasks by name; the third is nearly a kite: its crank pin passes the rocker pivot at
+        1e-12 m, with the bodies of the first.
+
+    Raises:
+        TypeError: The first is no four-bar.
+    """
+    q = quadrilateral
+    if not isinstance(q, FourBar):
+        raise TypeError('the quadrilateral is a four-bar')
+    kite = replace(
+        q,
+        crank=replace(q.crank, length=0.3),
+        frame=replace(q.frame, length=0.3 + 1e-12),
+        coupler=replace(q.coupler, length=0.5),
+        rocker=replace(q.rocker, length=0.5),
+    )
+    named = {'quadrilateral': q, 'slider_crank': slider_crank, NEAR: kite}
+    return {name: make_task(mechanism) for name, mechanism in named.items()}
+
+
+def make_task(mechanism: Mechanism, crank: float = 0.1) -> Task:
+    """A task at 150 rpm, speeding up.
+
+    Args:
+        mechanism: The linkage.
+        crank: Angle, rad, at which the first guess is read off a drawing, to 0.1 rad or m.
+
+    Returns:
+        The task.
+    """
+    position = Solver(mechanism).state(crank).position
+    guess = round(position[1], 1), round(position[2], 1)
+    return Task(mechanism, speed=5 * math.pi, acceleration=20.0, guess=guess)
+
+
+def measure(
+    benches: dict[str, Bench], *, quick: bool, progress: Callable[[Iterable[Any], str], Any]
+) -> list[Point]:
+    """Measures all points.
+
+    Args:
+        benches: By name of the mechanism.
+        quick: Whether fewer rounds and settings will do.
+        progress: Wraps what is gone through, with a word for it: a progress bar.
+
+    Returns:
+        The points, fronts marked.
+    """
+    runs: list[_Run] = []
+    for name, bench in benches.items():
+        for method in progress(METHODS, f'errors, {name}'):
+            runs += _runs(name, bench, method, quick=quick)
+    times = []
+    for _ in progress(range(3 if quick else 15), 'times'):
+        with np.errstate(all='ignore'):
+            times.append([time_pass(run.function, run.cranks) for run in runs])
+    points = [run.point for run in runs]
+    for point, fastest in zip(points, np.min(times, axis=0).tolist(), strict=True):
+        point.us_per_state = fastest
+    mark_fronts(points)
+    return points
+
+
+def _runs(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterable[_Run]:
+    first = min(QUANTITIES.index(quantity) for quantity in OWN[method.stage])
+    ones, batch = bench.aside(120 if quick else 360), 2048 if quick else 4096
+    for setting in method.settings:
+        if quick and setting.get('steps', 0) > _QUICK_STEPS:
+            continue
+        for mode in method.modes:
+            for quantity in QUANTITIES[first:]:
+                error = bench.worst_error(method, setting, mode, quantity)
+                point = Point(method.name, label(setting), name, quantity, mode, math.nan, error)
+                cranks = bench.even(int(setting['steps'])) if method.steps else ones
+                made = method.make(bench.task, setting, FUNCTIONS[mode])
+                yield _Run(
+                    point,
+                    getattr(made, quantity),
+                    cranks.tolist() if mode == ONE else np.resize(cranks, batch),
+                )
+
+
+def mark_fronts(points: list[Point]) -> None:
+    """Marks the points of each panel that no other right one beats in both time and error."""
+    panels: dict[tuple[str, str, str], list[Point]] = {}
+    for point in points:
+        panels.setdefault((point.mechanism, point.quantity, point.mode), []).append(point)
+    for panel in panels.values():
+        right = [point for point in panel if point.max_error <= RIGHT]
+        for point in right:
+            point.pareto = not any(_beats(other, point) for other in right)
+
+
+def _beats(one: Point, other: Point) -> bool:
+    no_worse = one.us_per_state <= other.us_per_state and one.max_error <= other.max_error
+    return no_worse and (one.us_per_state, one.max_error) != (other.us_per_state, other.max_error)

@@ -1,0 +1,143 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A method from the crank angle to position, velocity, acceleration and torque.
+
+A method does one stage. The stages before it are the package's own; a position is followed by
+the 2x2 solve of documents 1 and 4, because rates that belong to it have to come from it; and the
+torque is by virtual power. So every method has a point in each chart that its stage reaches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.numeric import ARRAY, SCALAR, Functions, Real
+from linkage_ros.core.solver import Solver
+from linkage_ros.methods.loop import Pair
+from linkage_ros.methods.positions import Locate, factored
+from linkage_ros.methods.rates import Rates, analytic, two_by_two
+from linkage_ros.methods.torques import Torque, virtual_power
+
+QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
+STATE, POSITION, RATES, TORQUE = 'state', 'position', 'rates', 'torque'
+ONE, BATCH = 'one at a time', 'batch'
+FUNCTIONS = {ONE: SCALAR, BATCH: ARRAY}
+# What a method of a stage itself computes.
+OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3], TORQUE: QUANTITIES[3:]}
+
+
+Function = Callable[[Real], tuple[Real, ...]]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be solved.
+
+    Attributes:
+        mechanism: The linkage.
+        speed: Crank speed, rad/s.
+        acceleration: Crank acceleration, rad/s^2.
+        guess: Coupler's direction and output from which an iteration begins.
+    """
+
+    mechanism: Mechanism
+    speed: float
+    acceleration: float
+    guess: tuple[float, float]
+
+
+class Chain(NamedTuple):
+    """Functions of the crank angle, each with all the work before it.
+
+    Attributes:
+        position: The coupler's direction, rad, and the output, rad or m.
+        rate: Their velocities.
+        acceleration: Their accelerations.
+        torque: The driving torque, N m, in a tuple of one.
+    """
+
+    position: Function
+    rate: Function
+    acceleration: Function
+    torque: Function
+
+
+def of_state(task: Task, f: Functions) -> Chain:
+    """The package's own in every stage: the torque as `Solver.state` gives it."""
+    solver, speed, acceleration = Solver(task.mechanism), task.speed, task.acceleration
+    chain = of_stages(task, factored(task.mechanism, f), analytic(task.mechanism, f), None, f)
+    state = solver.state
+    return chain._replace(torque=lambda crank: (state(crank, speed, acceleration).torque,))
+
+
+def in_single_precision(task: Task, f: Functions) -> Chain:
+    """The package's own formulas in float32, crank angle and results included."""
+    mechanism = task.mechanism
+    chain = of_stages(task, factored(mechanism, f), analytic(mechanism, f), None, f)
+
+    def narrowed(function: Function) -> Function:
+        return lambda crank: function(np.asarray(crank, np.float32))
+
+    return Chain(*map(narrowed, chain))
+
+
+def of_position(task: Task, locate: Locate, f: Functions) -> Chain:
+    """A way to find positions, and what follows from it."""
+    return of_stages(task, locate, two_by_two(task.mechanism, locate, f), None, f)
+
+
+def of_rates(task: Task, rates: Rates, f: Functions) -> Chain:
+    """A way to find rates from exact positions."""
+    return of_stages(task, factored(task.mechanism, f), rates, None, f)
+
+
+def of_torque(task: Task, torque: Torque, f: Functions) -> Chain:
+    """A way to find the torque of an exact motion."""
+    mechanism = task.mechanism
+    return of_stages(task, factored(mechanism, f), analytic(mechanism, f), torque, f)
+
+
+def of_stages(
+    task: Task, locate: Locate, rates: Rates, torque: Torque | None, f: Functions
+) -> Chain:
+    """Puts stages together.
+
+    Args:
+        task: What is to be solved.
+        locate: Positions.
+        rates: First and second derivatives by the crank angle.
+        torque: From the motion; None: virtual power.
+        f: SCALAR or ARRAY.
+
+    Returns:
+        The chain.
+    """
+    speed, change = task.speed, task.acceleration
+    square = speed * speed
+    balance = torque or virtual_power(task.mechanism, f)
+
+    def rate(crank: Real) -> tuple[Real, ...]:
+        _, (k2, k3) = rates.first(crank)
+        return k2 * speed, k3 * speed
+
+    def accelerate(first: Pair, second: Pair) -> tuple[Real, Real]:
+        (k2, k3), (c2, c3) = first, second
+        return c2 * square + k2 * change, c3 * square + k3 * change
+
+    def acceleration(crank: Real) -> tuple[Real, ...]:
+        _, first, second = rates.second(crank)
+        return accelerate(first, second)
+
+    def drive(crank: Real) -> tuple[Real, ...]:
+        (coupler, output), first, second = rates.second(crank)
+        k2, k3 = first
+        velocities = (speed, k2 * speed, k3 * speed)
+        accelerations = (change, *accelerate(first, second))
+        return (balance((crank, coupler, output), (1.0, k2, k3), velocities, accelerations),)
+
+    return Chain(locate, rate, acceleration, drive)

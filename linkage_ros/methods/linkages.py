@@ -1,0 +1,73 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Linkages to try methods on, some of them drawn at random."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Slider
+from linkage_ros.core.mechanism import CROSSED, OPEN, FourBar, Mechanism, SliderCrank
+
+Random: TypeAlias = np.random.Generator
+
+
+def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.0) -> FourBar:
+    """Bodies of even rods of 2 kg; crank, coupler, rocker, frame."""
+    r, b, c, d = lengths
+    rods = [(x, 2.0, x * x / 6, (x / 2, 0.0)) for x in (r, b, c)]
+    return FourBar(Frame(d, angle), Body(*rods[0]), Coupler(*rods[1]), Body(*rods[2]), assembly)
+
+
+def slider_crank(
+    r: float, b: float, offset: float, assembly: str = OPEN, angle: float = 0.0
+) -> SliderCrank:
+    """Even rods of 2 kg, a slider of 1 kg; `angle` is the guide's."""
+    rods = [(x, 2.0, x * x / 6, (x / 2, 0.0)) for x in (r, b)]
+    slider = Slider(offset, 1.0)
+    return SliderCrank(
+        crank=Body(*rods[0]), coupler=Coupler(*rods[1]), slider=slider, frame=Guide(angle),
+        assembly=assembly,
+    )  # fmt: skip
+
+
+def any_assembly(random: Random) -> str:
+    """One of the two."""
+    return OPEN if random.random() < 0.5 else CROSSED
+
+
+def turning(random: Random) -> Mechanism:
+    """A linkage that turns fully, far from change points."""
+    while True:
+        angle = float(random.uniform(-math.pi, math.pi))
+        if random.random() < 0.3:
+            r, b = float(random.uniform(0.1, 0.3)), float(random.uniform(0.5, 1.0))
+            offset = float(random.uniform(-0.3, 0.3)) * (b - r)
+            return slider_crank(r, b, offset, any_assembly(random), angle)
+        lengths = tuple(float(x) for x in random.uniform(0.1, 1.0, 4))
+        r, b, c, d = lengths
+        sums = (b + c - d - r, (d - r - b + c), (d - r + b - c))
+        if sums[0] > 0.05 and sums[1] * sums[2] > 0.0025 and r > 0.05:
+            return four_bar(lengths, any_assembly(random), angle)
+
+
+def dyadic(random: Random) -> FourBar:
+    """Lengths in 64ths of a metre with a change point at crank angle 0 exactly."""
+    r = int(random.integers(8, 24))
+    d, b = r + int(random.integers(4, 24)), r + int(random.integers(4, 24))
+    lengths = tuple(x / 64 for x in (r, b, d - r + b, d))
+    return four_bar(lengths, any_assembly(random))
+
+
+def limited(random: Random) -> Mechanism:
+    """A four-bar whose crank cannot turn fully."""
+    while True:
+        lengths = tuple(float(x) for x in random.uniform(0.2, 1.0, 4))
+        r, b, c, d = lengths
+        near = (d - r - b + c) * (d - r + b - c)
+        reach = b + c - abs(d - r) > 0.05 and abs(b - c) - (d + r) < -0.05
+        if reach and (b + c - d - r < -0.05) != (near < -0.01):
+            return four_bar(lengths, any_assembly(random), float(random.uniform(-3, 3)))

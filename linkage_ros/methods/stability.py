@@ -1,0 +1,138 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What comes of each method in each situation, by one rule.
+
+A method is judged by what it computes itself, against 50 digits, at every crank angle of every
+case; a cell of the chart is its worst outcome.
+
+    right         every value within 1e-6, relative to its size (`measure.Truth`)
+    refused       an error that says why; where no state exists, this is the right answer
+    diverged      a finite value that is wrong, or any value where no state exists
+    wrong branch  wrong, but within 1e-6 of the other assembly's position
+    NaN           no number, or an arithmetic error
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from linkage_ros.core.mechanism import CROSSED, OPEN
+from linkage_ros.errors import LinkageError
+from linkage_ros.methods.chain import BATCH, FUNCTIONS, ONE, OWN
+from linkage_ros.methods.measure import FAILURES, Truth, evaluate
+from linkage_ros.methods.situations import Case, Situation
+from linkage_ros.methods.table import METHODS, Method
+
+LIMIT = 1e-6
+RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
+    'right', 'refused', 'diverged', 'wrong branch', 'NaN',
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A field of the chart.
+
+    Attributes:
+        method: Name from the table.
+        situation: Name of the situation.
+        outcome: One of OUTCOMES: the worst.
+        worst_error: The largest error of a finite value; None: there is none.
+    """
+
+    method: str
+    situation: str
+    outcome: str
+    worst_error: float | None
+
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+class _Bench:
+    """One case, with the truth of its own assembly and of the other."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        mechanism = case.task.mechanism
+        flipped = replace(mechanism, assembly=CROSSED if mechanism.assembly == OPEN else OPEN)
+        self.own = Truth(case.task, case.lengths)
+        self.other = Truth(replace(case.task, mechanism=flipped), case.lengths)
+
+    def outcome(self, quantity: str, crank: float, values: tuple[float, ...]) -> tuple[str, float]:
+        """What values at a crank angle are, and their error."""
+        error = self.own.error(quantity, crank, values)
+        if error <= LIMIT:
+            return RIGHT, error
+        if quantity == 'position' and self.other.error(quantity, crank, values) <= LIMIT:
+            return WRONG_BRANCH, error
+        return DIVERGED, error
+
+
+def measure(
+    situations: Iterable[Situation],
+    *,
+    cases: int,
+    progress: Callable[[Iterable[Any], str], Iterable[Any]],
+    methods: tuple[Method, ...] = METHODS,
+) -> list[Cell]:
+    """Runs every method through every situation.
+
+    Args:
+        situations: To run through.
+        cases: Of each.
+        progress: Wraps what is gone through, with a word for it: a progress bar.
+        methods: To run.
+
+    Returns:
+        The cells, situation by situation.
+    """
+    cells = []
+    for situation in progress(list(situations), 'situations'):
+        benches = [_Bench(case) for case in situation.cases(cases)]
+        cells += [_cell(method, situation, benches) for method in methods]
+    return cells
+
+
+def _cell(method: Method, situation: Situation, benches: list[_Bench]) -> Cell:
+    found = [_judge(method, bench, exists=situation.exists) for bench in benches]
+    outcome = max((outcome for outcome, _ in found), key=OUTCOMES.index)
+    if not situation.exists and {outcome for outcome, _ in found} == {REFUSED}:
+        outcome = REFUSED
+    errors = [error for _, error in found if error is not None]
+    return Cell(method.name, situation.name, outcome, max(errors, default=None))
+
+
+def _judge(method: Method, bench: _Bench, *, exists: bool) -> tuple[str, float | None]:
+    """The worst outcome and error of one case."""
+    mode = BATCH if BATCH in method.modes else ONE
+    cranks = np.array(bench.case.cranks)
+    outcomes, errors = {RIGHT}, []
+    for quantity in OWN[method.stage]:
+        try:
+            with np.errstate(all='ignore'):
+                setting = method.steady or method.settings[0]
+                chain = method.make(bench.case.task, setting, FUNCTIONS[mode])
+                rows = evaluate(getattr(chain, quantity), cranks, mode)
+        except LinkageError:
+            outcomes.add(REFUSED)
+            continue
+        except FAILURES:
+            outcomes.add(NAN)
+            continue
+        for crank, row in zip(bench.case.cranks, rows, strict=True):
+            if not all(map(math.isfinite, row)):
+                outcomes.add(NAN)
+            elif not exists:
+                outcomes.add(DIVERGED)
+            else:
+                outcome, error = bench.outcome(quantity, crank, row)
+                outcomes.add(outcome)
+                errors.append(error)
+    return max(outcomes, key=OUTCOMES.index), max(errors, default=None)

@@ -1,0 +1,303 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The table of methods: its reference, and each method's order, floor and failures."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from mpmath import mp
+from oracle import Oracle
+from oracle_slider import SliderOracle
+
+from linkage_ros import FourBar, Solver, UnreachableError
+from linkage_ros.core.numeric import SCALAR
+from linkage_ros.methods import linkages, table
+from linkage_ros.methods.accuracy import NEAR, RIGHT, Point, make_task, mark_fronts, tasks
+from linkage_ros.methods.chain import BATCH, FUNCTIONS, ONE, OWN, QUANTITIES, STATE, Task
+from linkage_ros.methods.iteration import CAP, NewtonRaphson
+from linkage_ros.methods.loop import Loop
+from linkage_ros.methods.measure import Bench, time_pass
+from linkage_ros.methods.reference import Reference
+from linkage_ros.run.configuration import load
+
+EPSILON = 2.0**-52
+PRESETS = {name: load(name).mechanism for name in ('quadrilateral', 'slider_crank')}
+
+
+@pytest.fixture(scope='module')
+def benches():
+    return {name: Bench(task, 90) for name, task in tasks(*PRESETS.values()).items()}
+
+
+def oracle_of(mechanism, lengths=None):
+    return (Oracle if isinstance(mechanism, FourBar) else SliderOracle)(mechanism, lengths)
+
+
+# ---------------------------------------------------------------- the reference
+
+
+def assert_same(task, crank, lengths=None):
+    mine = Reference(task, lengths).state(crank)
+    other = oracle_of(task.mechanism, lengths).state(crank, task.speed, task.acceleration)
+    with mp.workdps(60):
+        for name, theirs in (
+            ('position', other.position[1:]), ('rate', other.velocity[1:]),
+            ('acceleration', other.acceleration[1:]), ('torque', (other.torque,)),
+        ):  # fmt: skip
+            for x, y in zip(getattr(mine, name), theirs, strict=True):
+                size = max(abs(y), mp.mpf('1e-3'))
+                apart = abs(x - y)
+                if name == 'position':  # an angle, or a length below a metre
+                    apart = min(apart, abs(apart - 2 * mp.pi))
+                assert apart < size * mp.mpf('1e-45'), (name, crank, x, y)
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_the_reference_agrees_with_an_oracle_of_another_hand(seed):
+    random = np.random.default_rng(seed)
+    mechanism = linkages.turning(random)
+    task = Task(mechanism, 3.0, -7.0, (0.0, 0.0))
+    for crank in (*random.uniform(-7, 7, 6).tolist(), 1e4 + 0.3):
+        assert_same(task, crank)
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_the_reference_is_the_limit_at_change_points_and_beside_them(seed):
+    task = Task(linkages.dyadic(np.random.default_rng(seed)), 3.0, -7.0, (0.0, 0.0))
+    for crank in (0.0, 1e-300, -1e-18, 1e-9, 3.0, 4.0, 7.0, 10.0):
+        assert_same(task, crank)
+
+
+def test_the_reference_takes_lengths_as_they_are_meant():
+    texts = ('0.1', '0.3', '0.4', '0.2')
+    task = Task(linkages.four_bar(tuple(map(float, texts))), 3.0, -7.0, (0.0, 0.0))
+    for crank in (1e-6, 2.0, 4.0, 8.0):
+        assert_same(task, crank, texts)
+
+
+def test_the_reference_refuses_where_no_state_exists():
+    mechanism = linkages.limited(np.random.default_rng(1))
+    start, end = Solver(mechanism).mobility.arcs[0]
+    reference = Reference(Task(mechanism, 1.0, 0.0, (0.0, 0.0)))
+    reference.state((start + end) / 2)
+    with pytest.raises(UnreachableError):
+        reference.state(end + 0.01)
+
+
+# ---------------------------------------------------------------- right where it is easy
+
+
+@pytest.mark.parametrize('method', table.METHODS, ids=lambda method: method.name)
+@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
+def test_every_method_is_right_on_an_easy_mechanism(benches, mechanism, method):
+    limit = 1e-5 if 'float32' in method.name else 2e-6 if method.name.startswith('cent') else 1e-11
+    if (mechanism, method.name) == ('slider_crank', 'half-angle'):
+        limit = 1e-9  # near alpha = 0 its denominator is small
+    setting = method.steady or method.settings[0]
+    for mode in method.modes:
+        for quantity in OWN[method.stage]:
+            assert benches[mechanism].worst_error(method, setting, mode, quantity) < limit
+
+
+def test_an_array_gives_what_numbers_give(benches):
+    bench = benches['quadrilateral']
+    for method in table.METHODS:
+        if method.modes != (ONE, BATCH):
+            continue
+        setting = method.steady or method.settings[0]
+        one, batch = (method.make(bench.task, setting, FUNCTIONS[m]) for m in (ONE, BATCH))
+        cranks = bench.even(7)
+        for quantity in QUANTITIES:
+            columns = getattr(batch, quantity)(cranks)
+            for i, crank in enumerate(cranks.tolist()):
+                found = [np.broadcast_to(column, 7)[i] for column in columns]
+                close = 1e-4 if method.name.startswith('central') else 1e-9
+                assert getattr(one, quantity)(crank) == pytest.approx(found, rel=close, abs=close)
+
+
+# ---------------------------------------------------------------- orders
+
+
+def errors_of(bench, name, quantity, settings=None):
+    method = table.by_name(name)
+    mode = BATCH if BATCH in method.modes else ONE
+    chosen = settings or method.settings
+    return [bench.worst_error(method, setting, mode, quantity) for setting in chosen]
+
+
+def slope(x, y):
+    return np.polyfit(np.log(x), np.log(y), 1)[0]
+
+
+@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
+def test_cubic_hermite_is_of_order_4(benches, mechanism):
+    nodes = [32, 64, 128, 256, 512]
+    found = errors_of(
+        benches[mechanism], 'table, cubic Hermite', 'position', [{'nodes': n} for n in nodes]
+    )
+    assert slope(nodes, found) == pytest.approx(-4, abs=0.2)
+
+
+@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
+def test_a_fourier_series_converges_geometrically(benches, mechanism):
+    harmonics = np.arange(4, 25, 4)
+    settings = [{'harmonics': int(n)} for n in harmonics]
+    logs = np.log(errors_of(benches[mechanism], 'Fourier series', 'position', settings))
+    line = np.polyfit(harmonics, logs, 1)
+    assert line[0] < -0.7  # a factor of two and more with each harmonic
+    assert np.corrcoef(harmonics, logs)[0, 1] < -0.99
+
+
+@pytest.mark.parametrize('quantity', ['rate', 'acceleration'])
+def test_central_differences_are_of_order_2(benches, quantity):
+    steps = [0.1, 0.05, 0.025, 0.0125]
+    settings = [{'step': step} for step in steps]
+    found = errors_of(benches['quadrilateral'], 'central differences', quantity, settings)
+    assert slope(steps, found) == pytest.approx(2, abs=0.1)
+
+
+def test_newton_raphson_is_of_order_2():
+    mechanism = PRESETS['quadrilateral']
+    true = np.array(Solver(mechanism).state(1.0).position[1:])
+    logs = []
+    for direction in np.linspace(0, 2 * math.pi, 8, endpoint=False):
+        guess = true + 0.2 * np.array([math.cos(direction), math.sin(direction)])
+        # Any step ends an iteration of this tolerance, and the next call goes on from there.
+        step = NewtonRaphson(Loop(mechanism), math.inf, tuple(guess), warm=True)
+        found = [float(np.linalg.norm(np.array(step(1.0)) - true)) for _ in range(4)]
+        logs += [np.log([a, b]) for a, b in itertools.pairwise(found) if b > 1e-13]
+        assert step.iterations == 4
+    assert np.polyfit(*np.array(logs).T, 1)[0] == pytest.approx(2, abs=0.15)
+
+
+def test_newton_raphson_stops_at_its_cap():
+    mechanism = linkages.limited(np.random.default_rng(1))
+    _, end = Solver(mechanism).mobility.arcs[0]
+    solve = NewtonRaphson(Loop(mechanism), 1e-12, (0.3, 0.5), warm=False)
+    solve(end + 0.3)
+    assert solve.iterations == CAP
+
+
+@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
+@pytest.mark.parametrize(
+    'name', [method.name for method in table.METHODS if len(method.settings) > 1]
+)
+def test_errors_fall_with_each_setting_down_to_a_floor(benches, mechanism, name):
+    method = table.by_name(name)
+    settings = [s for s in method.settings if s.get('steps', 360) == 360]
+    assert len(settings) >= 5
+    for quantity in OWN[method.stage]:
+        found = errors_of(benches[mechanism], name, quantity, settings)
+        floor = found.index(min(found))
+        # On the floor, and beyond it where differences lose digits, it is rounding that counts.
+        down = [max(error, 20 * EPSILON) for error in found[: floor + 1]]
+        assert all(b < a or b == 20 * EPSILON for a, b in itertools.pairwise(down)), found
+        assert down[-1] < (1e-6 if method.name.startswith('central') else 1e-14), found
+
+
+# ---------------------------------------------------------------- the default
+
+
+def test_the_default_is_as_close_as_any_to_a_few_ulp(benches):
+    for name in PRESETS:
+        for mode in (ONE, BATCH):
+            for quantity in QUANTITIES:
+                found = {
+                    method.name: min(
+                        benches[name].worst_error(method, setting, mode, quantity)
+                        for setting in method.settings
+                    )
+                    for method in table.METHODS
+                    if mode in method.modes
+                }
+                assert found[table.DEFAULT] <= min(found.values()) + 4 * EPSILON, found
+
+
+@pytest.mark.parametrize('quantity', QUANTITIES)
+def test_near_a_change_point_the_default_alone_is_right(benches, quantity):
+    bench = benches[NEAR]
+    for method in table.METHODS:
+        first = min(QUANTITIES.index(own) for own in OWN[method.stage])
+        if QUANTITIES.index(quantity) < first:
+            continue
+        for mode in method.modes:
+            for setting in method.settings:
+                if setting.get('steps', 0) > 360:
+                    continue
+                error = bench.worst_error(method, setting, mode, quantity)
+                assert (error < RIGHT) == (error < 1e-12) == (method.name == table.DEFAULT)
+
+
+def test_the_table_is_complete_and_its_names_differ():
+    names = [method.name for method in table.METHODS]
+    assert len(set(names)) == len(names)
+    assert names[0] == table.DEFAULT
+    assert table.METHODS[0].stage == STATE
+    for method in table.METHODS:
+        assert method.needs
+        assert method.source
+        assert len(method.settings) == 1 or len(method.settings) >= 5
+
+
+# ---------------------------------------------------------------- measuring
+
+
+def point(us, error, method='a', quantity='rate'):
+    return Point(method, '', 'm', quantity, ONE, us, error)
+
+
+def test_fronts_are_of_right_points_that_nothing_beats():
+    points = [
+        point(1.0, 1e-7), point(2.0, 1e-9), point(2.0, 1e-9), point(2.5, 1e-9), point(3.0, 1e-8),
+        point(4.0, 1e-15), point(0.1, 1e-3), point(9.0, math.inf), point(math.nan, math.inf),
+    ]  # fmt: skip
+    elsewhere = point(9.0, 1e-6, quantity='torque')
+    mark_fronts([*points, elsewhere])
+    assert [p.pareto for p in points] == [True, True, True, False, False, True] + [False] * 3
+    assert elsewhere.pareto
+
+
+def test_a_record_has_no_infinity():
+    record = point(math.nan, math.inf).record()
+    assert (record['us_per_state'], record['max_error']) == (None, None)
+    assert set(record) == {
+        'method', 'setting', 'mechanism', 'quantity', 'mode', 'us_per_state', 'max_error',
+        'pareto',
+    }  # fmt: skip
+
+
+def test_errors_are_seen():
+    bench = Bench(make_task(PRESETS['quadrilateral']), 12)
+    crank = float(bench.cranks[3])
+    rate = [float(x) for x in bench.exact(crank).rate]
+    assert bench.error('rate', crank, rate) < EPSILON
+    assert 1e-4 < bench.error('rate', crank, [rate[0], rate[1] + 1e-2]) < 1e-2
+    assert bench.error('rate', crank, [math.nan, rate[1]]) == math.inf
+    position = [float(x) for x in bench.exact(crank).position]
+    turned = [position[0] + 6 * math.pi, position[1] - 2 * math.pi]
+    assert bench.error('position', crank, turned) < 4e-15
+    assert bench.error('position', crank, [position[0], position[1] + 0.5]) == pytest.approx(0.5)
+
+
+def test_what_fails_at_an_angle_has_no_time():
+    def function(crank):
+        return 1 / (crank - 2.0)
+
+    assert time_pass(function, [1.0, 3.0]) > 0
+    assert math.isnan(time_pass(function, [1.0, 2.0]))
+
+
+def test_settings_in_words():
+    assert table.label({}) == ''
+    assert table.label({'tolerance': 1e-3, 'steps': 360}) == 'tolerance 0.001, steps 360'
+
+
+def test_a_gap_of_zero_is_a_closed_loop():
+    for mechanism in PRESETS.values():
+        state = Solver(mechanism).state(0.7)
+        gap = Loop(mechanism).gap(*state.position, SCALAR)
+        assert max(map(abs, gap)) < 1e-15 * 4
