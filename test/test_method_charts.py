@@ -1,0 +1,103 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart accuracy and stability as commands, and the page that shows what they made."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from linkage_ros import __version__
+from linkage_ros.methods.accuracy import NEAR, RIGHT
+from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.methods.stability import OUTCOMES
+from linkage_ros.methods.table import DEFAULT, METHODS
+
+
+def run_quick(command, folder):
+    done = subprocess.run(
+        [sys.executable, '-m', 'linkage_ros.chart_tool', command, '--quick', '--out', folder],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, '')
+    written = [Path(line) for line in done.stdout.splitlines()]
+    assert written == sorted(written, key=written.index)
+    assert set(written) == set(folder.iterdir())
+    for path in written:
+        if path.suffix == '.png':
+            assert path.read_bytes().startswith(b'\x89PNG')
+            assert path.stat().st_size > 50_000
+        if path.suffix == '.svg':
+            assert ET.parse(path).getroot().tag.endswith('svg')
+    (records,) = (path for path in written if path.suffix == '.json')
+    content = json.loads(records.read_text(), parse_constant=pytest.fail)
+    assert content['about']['linkage_ros'] == __version__
+    return written, content['records']
+
+
+def test_speed_against_accuracy(tmp_path):
+    written, records = run_quick('accuracy', tmp_path)
+    names = ('quadrilateral', 'slider_crank', 'near_a_change_point')
+    assert [path.name for path in written] == [
+        'accuracy.json',
+        *(f'accuracy_{name}.{kind}' for name in names for kind in ('png', 'svg')),
+    ]
+    assert {record['method'] for record in records} == {method.name for method in METHODS}
+    assert all(record['us_per_state'] is None or record['us_per_state'] > 0 for record in records)
+    panels = {(r['mechanism'], r['quantity'], r['mode']) for r in records}
+    assert len(panels) == 3 * 4 * 2
+    for panel in panels:
+        of_panel = [r for r in records if (r['mechanism'], r['quantity'], r['mode']) == panel]
+        front = [r for r in of_panel if r['pareto']]
+        assert front
+        assert all(r['max_error'] <= RIGHT for r in front)
+        if panel[0] == NEAR:
+            assert [r['method'] for r in front] == [DEFAULT]
+
+
+def test_stability(tmp_path):
+    written, records = run_quick('stability', tmp_path)
+    assert [path.name for path in written] == ['stability.json', 'stability.png']
+    assert len(records) == len(METHODS) * len(SITUATIONS)
+    assert {record['outcome'] for record in records} == set(OUTCOMES)
+    for record in records:
+        assert record['worst_error'] is None or record['worst_error'] >= 0
+
+
+@pytest.mark.parametrize('command', ['accuracy', 'stability'])
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, command):
+    (tmp_path / 'file').write_text('')
+    done = subprocess.run(
+        [sys.executable, '-m', 'linkage_ros.chart_tool', command, '--out', tmp_path / 'file'],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == f'linkage_chart: {tmp_path / "file"} is no folder: name another\n'
+
+
+def test_every_method_and_situation_has_its_place_in_the_docs():
+    page = Path(__file__).parents[1].joinpath('docs', 'methods.md').read_text()
+    for method in METHODS:
+        computes = {'state': 'everything'}.get(method.stage, method.stage)
+        row = rf'\| {re.escape(method.name)} \| {computes} \| .* \| (.*) \| (.*) \|\n'
+        ((needs, source),) = re.findall(row, page)
+        assert (needs, source) == (method.needs, method.source)
+    for outcome in OUTCOMES:
+        assert f'| {outcome} | ' in page
+    for link in re.findall(r'\]\(([^)#]+)\)', page):
+        assert Path(__file__).parents[1].joinpath('docs', link).exists()
+
+
+def test_the_charts_of_the_docs_are_of_these_methods_and_situations():
+    docs = Path(__file__).parents[1] / 'docs'
+    records = json.loads((docs / 'stability.json').read_text())['records']
+    assert {r['method'] for r in records} == {method.name for method in METHODS}
+    assert {r['situation'] for r in records} == {situation.name for situation in SITUATIONS}
+    points = json.loads((docs / 'accuracy.json').read_text())['records']
+    assert {r['method'] for r in points} == {method.name for method in METHODS}
