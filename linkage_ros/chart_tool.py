@@ -9,9 +9,10 @@ import json
 import math
 import os
 import platform
+import re
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -85,11 +86,12 @@ def accuracy(options: argparse.Namespace) -> None:
             for name, task in tasks(quadrilateral, slider_crank).items()
         }
         points = measure(benches, quick=options.quick, progress=_progress)
+        on = ', '.join(f'{name} {value}' for name, value in _about().items())
         _save(options.out / 'accuracy.json', [point.record() for point in points])
         for name in benches:
             stem = options.out / f'accuracy_{name.replace(" ", "_")}'
             paths = [stem.with_suffix('.png'), stem.with_suffix('.svg')]
-            title = f'Speed against accuracy: {name.replace("_", "-")}'
+            title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
             draw_accuracy([point for point in points if point.mechanism == name], title, paths)
             print(*paths, sep='\n')
 
@@ -151,15 +153,23 @@ def _progress(items: Iterable[Any], words: str) -> Iterable[Any]:
     return tqdm(items, desc=words, disable=None, leave=False)
 
 
+def _about() -> dict[str, str]:
+    """What records are measured on."""
+    models: list[str] = []
+    with suppress(OSError):
+        models = re.findall(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())
+    return {
+        'linkage_ros': __version__,
+        'Python': platform.python_version(),
+        'NumPy': np.__version__,
+        'system': f'{platform.system()} {platform.machine()}',
+        'processors': f'{os.cpu_count()} x {models[0]}' if models else str(os.cpu_count()),
+    }
+
+
 def _save(path: Path, records: list[dict[str, Any]]) -> None:
     """Writes records, with what they were measured on."""
-    about = {
-        'linkage_ros': __version__,
-        'python': platform.python_version(),
-        'numpy': np.__version__,
-        'machine': f'{platform.system()} {platform.machine()}, {os.cpu_count()} processors',
-    }
-    path.write_text(json.dumps({'about': about, 'records': records}, indent=1) + '\n')
+    path.write_text(json.dumps({'about': _about(), 'records': records}, indent=1) + '\n')
     print(path)
 
 

@@ -66,7 +66,7 @@ def draw_accuracy(points: Sequence[Point], title: str, paths: Iterable[Path]) ->
         OSError: A picture cannot be written.
     """
     figure = Figure(figsize=(16, 9.4), dpi=110, layout='constrained')
-    figure.suptitle(title, fontsize=13)
+    figure.suptitle(title, fontsize=12)
     panels = figure.subplots(2, 4, sharey=True, sharex='row')
     for row, mode in zip(panels, (ONE, BATCH), strict=True):
         for axes, quantity in zip(row, QUANTITIES, strict=True):
