@@ -41,6 +41,7 @@ class MassDistribution:
         # Weight through the spin of link j: Re(conj(i W_j e^(i phi_j)) g) = y cos - x sin.
         first = (sum(body.mass * body.center.weights[j] for body in bodies) for j in range(3))
         weight = [complex(w).conjugate() * complex(*gravity) for w in first]
+        self._slides = structure.slider is not None
         self._resistance: tuple[float, float] | None = None
         if slider := structure.slider:
             # Link 2 slides: its "inertia" is its mass, and g . e^(i guide) the weight's share.
@@ -93,6 +94,26 @@ class MassDistribution:
             a, b = _coupled(c23, c2, s2, c3, s3)
             t2, t3 = t2 + a * e3 - b * (w3 * w3), t3 + a * e2 + b * (w2 * w2)
         return tuple([k1 * t1 + k2 * t2 + k3 * t3 for k1, k2, k3 in partial])
+
+    def potential(self, links: Links) -> Real:
+        """The potential energy of the weights; an external force on a slider is not among them.
+
+        Args:
+            links: The position.
+
+        Returns:
+            J, from the height of the origin, but for a constant; floats or arrays.
+        """
+        position, cosines, sines, _, _ = links
+        energy = 0.0
+        for j, weight in enumerate(self._weight):
+            if weight:
+                x, y = weight
+                if j == 2 and self._slides:
+                    energy = energy - (y * cosines[j] - x * sines[j]) * position[j]
+                else:
+                    energy = energy - (x * cosines[j] + y * sines[j])
+        return energy
 
     def matrix(self, links: Links) -> tuple[tuple[Real, ...], ...]:
         """The mass matrix M.

@@ -13,6 +13,7 @@ import numpy as np
 
 from linkage_ros.core.dynamics import MassDistribution
 from linkage_ros.core.kinematics import kinematics_of
+from linkage_ros.core.links import Links
 from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.mobility import assess, refusal, unreachable
 from linkage_ros.core.numeric import ARRAY, SCALAR, Functions, Real, functions_of
@@ -138,6 +139,57 @@ class Solver:
         with np.errstate(under='ignore'):
             return reactions(self.mechanism, self.structure, state, sine)
 
+    def acceleration(self, crank: Real, speed: Real, torque: Real) -> Real:
+        """The crank acceleration under a torque: M q'' + h - Q = torque, solved for q''.
+
+        Args:
+            crank: Crank angle, rad; a float, or an array.
+            speed: Crank speed, rad/s; likewise.
+            torque: On the crank, N m, counter-clockwise positive; likewise.
+
+        Returns:
+            rad/s^2; a float, or an array.
+
+        Raises:
+            UnreachableError: The loop cannot close at a crank angle.
+            MechanismError: Nothing that moves with the crank has a mass there.
+        """
+        links = self._links(crank)
+        _, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
+        ((inertia,),) = self._masses.matrix(links)
+        if not functions_of(inertia).lowest(inertia) > 0:
+            raise MechanismError(
+                'no mass moves with the crank: its acceleration under a torque has no finite '
+                'value; give a link a mass or an inertia'
+            )
+        square = speed * speed
+        rates = k1 * speed, k2 * speed, k3 * speed
+        (bias,) = self._masses.balance(links, rates, (c1 * square, c2 * square, c3 * square))
+        return (torque - bias) / inertia
+
+    def energy(self, crank: Real, speed: Real) -> tuple[Real, Real]:
+        """The mechanical energy of all bodies.
+
+        Args:
+            crank: Crank angle, rad; a float, or an array.
+            speed: Crank speed, rad/s; likewise.
+
+        Returns:
+            Kinetic, and potential of the weights but for a constant, J; floats, or arrays.
+
+        Raises:
+            UnreachableError: The loop cannot close at a crank angle.
+        """
+        links = self._links(crank)
+        ((inertia,),) = self._masses.matrix(links)
+        return 0.5 * inertia * (speed * speed), self._masses.potential(links)
+
+    def _links(self, crank: Real) -> Links:
+        functions = functions_of(crank)
+        if self._limited:
+            self.require_reachable(crank, functions)
+        return self.kinematics.solve(crank, functions)
+
     def inertia(self, crank: Real) -> Real:
         """The moment of inertia of the whole mechanism, as the crank feels it.
 
@@ -150,10 +202,7 @@ class Solver:
         Raises:
             UnreachableError: The loop cannot close at a crank angle.
         """
-        functions = functions_of(crank)
-        if self._limited:
-            self.require_reachable(crank, functions)
-        ((inertia,),) = self._masses.matrix(self.kinematics.solve(crank, functions))
+        ((inertia,),) = self._masses.matrix(self._links(crank))
         return inertia
 
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
