@@ -90,6 +90,8 @@ def test_every_method_and_situation_has_its_place_in_the_docs():
         assert (needs, source) == (method.needs, method.source)
     for outcome in OUTCOMES:
         assert f'| {outcome} | ' in page
+    for situation in SITUATIONS:
+        assert f'| {situation.name} | {situation.words} |' in page
     for link in re.findall(r'\]\(([^)#]+)\)', page):
         assert Path(__file__).parents[1].joinpath('docs', link).exists()
 
