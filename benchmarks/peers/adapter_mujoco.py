@@ -44,7 +44,7 @@ class Adapter(NewtonPeer):
     how = (
         'A tree of three hinges through its Python functions. The loop is closed by our Newton '
         'steps on mj_jacSite, from the last state carried on by its rates; accelerations by '
-        'mj_jacDot; the torque by mj_inverse, projected on the velocity of the loop, since its '
+        'mj_jacDot; the torque by mj_rne, projected on the velocity of the loop, since its '
         'entry at the crank alone counts torques at the other hinges. No constraint of MuJoCo is '
         'used: those are soft.'
     )
@@ -67,12 +67,12 @@ class Adapter(NewtonPeer):
 
     def torque(self, angles):
         model, data, speed, rows = self.model, self.data, self.speed, []
-        acceleration, force = data.qacc, data.qfrc_inverse
+        acceleration, force = data.qacc, np.empty(3)
         for angle in angles:
             row = self._state(angle)
             _, _, w2, w3, e2, e3 = row
             acceleration[:] = 0.0, e2, e3
-            mujoco.mj_inverse(model, data)
+            mujoco.mj_rne(model, data, 1, force)
             f1, f2, f3 = force.tolist()
             rows.append((*row, f1 + (f2 * (w2 - speed) + f3 * w3) / speed))
         return rows

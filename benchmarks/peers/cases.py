@@ -103,6 +103,14 @@ def cases():
         Case('tiny links', 'A turn; the crank is 1e-6 m long.', sizes['tiny'], once),
         Case('huge links', 'A turn; the crank is 1e6 m long.', sizes['huge'], once),
         Case(
+            'equal lengths', 'A rhombus; a turn past both of its change points.',
+            four_bar(0.25, 0.25, 0.25, 0.25), once,
+        ),
+        Case(
+            'few steps', 'A linkage whose links all turn, five angles a turn for two turns.',
+            four_bar(0.55, 0.4, 0.55, 0.12), tuple((0.5 + i) * 72 * DEGREE for i in range(10)),
+        ),
+        Case(
             'long run', 'A turn of the four-bar of document 1 in steps of 10 deg, begun at a '
             'crank angle of a million turns.', preset,
             tuple(far + 10 * i * DEGREE for i in range(37)),

@@ -24,7 +24,7 @@ _VERMILION, _ORANGE, _BLUE, _SKY = '#d55e00', '#e69f00', '#0072b2', '#56b4e9'
 _GREEN, _PURPLE, _BLACK, _GREY = '#009e73', '#cc79a7', '#000000', '#666666'
 _LEAST = 1e-17  # an error of nothing, on a logarithmic axis
 _CEILING = 10.0  # where errors without bound are drawn
-_FLOOR, _TOP = 3e-15, 5.0  # settings are written between them: beyond, points lie close together
+_FLOOR, _TOP = 3e-15, 1.0  # settings are written between them: beyond, points lie close together
 _SHORT = {'tolerance': '', 'steps': 'n=', 'nodes': 'N=', 'harmonics': 'H=', 'step': 'h='}
 
 
@@ -46,11 +46,11 @@ _STYLES = {
     'Newton-Raphson, cold': _Style('v', _GREEN, filled=False),
     'table, cubic Hermite': _Style('o', _PURPLE),
     'Fourier series': _Style('o', _PURPLE, filled=False),
-    '2x2 solve': _Style('P', _ORANGE),
-    'sine formula': _Style('X', _ORANGE),
+    '2x2 solve': _Style('P', _ORANGE, size=7),
+    'sine formula': _Style('X', '#8b4513', size=7),
     'central differences': _Style('.', _GREY, size=7),
-    'power balance': _Style('P', _BLACK),
-    'constrained Newton-Euler': _Style('X', _BLACK),
+    'power balance': _Style('h', _BLACK, size=7),
+    'constrained Newton-Euler': _Style('X', _BLACK, size=7),
 }
 
 
@@ -65,7 +65,8 @@ def draw_accuracy(points: Sequence[Point], title: str, paths: Iterable[Path]) ->
     Raises:
         OSError: A picture cannot be written.
     """
-    figure = Figure(figsize=(16, 9.4), dpi=110, layout='constrained')
+    figure = Figure(figsize=(16, 9.6), dpi=110)
+    figure.set_layout_engine('constrained', rect=(0, 0.025, 1, 0.975))
     figure.suptitle(title, fontsize=12)
     panels = figure.subplots(2, 4, sharey=True, sharex='row')
     for row, mode in zip(panels, (ONE, BATCH), strict=True):
@@ -97,8 +98,8 @@ def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
     failed = dict.fromkeys(p.method for p in points if p not in drawn)
     if failed:
         axes.text(
-            0.98, 0.98, 'no answer at some angle:\n' + '\n'.join(failed), fontsize=6.5,
-            ha='right', va='top', transform=axes.transAxes, color='0.3',
+            0.98, 0.5, 'no answer at some angle,\nin some setting:\n' + '\n'.join(failed),
+            fontsize=6.5, ha='right', va='center', transform=axes.transAxes, color='0.3',
         )  # fmt: skip
     axes.set_ylim(2e-17, 2 * _CEILING)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -108,7 +109,7 @@ def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
 
 def _series(point: Point) -> tuple[str, bool]:
     """What is joined by a line: settings of one kind. Newton's steps are a kind of their own."""
-    return point.method, 'tolerance 0.001, steps' in point.setting and '360' not in point.setting
+    return point.method, _values(point.setting).get('steps', '360') != '360'
 
 
 def _draw_series(axes: Axes, method: str, points: list[Point], *, swept: bool) -> None:
@@ -131,9 +132,14 @@ def _draw_series(axes: Axes, method: str, points: list[Point], *, swept: bool) -
 
 def _short(setting: str, *, swept: bool) -> str:
     """The value that is varied: '1e-06', 'n=36', 'N=256'."""
-    names = dict(part.rsplit(' ', 1) for part in setting.split(', '))
-    name = 'steps' if swept else next(iter(names))
-    return f'{_SHORT[name]}{names[name]}'
+    values = _values(setting)
+    name = 'steps' if swept else next(iter(values))
+    return f'{_SHORT[name]}{values[name]}'
+
+
+def _values(setting: str) -> dict[str, str]:
+    """The names and values of a setting in words."""
+    return dict(part.rsplit(' ', 1) for part in setting.split(', ')) if setting else {}
 
 
 def _add_legend(figure: Figure) -> None:
@@ -150,6 +156,11 @@ def _add_legend(figure: Figure) -> None:
     handles.append(
         Line2D([], [], color='0.85', linewidth=7, label=f'worse than {RIGHT:g}: not on the front')
     )
+    figure.text(
+        0.5, 0.004, 'Settings: N nodes, H harmonics, h step in rad, n steps a turn; a bare number '
+        f"is Newton's tolerance. Errors above {_CEILING:g} are drawn at {_CEILING:g}.",
+        ha='center', va='bottom', fontsize=8, color='0.3',
+    )  # fmt: skip
     figure.legend(
         handles=handles, loc='outside lower center', ncols=5, fontsize=8.5, frameon=False
     )

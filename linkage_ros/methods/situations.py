@@ -82,6 +82,12 @@ def _turn(steps: int = 48, turns: int = 1) -> tuple[float, ...]:
     return tuple((i + 0.5) * 2 * math.pi / steps for i in range(steps * turns))
 
 
+def _passing(*extra: float) -> tuple[float, ...]:
+    """Two turns in even steps, begun a quarter of a turn before 0, and further angles."""
+    even = (-math.pi / 2 + angle for angle in _turn(turns=2))
+    return tuple(sorted((*even, *extra)))
+
+
 def _ordinary(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
         yield _case(turning(random), _turn())
@@ -90,12 +96,12 @@ def _ordinary(random: Random, count: int) -> Iterator[Case]:
 def _hit(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
         mechanism = dyadic(random)
-        yield _case(mechanism, (0.0, -0.0, 1e-300))
+        yield _case(mechanism, (-0.3, -0.2, -0.1, 0.0, -0.0, 1e-300))
 
 
 def _passed(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
-        yield _case(dyadic(random), _turn(turns=2))
+        yield _case(dyadic(random), _passing())
 
 
 def _near(random: Random, count: int) -> Iterator[Case]:
@@ -106,17 +112,20 @@ def _near(random: Random, count: int) -> Iterator[Case]:
         c = b if i % 2 else d - r + b - gap
         mechanism = four_bar((r, b, c, d), any_assembly(random), angle)
         aside = [sign * 10.0**power for power in range(-14, 0) for sign in (-1, 1)]
-        yield _case(mechanism, tuple(sorted(angle + x for x in aside)))
+        yield _case(mechanism, tuple(sorted(angle + x for x in (*aside, 0.0))))
 
 
 def _dead_centre(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
         mechanism = limited(random)
         start, end = Solver(mechanism).mobility.arcs[0]
-        inside = [10.0**-k for k in range(2, 7)]
-        yield _case(
-            mechanism, (*(start + x for x in inside), *(end - x for x in reversed(inside)))
-        )
+        middle, goal, inward = (start + end) / 2, end, -1.0
+        if random.random() < 0.5:
+            goal, inward = start, 1.0
+        # In steps from the middle of the arc, as a motion would come there.
+        walk = np.linspace(middle, goal + inward * 1e-2, 40, endpoint=False)
+        near = [goal + inward * 10.0**-k for k in range(2, 7)]
+        yield _case(mechanism, (*map(float, walk), *near))
 
 
 def _no_assembly(random: Random, count: int) -> Iterator[Case]:
@@ -135,13 +144,13 @@ def _denominator(random: Random, count: int) -> Iterator[Case]:
         mechanism = turning(random)
         if not isinstance(mechanism, FourBar):
             continue
-        # Where the rocker points along the frame, backwards, its half angle's tangent is
-        # infinite; the other solution of the quadratic equation is then 0/0.
+        # Where the rocker of one assembly points against the frame its half angle's tangent is
+        # infinite: the quadratic term vanishes, and the other assembly's solution is 0/0.
         other = replace(mechanism, assembly=CROSSED if mechanism.assembly == OPEN else OPEN)
-        cranks = np.linspace(0, 2 * math.pi, 721)
-        angle = mechanism.frame.angle
-        half = np.cos((Solver(other).state(cranks).position[2] - angle) / 2)
-        (places,) = np.nonzero(half[:-1] * half[1:] < 0)
+        cranks, angle = np.linspace(0, 2 * math.pi, 721), mechanism.frame.angle
+        turned = Solver(other).state(cranks).position[2] - angle
+        sine, cosine = np.sin(turned), np.cos(turned)
+        (places,) = np.nonzero((sine[:-1] * sine[1:] < 0) & (cosine[:-1] < 0))
         for place in places:
             low, high = float(cranks[place]), float(cranks[place + 1])
             yield _case(mechanism, (_root(other, angle, low, high),))
@@ -152,12 +161,12 @@ def _root(mechanism: FourBar, angle: float, low: float, high: float) -> float:
     """Where the rocker points against the frame, by bisection."""
     solver = Solver(mechanism)
 
-    def half(crank: float) -> float:
-        return math.cos((solver.state(crank).position[2] - angle) / 2)
+    def sine(crank: float) -> float:
+        return math.sin(solver.state(crank).position[2] - angle)
 
     for _ in range(60):
         middle = (low + high) / 2
-        low, high = (middle, high) if half(low) * half(middle) > 0 else (low, middle)
+        low, high = (middle, high) if sine(low) * sine(middle) > 0 else (low, middle)
     return low
 
 
@@ -191,7 +200,7 @@ def _equal(random: Random, count: int) -> Iterator[Case]:
     for i in range(count):
         x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
         lengths = ((x, x, x, x), (x, y, y, x), (x, y, x, y))[i % 3]
-        yield _case(four_bar(lengths, any_assembly(random)), (*_turn(turns=2), 0.0, 1e-9))
+        yield _case(four_bar(lengths, any_assembly(random)), _passing(0.0, 1e-9))
 
 
 _DECIMALS = (
@@ -204,8 +213,7 @@ def _decimals(random: Random, count: int) -> Iterator[Case]:
     for i in range(count):
         texts = _DECIMALS[i % len(_DECIMALS)]
         lengths = tuple(map(float, texts))
-        cranks = (*_turn(turns=2), 1e-3, 1e-6, 1e-9)
-        yield _case(four_bar(lengths, any_assembly(random)), cranks, texts)
+        yield _case(four_bar(lengths, any_assembly(random)), _passing(1e-9, 1e-6, 1e-3), texts)
 
 
 def _scaled(size: float) -> Callable[[Random, int], Iterator[Case]]:
@@ -235,26 +243,32 @@ SITUATIONS = (
     Situation('change point hit', 'all links in one line, to the last bit', _hit),
     Situation('change point passed', 'two turns through it, in both assemblies', _passed),
     Situation(
-        'near a change point', 'missed by 1e-11 to 1e-13 m, angles down to 1e-14 rad from it',
+        'near a change point',
+        'missed by 1e-11 to 1e-13 m, angles down to 1e-14 rad from it, and on it',
         _near,
     ),
     Situation(
-        'dead centre', 'of a crank that cannot turn fully, from 1e-2 to 1e-6 rad', _dead_centre
+        'dead centre',
+        'of a crank that cannot turn fully, come up to in steps, to 1e-6 rad',
+        _dead_centre,
     ),
     Situation('no assembly', 'a crank turned beyond its reach', _no_assembly, exists=False),
     Situation(
-        'half-angle denominator', 'coefficient of the quadratic term zero or nearly', _denominator
+        'half-angle denominator',
+        'the coefficient of the quadratic term is zero but for rounding',
+        _denominator,
     ),
     Situation('wrong first guess', "the other assembly's position", _wrong_guess),
     Situation('few steps', 'a linkage of turning links asked five times a turn', _few_steps),
     Situation('crank longer than rod', 'slider-cranks that swing', _long_crank),
     Situation('equal lengths', 'rhombi, kites, parallelograms, with both change points', _equal),
     Situation(
-        'lengths in decimals', 'a change point is meant, but 0.2 + 0.3 - 0.1 - 0.4 is not 0',
+        'lengths in decimals',
+        'a change point is meant, but 0.2 + 0.3 - 0.1 - 0.4 is not 0',
         _decimals,
     ),
     Situation('tiny links', 'a micrometre', _scaled(1e-6)),
     Situation('huge links', 'a thousand kilometres', _scaled(1e6)),
     Situation('long run', 'after 1e9 turns', _long_run),
     Situation('crank at rest', 'a crank that only begins to move', _at_rest),
-)  # fmt: skip
+)

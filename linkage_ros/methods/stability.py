@@ -3,7 +3,7 @@
 """What comes of each method in each situation, by one rule.
 
 A method is judged by what it computes itself, against 50 digits, at every crank angle of every
-case; a cell of the chart is its worst outcome.
+case, one at a time and as an array; a cell of the chart is its worst outcome, in this order:
 
     right         every value within 1e-6, relative to its size (`measure.Truth`)
     refused       an error that says why; where no state exists, this is the right answer
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -23,7 +24,7 @@ import numpy as np
 
 from linkage_ros.core.mechanism import CROSSED, OPEN
 from linkage_ros.errors import LinkageError
-from linkage_ros.methods.chain import BATCH, FUNCTIONS, ONE, OWN
+from linkage_ros.methods.chain import BATCH, FUNCTIONS, OWN, Function
 from linkage_ros.methods.measure import FAILURES, Truth, evaluate
 from linkage_ros.methods.situations import Case, Situation
 from linkage_ros.methods.table import METHODS, Method
@@ -103,36 +104,54 @@ def measure(
 def _cell(method: Method, situation: Situation, benches: list[_Bench]) -> Cell:
     found = [_judge(method, bench, exists=situation.exists) for bench in benches]
     outcome = max((outcome for outcome, _ in found), key=OUTCOMES.index)
-    if not situation.exists and {outcome for outcome, _ in found} == {REFUSED}:
-        outcome = REFUSED
     errors = [error for _, error in found if error is not None]
     return Cell(method.name, situation.name, outcome, max(errors, default=None))
 
 
 def _judge(method: Method, bench: _Bench, *, exists: bool) -> tuple[str, float | None]:
-    """The worst outcome and error of one case."""
-    mode = BATCH if BATCH in method.modes else ONE
-    cranks = np.array(bench.case.cranks)
+    """The worst outcome and error of one case, one at a time and as an array."""
     outcomes, errors = {RIGHT}, []
-    for quantity in OWN[method.stage]:
-        try:
-            with np.errstate(all='ignore'):
-                setting = method.steady or method.settings[0]
-                chain = method.make(bench.case.task, setting, FUNCTIONS[mode])
-                rows = evaluate(getattr(chain, quantity), cranks, mode)
-        except LinkageError:
-            outcomes.add(REFUSED)
-            continue
-        except FAILURES:
-            outcomes.add(NAN)
-            continue
-        for crank, row in zip(bench.case.cranks, rows, strict=True):
-            if not all(map(math.isfinite, row)):
-                outcomes.add(NAN)
-            elif not exists:
-                outcomes.add(DIVERGED)
-            else:
-                outcome, error = bench.outcome(quantity, crank, row)
-                outcomes.add(outcome)
-                errors.append(error)
+    for mode in method.modes:
+        for quantity in OWN[method.stage]:
+            for crank, found in zip(
+                bench.case.cranks, _answers(method, bench.case, quantity, mode), strict=True
+            ):
+                if isinstance(found, str):
+                    outcomes.add(found)
+                elif not all(map(math.isfinite, found)):
+                    outcomes.add(NAN)
+                elif not exists:
+                    outcomes.add(DIVERGED)
+                else:
+                    outcome, error = bench.outcome(quantity, crank, found)
+                    outcomes.add(outcome)
+                    errors.append(error)
+    if not exists and outcomes == {RIGHT, REFUSED}:
+        return REFUSED, None
     return max(outcomes, key=OUTCOMES.index), max(errors, default=None)
+
+
+def _answers(
+    method: Method, case: Case, quantity: str, mode: str
+) -> list[tuple[float, ...] | str]:
+    """What a method says at each crank angle: values, or the outcome that an error means."""
+    try:
+        setting = method.steady or method.settings[0]
+        function = getattr(method.make(case.task, setting, FUNCTIONS[mode]), quantity)
+    except LinkageError:
+        return [REFUSED] * len(case.cranks)
+    with np.errstate(all='ignore'):
+        if mode == BATCH:
+            # An array is refused for one of its angles: then each is asked by itself.
+            with suppress(LinkageError, *FAILURES):
+                return [*evaluate(function, np.array(case.cranks), mode)]
+        return [_answer(function, crank, mode) for crank in case.cranks]
+
+
+def _answer(function: Function, crank: float, mode: str) -> tuple[float, ...] | str:
+    try:
+        return evaluate(function, np.array([crank]), mode)[0]
+    except LinkageError:
+        return REFUSED
+    except FAILURES:
+        return NAN

@@ -75,7 +75,8 @@ METHODS = (
         modes=(BATCH,),
     ),
     Method(
-        'half-angle', POSITION, 'nothing', 'document 2, eq. 16 to 26',
+        'half-angle', POSITION, 'nothing',
+        'document 2, eq. 16 to 26; of a slider-crank by the same substitution',
         lambda task, _, f: chain.of_position(task, positions.half_angle(task.mechanism, f), f),
     ),
     Method(
@@ -119,7 +120,8 @@ METHODS = (
         ),
     ),
     Method(
-        'sine formula', RATES, 'links not in line', 'document 2, eq. 27 to 33',
+        'sine formula', RATES, 'links not in line',
+        'document 2, eq. 27 to 33; accelerations by the same elimination',
         lambda task, _, f: chain.of_rates(
             task, rates.sine_formula(task.mechanism, positions.factored(task.mechanism, f), f), f
         ),
