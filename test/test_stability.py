@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from linkage_ros import ConfigurationError, Solver
-from linkage_ros.methods.chain import ONE, POSITION, RATES, Chain
+from linkage_ros.core.numeric import SCALAR
+from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, Chain
 from linkage_ros.methods.positions import factored
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
@@ -33,13 +34,15 @@ def plain(items, _):
     return items
 
 
-def planted(locate, stage=POSITION):
-    """A method of that position, for one angle at a time."""
+def planted(locate, stage=POSITION, modes=(ONE,)):
+    """A method of that position, made for numbers; arrays of one are taken for a number."""
 
-    def make(task, _, f):
-        right = factored(task.mechanism, f)
+    def make(task, *_):
+        right = factored(task.mechanism, SCALAR)
 
         def position(crank):
+            if np.ndim(crank):
+                return np.array([locate(task, right, x) for x in crank.tolist()]).T
             return locate(task, right, crank)
 
         def nothing(_):
@@ -47,7 +50,7 @@ def planted(locate, stage=POSITION):
 
         return Chain(position, position, position, nothing)
 
-    return Method('planted', stage, '', '', make, modes=(ONE,))
+    return Method('planted', stage, '', '', make, modes=modes)
 
 
 def outcome(locate, situation='ordinary', **options):
@@ -127,6 +130,30 @@ def test_where_no_state_exists_only_a_refusal_is_right():
     assert outcome(lambda _, right, crank: right(crank), 'no assembly')[0] == REFUSED
     assert outcome(lambda *_: (0.1, 0.2), 'no assembly')[0] == DIVERGED
     assert outcome(lambda *_: (math.nan, 0.2), 'no assembly')[0] == NAN
+
+
+def test_a_refusal_at_one_angle_hides_nothing_at_the_others():
+    def locate(_, right, crank):
+        if 3.0 < crank < 3.2:
+            raise ConfigurationError('no such state')
+        coupler, output = right(crank)
+        return coupler + 1.0, output
+
+    assert outcome(locate)[0] == DIVERGED
+    # An array is refused as a whole; then each of its angles is asked by itself.
+    assert outcome(locate, modes=(BATCH,))[0] == DIVERGED
+
+
+def test_where_no_state_exists_every_angle_has_to_be_refused():
+    refused = []
+
+    def locate(_, right, crank):
+        if not refused:
+            refused.append(crank)
+            right(crank)
+        return 0.1, 0.2
+
+    assert outcome(locate, 'no assembly')[0] == DIVERGED
 
 
 def test_a_programming_error_is_no_outcome():

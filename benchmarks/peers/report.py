@@ -35,7 +35,8 @@ Each peer is asked state by state. *Right*: the angles are within 1e-6 rad of 50
 accelerations within a millionth. *Rates wrong*: the angles alone are. *Wrong branch*: it went over
 to the other assembly. *NaN*: not a number, or the exception of a failed operation. *Refused*: an
 exception of its own. *Diverged*: a number that is neither assembly, or any number where the loop
-cannot close. The worst of all states counts, and how many there were of it. Peers that follow the
+cannot close. The worst of all states counts, NaN before wrong branch before diverged, and how many
+there were of it. Peers that follow the
 motion, and peers that stay on one side, are given the right start.
 """
 

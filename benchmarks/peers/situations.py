@@ -26,7 +26,7 @@ SPEED = 1.0
 CLOSE = 1e-6
 PATIENCE = 120.0  # s for the situations of one peer.
 # From worst to best; of several states the worst counts.
-OUTCOMES = ('diverged', 'wrong branch', 'NaN', 'refused', 'rates wrong', 'right')
+OUTCOMES = ('NaN', 'wrong branch', 'diverged', 'rates wrong', 'refused', 'right')
 
 
 def reference(case, mechanism):

@@ -24,7 +24,7 @@ _VERMILION, _ORANGE, _BLUE, _SKY = '#d55e00', '#e69f00', '#0072b2', '#56b4e9'
 _GREEN, _PURPLE, _BLACK, _GREY = '#009e73', '#cc79a7', '#000000', '#666666'
 _LEAST = 1e-17  # an error of nothing, on a logarithmic axis
 _CEILING = 10.0  # where errors without bound are drawn
-_FLOOR, _TOP = 3e-15, 1.0  # settings are written between them: beyond, points lie close together
+_FLOOR, _TOP = 3e-15, 0.2  # settings are written between them: beyond, points lie close together
 _SHORT = {'tolerance': '', 'steps': 'n=', 'nodes': 'N=', 'harmonics': 'H=', 'step': 'h='}
 
 
@@ -65,8 +65,7 @@ def draw_accuracy(points: Sequence[Point], title: str, paths: Iterable[Path]) ->
     Raises:
         OSError: A picture cannot be written.
     """
-    figure = Figure(figsize=(16, 9.6), dpi=110)
-    figure.set_layout_engine('constrained', rect=(0, 0.025, 1, 0.975))
+    figure = Figure(figsize=(16, 9.6), dpi=110, layout='constrained')
     figure.suptitle(title, fontsize=12)
     panels = figure.subplots(2, 4, sharey=True, sharex='row')
     for row, mode in zip(panels, (ONE, BATCH), strict=True):
@@ -156,14 +155,12 @@ def _add_legend(figure: Figure) -> None:
     handles.append(
         Line2D([], [], color='0.85', linewidth=7, label=f'worse than {RIGHT:g}: not on the front')
     )
-    figure.text(
-        0.5, 0.004, 'Settings: N nodes, H harmonics, h step in rad, n steps a turn; a bare number '
-        f"is Newton's tolerance. Errors above {_CEILING:g} are drawn at {_CEILING:g}.",
-        ha='center', va='bottom', fontsize=8, color='0.3',
-    )  # fmt: skip
     figure.legend(
-        handles=handles, loc='outside lower center', ncols=5, fontsize=8.5, frameon=False
-    )
+        handles=handles, loc='outside lower center', ncols=5, fontsize=8.5, frameon=False,
+        title_fontsize=8.5,
+        title='Settings: N nodes, H harmonics, h step in rad, n steps a turn; a '
+        f"bare number is Newton's tolerance. Errors above {_CEILING:g} are drawn at {_CEILING:g}.",
+    )  # fmt: skip
 
 
 def _name(method: str) -> str:
