@@ -91,7 +91,7 @@ class FourBarKinematics:
             functions: SCALAR or ARRAY.
 
         Returns:
-            Positions, and what `solve` makes the rest from.
+            The coupler's direction and the output, and what `solve` makes the rest from.
         """
         S, C, sin_m, cos_m = self.map.place(crank, functions)
         # Unit vectors: w = e^(i (delta + theta/2)), crank e^(i alpha) = w e^(i theta/2).
@@ -110,10 +110,10 @@ class FourBarKinematics:
             fx, fy = wx * dot - wy * cross, wx * cross + wy * dot
         signed = self.side * sin_m
         xc, ys, yc, xs = fx * cos_m, fy * signed, fy * cos_m, fx * signed
-        coupler, rocker = (yc - xs, xc + ys), (yc + xs, xc - ys)
+        bx, by, cx, cy = xc + ys, yc - xs, xc - ys, yc + xs
         return (
-            (crank, functions.atan2(*coupler), functions.atan2(*rocker)),
-            (S, C, sin_m, cos_m, square, scale, (wx, wy), coupler, rocker),
+            (functions.atan2(by, bx), functions.atan2(cy, cx)),
+            (S, C, sin_m, cos_m, square, scale, wx, wy, bx, by, cx, cy),
         )
 
     def solve(self, crank: Real, functions: Functions) -> Links:
@@ -126,8 +126,8 @@ class FourBarKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        positions, made = self.locate(crank, functions)
-        S, C, sin_m, cos_m, square, scale, (wx, wy), coupler, rocker = made
+        (beta, gamma), made = self.locate(crank, functions)
+        S, C, sin_m, cos_m, square, scale, wx, wy, bx, by, cx, cy = made
         first, second = self.map.slopes(S, C, sin_m, cos_m)
         if self._concentric:
             mean, mean_slope = 0.5, 0.0
@@ -143,9 +143,9 @@ class FourBarKinematics:
         half_side = 0.5 * self.side
         first, second = half_side * first, half_side * second
         return (
-            positions,
-            (wx * C - wy * S, coupler[1], rocker[1]),
-            (wx * S + wy * C, coupler[0], rocker[0]),
+            (crank, beta, gamma),
+            (wx * C - wy * S, bx, cx),
+            (wx * S + wy * C, by, cy),
             ((1.0, mean - first, mean + first),),
             (0.0, mean_slope - second, mean_slope + second),
         )

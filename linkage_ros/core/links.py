@@ -21,5 +21,6 @@ PerLink: TypeAlias = tuple[Real, Real, Real]
 #   curvature  every link's acceleration per squared crank speed, while the crank's own
 #              acceleration is zero
 Links: TypeAlias = tuple[PerLink, PerLink, PerLink, tuple[PerLink, ...], PerLink]
-# The position alone, and what the kinematics that found it makes the rest from.
-Place: TypeAlias = tuple[PerLink, tuple[Real, ...]]
+# The position of coupler and output link alone, and what the kinematics that found it makes the
+# rest from.
+Place: TypeAlias = tuple[tuple[Real, Real], tuple[Real, ...]]

@@ -65,15 +65,17 @@ class SliderCrankKinematics:
             functions: SCALAR or ARRAY.
 
         Returns:
-            Positions, and what `solve` makes the rest from.
+            The coupler's direction and the output, and what `solve` makes the rest from.
         """
         S, C, sin_m, cos_m = self.map.place(crank, functions)
         # Half of sin mu, and cos mu; b e^(i beta) is the coupler.
         sine, cosine = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
         across_x, across_y, along_x, along_y = self._coupler
         x, y = across_x * sine - along_y * cosine, along_x * cosine + across_y * sine
-        output = self._two_r * (S * C) + self._two_b * sine
-        return (crank, functions.atan2(y, x), output), (S, C, sin_m, cos_m, sine, cosine, x, y)
+        return (
+            (functions.atan2(y, x), self._two_r * (S * C) + self._two_b * sine),
+            (S, C, sin_m, cos_m, sine, cosine, x, y),
+        )
 
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.
@@ -85,7 +87,8 @@ class SliderCrankKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        positions, (S, C, sin_m, cos_m, sine, cosine, x, y) = self.locate(crank, functions)
+        (coupler, output), made = self.locate(crank, functions)
+        S, C, sin_m, cos_m, sine, cosine, x, y = made
         # In the guide's axes: r e^(i alpha) and b e^(i beta).
         rx, ry = self._two_r * (S * C), self._lengths[0] * ((S - C) * (S + C))
         bx, by = self._two_b * sine, self._lengths[1] * cosine
@@ -95,7 +98,7 @@ class SliderCrankKinematics:
         slope = -(ry + by * turn)
         curvature = -(rx + bx * (turn * turn) + by * bend)
         return (
-            positions,
+            (crank, coupler, output),
             (gx_r * rx - gy_r * ry, over_b * x, gx),
             (gx_r * ry + gy_r * rx, over_b * y, gy),
             ((1.0, turn, slope),),

@@ -23,20 +23,14 @@ def factored(mechanism: Mechanism, f: Functions) -> Locate:
     """The package's own: sums of terms that are never negative (core.transmission)."""
     solver = Solver(mechanism)
     locate = solver.kinematics.locate
-    if not solver.mobility.turns_fully:
+    if solver.mobility.turns_fully:
+        return lambda crank: locate(crank, f)[0]
 
-        def within_reach(crank: Real) -> tuple[Real, Real]:
-            solver.require_reachable(crank, f)
-            (_, coupler, output), _ = locate(crank, f)
-            return coupler, output
+    def within_reach(crank: Real) -> tuple[Real, Real]:
+        solver.require_reachable(crank, f)
+        return locate(crank, f)[0]
 
-        return within_reach
-
-    def position(crank: Real) -> tuple[Real, Real]:
-        (_, coupler, output), _ = locate(crank, f)
-        return coupler, output
-
-    return position
+    return within_reach
 
 
 def inverse_cosine(mechanism: Mechanism, f: Functions) -> Locate:
