@@ -12,7 +12,7 @@ from mpmath import mp
 from oracle import Oracle
 from oracle_slider import SliderOracle
 
-from linkage_ros import FourBar, MechanismError, Solver, UnreachableError
+from linkage_ros import ConfigurationError, FourBar, MechanismError, Solver, UnreachableError
 from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Slider
 from linkage_ros.core.mechanism import SliderCrank
 from linkage_ros.run.configuration import load
@@ -106,6 +106,21 @@ def test_beyond_the_reach_there_is_neither():
         solver.acceleration(beyond, 0.0, 1.0)
     with pytest.raises(UnreachableError):
         solver.energy(beyond, 0.0)
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf, np.array([1.0, math.nan])])
+def test_what_is_not_finite_is_named(bad):
+    solver = Solver(MECHANISMS['quadrilateral'])
+    for name, call in (
+        ('crank angle', lambda: solver.acceleration(bad, 1.0, 1.0)),
+        ('speed', lambda: solver.acceleration(1.0, bad, 1.0)),
+        ('torque', lambda: solver.acceleration(1.0, 1.0, bad)),
+        ('crank angle', lambda: solver.energy(bad, 1.0)),
+        ('speed', lambda: solver.energy(1.0, bad)),
+        ('crank angle', lambda: solver.inertia(bad)),
+    ):
+        with pytest.raises(ConfigurationError, match=f'^{name} = .*: must be a finite number'):
+            call()
 
 
 def test_a_free_crank_keeps_its_energy():

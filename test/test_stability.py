@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ import pytest
 from linkage_ros import ConfigurationError, Solver
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, Chain
+from linkage_ros.methods.linkages import other_assembly
 from linkage_ros.methods.positions import factored
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
@@ -61,8 +61,7 @@ def outcome(locate, situation='ordinary', **options):
 
 
 def other_side(task, _, crank):
-    flipped = 'crossed' if task.mechanism.assembly == 'open' else 'open'
-    state = Solver(replace(task.mechanism, assembly=flipped)).state(crank)
+    state = Solver(other_assembly(task.mechanism)).state(crank)
     return state.position[1:]
 
 

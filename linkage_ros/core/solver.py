@@ -12,6 +12,7 @@ from typing import NoReturn
 import numpy as np
 
 from linkage_ros.core.dynamics import MassDistribution
+from linkage_ros.core.finite import all_finite, require_finite
 from linkage_ros.core.kinematics import kinematics_of
 from linkage_ros.core.links import Links
 from linkage_ros.core.mechanism import Mechanism
@@ -152,8 +153,10 @@ class Solver:
 
         Raises:
             UnreachableError: The loop cannot close at a crank angle.
+            ConfigurationError: One of them is not finite.
             MechanismError: Nothing that moves with the crank has a mass there.
         """
+        require_finite(speed=speed, torque=torque)
         links = self._links(crank)
         _, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
         ((inertia,),) = self._masses.matrix(links)
@@ -178,13 +181,16 @@ class Solver:
             Kinetic, and potential of the weights but for a constant, J; floats, or arrays.
 
         Raises:
+            ConfigurationError: One of them is not finite.
             UnreachableError: The loop cannot close at a crank angle.
         """
+        require_finite(speed=speed)
         links = self._links(crank)
         ((inertia,),) = self._masses.matrix(links)
         return 0.5 * inertia * (speed * speed), self._masses.potential(links)
 
     def _links(self, crank: Real) -> Links:
+        require_finite(crank_angle=crank)
         functions = functions_of(crank)
         if self._limited:
             self.require_reachable(crank, functions)
@@ -200,6 +206,7 @@ class Solver:
             kg m^2: torque per crank acceleration; a float, or an array.
 
         Raises:
+            ConfigurationError: A crank angle is not finite.
             UnreachableError: The loop cannot close at a crank angle.
         """
         ((inertia,),) = self._masses.matrix(self._links(crank))
@@ -253,10 +260,10 @@ class Solver:
                 x if isinstance(x, float) else x[piece] for x in (crank, speed, acceleration)
             )
             with np.errstate(over='ignore', invalid='ignore', under='ignore'):
-                if not _all_finite(angle, rate, change):
+                if not all_finite(angle, rate, change):
                     _refuse_not_finite(angle, rate, change)
                 state = self._solve(angle, rate, change, ARRAY)
-                if not _all_finite(state.torque):
+                if not all_finite(state.torque):
                     _refuse_not_finite(angle, rate, change)
             values = (*state.position, *state.velocity, *state.acceleration, state.torque)
             for row, value in zip(rows, values, strict=True):
@@ -275,17 +282,8 @@ def _keep_memory() -> None:
     np.empty(3_000_000)
 
 
-def _all_finite(*values: Real) -> bool:
-    # A sum is cheaper than a look at each; it may overflow where none of them is infinite.
-    return all(isfinite(np.sum(x)) or bool(np.isfinite(x).all()) for x in values)
-
-
 def _refuse_not_finite(crank: Real, speed: Real, acceleration: Real) -> NoReturn:
-    named = {'crank angle': crank, 'speed': speed, 'acceleration': acceleration}
-    for name, values in named.items():
-        bad = np.atleast_1d(values)[~np.isfinite(np.atleast_1d(values))]
-        if bad.size:
-            raise ConfigurationError(f'{name} = {bad[0]}: must be a finite number')
+    require_finite(crank_angle=crank, speed=speed, acceleration=acceleration)
     fastest, hardest = np.max(np.abs(speed)), np.max(np.abs(acceleration))
     raise ConfigurationError(
         f'the torque overflows at a speed up to {fastest:g} rad/s and an acceleration up to '

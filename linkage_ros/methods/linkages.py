@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -32,6 +33,11 @@ def slider_crank(
         crank=Body(*rods[0]), coupler=Coupler(*rods[1]), slider=slider, frame=Guide(angle),
         assembly=assembly,
     )  # fmt: skip
+
+
+def other_assembly(mechanism: Mechanism) -> Mechanism:
+    """The same links, put together the other way."""
+    return replace(mechanism, assembly=CROSSED if mechanism.assembly == OPEN else OPEN)
 
 
 def any_assembly(random: Random) -> str:

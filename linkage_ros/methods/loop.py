@@ -13,7 +13,6 @@ B(x) = (x + i e) e^(i guide) of a slider (document 4, eq. 2).
 from __future__ import annotations
 
 import cmath
-import math
 
 from linkage_ros.core.mechanism import FourBar, Mechanism
 from linkage_ros.core.numeric import Functions, Real
@@ -91,8 +90,3 @@ def solve_2x2(columns: tuple[Pair, Pair], right: Pair) -> Pair:
     x, y = right
     determinant = a * d - b * c
     return (x * d - b * y) / determinant, (a * y - x * c) / determinant
-
-
-def angle_apart(a: Real, b: Real) -> Real:
-    """The angle from b to a, in [-pi, pi], rad."""
-    return (a - b + math.pi) % (2 * math.pi) - math.pi

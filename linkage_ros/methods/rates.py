@@ -13,9 +13,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from linkage_ros.core.mechanism import Mechanism
-from linkage_ros.core.numeric import Functions, Real
+from linkage_ros.core.numeric import Functions, Real, wrap
 from linkage_ros.core.solver import Solver
-from linkage_ros.methods.loop import Loop, Pair, angle_apart, solve_2x2
+from linkage_ros.methods.loop import Loop, Pair, solve_2x2
 from linkage_ros.methods.positions import Locate
 
 
@@ -109,20 +109,20 @@ def sine_formula(mechanism: Mechanism, locate: Locate, f: Functions) -> Rates:
     return Rates(first, second)
 
 
-def central_differences(mechanism: Mechanism, locate: Locate, step: float, _: Functions) -> Rates:
+def central_differences(mechanism: Mechanism, locate: Locate, step: float, f: Functions) -> Rates:
     """Positions a step before and after (for instance Dahlquist and Bjorck, sec. 3.3)."""
     turns = Loop(mechanism).rocker is not None
     over, over_square = 1 / (2 * step), 1 / (step * step)
 
     def first(crank: Real) -> tuple[Pair, Pair]:
         (c0, o0), (c2, o2) = locate(crank - step), locate(crank + step)
-        move = angle_apart(o2, o0) if turns else o2 - o0
-        return locate(crank), (angle_apart(c2, c0) * over, move * over)
+        move = wrap(o2 - o0, f) if turns else o2 - o0
+        return locate(crank), (wrap(c2 - c0, f) * over, move * over)
 
     def second(crank: Real) -> tuple[Pair, Pair, Pair]:
         before, here, after = locate(crank - step), locate(crank), locate(crank + step)
         changes = [
-            (angle_apart(z, y), angle_apart(y, x)) if turning else (z - y, y - x)
+            (wrap(z - y, f), wrap(y - x, f)) if turning else (z - y, y - x)
             for x, y, z, turning in zip(before, here, after, (True, turns), strict=True)
         ]
         (a, b), (c, d) = changes

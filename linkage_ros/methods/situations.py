@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import CROSSED, OPEN, FourBar, Mechanism
+from linkage_ros.core.mechanism import FourBar, Mechanism
 from linkage_ros.core.solver import Solver
 from linkage_ros.methods.chain import Task
 from linkage_ros.methods.linkages import (
@@ -24,6 +24,7 @@ from linkage_ros.methods.linkages import (
     dyadic,
     four_bar,
     limited,
+    other_assembly,
     slider_crank,
     turning,
 )
@@ -146,7 +147,7 @@ def _denominator(random: Random, count: int) -> Iterator[Case]:
             continue
         # Where the rocker of one assembly points against the frame its half angle's tangent is
         # infinite: the quadratic term vanishes, and the other assembly's solution is 0/0.
-        other = replace(mechanism, assembly=CROSSED if mechanism.assembly == OPEN else OPEN)
+        other = other_assembly(mechanism)
         cranks, angle = np.linspace(0, 2 * math.pi, 721), mechanism.frame.angle
         turned = Solver(other).state(cranks).position[2] - angle
         sine, cosine = np.sin(turned), np.cos(turned)
@@ -157,7 +158,7 @@ def _denominator(random: Random, count: int) -> Iterator[Case]:
             count -= 1
 
 
-def _root(mechanism: FourBar, angle: float, low: float, high: float) -> float:
+def _root(mechanism: Mechanism, angle: float, low: float, high: float) -> float:
     """Where the rocker points against the frame, by bisection."""
     solver = Solver(mechanism)
 
@@ -173,7 +174,7 @@ def _root(mechanism: FourBar, angle: float, low: float, high: float) -> float:
 def _wrong_guess(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
         mechanism = turning(random)
-        other = replace(mechanism, assembly=CROSSED if mechanism.assembly == OPEN else OPEN)
+        other = other_assembly(mechanism)
         cranks = _turn()
         position = Solver(other).state(cranks[0]).position
         task = Task(mechanism, _SPEED, _ACCELERATION, (position[1], position[2]))

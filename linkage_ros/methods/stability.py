@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from linkage_ros.core.mechanism import CROSSED, OPEN
 from linkage_ros.errors import LinkageError
 from linkage_ros.methods.chain import BATCH, FUNCTIONS, OWN, Function
+from linkage_ros.methods.linkages import other_assembly
 from linkage_ros.methods.measure import FAILURES, Truth, evaluate
 from linkage_ros.methods.situations import Case, Situation
 from linkage_ros.methods.table import METHODS, Method
@@ -56,15 +56,15 @@ class Cell:
         return asdict(self)
 
 
-class _Bench:
+class _Trial:
     """One case, with the truth of its own assembly and of the other."""
 
     def __init__(self, case: Case) -> None:
         self.case = case
         mechanism = case.task.mechanism
-        flipped = replace(mechanism, assembly=CROSSED if mechanism.assembly == OPEN else OPEN)
+        other = other_assembly(mechanism)
         self.own = Truth(case.task, case.lengths)
-        self.other = Truth(replace(case.task, mechanism=flipped), case.lengths)
+        self.other = Truth(replace(case.task, mechanism=other), case.lengths)
 
     def outcome(self, quantity: str, crank: float, values: tuple[float, ...]) -> tuple[str, float]:
         """What values at a crank angle are, and their error."""
@@ -96,25 +96,25 @@ def measure(
     """
     cells = []
     for situation in progress(list(situations), 'situations'):
-        benches = [_Bench(case) for case in situation.cases(cases)]
-        cells += [_cell(method, situation, benches) for method in methods]
+        trials = [_Trial(case) for case in situation.cases(cases)]
+        cells += [_cell(method, situation, trials) for method in methods]
     return cells
 
 
-def _cell(method: Method, situation: Situation, benches: list[_Bench]) -> Cell:
-    found = [_judge(method, bench, exists=situation.exists) for bench in benches]
+def _cell(method: Method, situation: Situation, trials: list[_Trial]) -> Cell:
+    found = [_judge(method, trial, exists=situation.exists) for trial in trials]
     outcome = max((outcome for outcome, _ in found), key=OUTCOMES.index)
     errors = [error for _, error in found if error is not None]
     return Cell(method.name, situation.name, outcome, max(errors, default=None))
 
 
-def _judge(method: Method, bench: _Bench, *, exists: bool) -> tuple[str, float | None]:
+def _judge(method: Method, trial: _Trial, *, exists: bool) -> tuple[str, float | None]:
     """The worst outcome and error of one case, one at a time and as an array."""
     outcomes, errors = {RIGHT}, []
     for mode in method.modes:
         for quantity in OWN[method.stage]:
             for crank, found in zip(
-                bench.case.cranks, _answers(method, bench.case, quantity, mode), strict=True
+                trial.case.cranks, _answers(method, trial.case, quantity, mode), strict=True
             ):
                 if isinstance(found, str):
                     outcomes.add(found)
@@ -123,7 +123,7 @@ def _judge(method: Method, bench: _Bench, *, exists: bool) -> tuple[str, float |
                 elif not exists:
                     outcomes.add(DIVERGED)
                 else:
-                    outcome, error = bench.outcome(quantity, crank, found)
+                    outcome, error = trial.outcome(quantity, crank, found)
                     outcomes.add(outcome)
                     errors.append(error)
     if not exists and outcomes == {RIGHT, REFUSED}:
