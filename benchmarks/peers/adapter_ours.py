@@ -33,7 +33,7 @@ class Adapter(Peer):
         for angle in angles:
             if self.limited:
                 self.solver.require_reachable(angle, SCALAR)
-            (_, beta, gamma), _, _, ((_, k2, k3),), (_, c2, c3) = solve(angle, SCALAR)
+            (_, beta, gamma), _, _, ((_, k2, k3),), ((_, c2, c3),) = solve(angle, SCALAR)
             rows.append((beta, gamma, k2 * speed, k3 * speed, c2 * square, c3 * square))
         return rows
 

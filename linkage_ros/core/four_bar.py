@@ -20,7 +20,7 @@ from __future__ import annotations
 import cmath
 import math
 
-from linkage_ros.core.links import Links, Place
+from linkage_ros.core.links import Links
 from linkage_ros.core.mechanism import OPEN, FourBar
 from linkage_ros.core.numeric import Functions, Real, nearest_turns, short_sum
 from linkage_ros.core.structure import Joint, Point, Structure, TurningBody
@@ -83,16 +83,21 @@ class FourBarKinematics:
         # Where q < 0 the crank never comes near theta = 0, where L would be short.
         self._nearly_concentric = self.map.q >= 0 and abs(diff_dr) < _CLOSE * sum_dr
 
-    def locate(self, crank: Real, functions: Functions) -> Place:
-        """The position alone.
+    def locate(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
+        """The position alone, to the bits of `solve`.
 
         Args:
             crank: Crank angle, rad; float or array. The loop must close there.
             functions: SCALAR or ARRAY.
 
         Returns:
-            The coupler's direction and the output, and what `solve` makes the rest from.
+            The directions of coupler and rocker, rad.
         """
+        _, _, _, _, _, _, _, _, bx, by, cx, cy = self._place(crank, functions)
+        return functions.atan2(by, bx), functions.atan2(cy, cx)
+
+    def _place(self, crank: Real, functions: Functions) -> tuple[Real, ...]:
+        """Half angles, L^2 and its inverse, w, and the unit vectors of coupler and rocker."""
         S, C, sin_m, cos_m = self.map.place(crank, functions)
         # Unit vectors: w = e^(i (delta + theta/2)), crank e^(i alpha) = w e^(i theta/2).
         ax, ay = self._axis
@@ -111,10 +116,7 @@ class FourBarKinematics:
         signed = self.side * sin_m
         xc, ys, yc, xs = fx * cos_m, fy * signed, fy * cos_m, fx * signed
         bx, by, cx, cy = xc + ys, yc - xs, xc - ys, yc + xs
-        return (
-            (functions.atan2(by, bx), functions.atan2(cy, cx)),
-            (S, C, sin_m, cos_m, square, scale, wx, wy, bx, by, cx, cy),
-        )
+        return S, C, sin_m, cos_m, square, scale, wx, wy, bx, by, cx, cy
 
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.
@@ -126,8 +128,8 @@ class FourBarKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        (beta, gamma), made = self.locate(crank, functions)
-        S, C, sin_m, cos_m, square, scale, wx, wy, bx, by, cx, cy = made
+        place = self._place(crank, functions)
+        S, C, sin_m, cos_m, square, scale, wx, wy, bx, by, cx, cy = place
         first, second = self.map.slopes(S, C, sin_m, cos_m)
         if self._concentric:
             mean, mean_slope = 0.5, 0.0
@@ -143,11 +145,11 @@ class FourBarKinematics:
         half_side = 0.5 * self.side
         first, second = half_side * first, half_side * second
         return (
-            (crank, beta, gamma),
+            (crank, functions.atan2(by, bx), functions.atan2(cy, cx)),
             (wx * C - wy * S, bx, cx),
             (wx * S + wy * C, by, cy),
             ((1.0, mean - first, mean + first),),
-            (0.0, mean_slope - second, mean_slope + second),
+            ((0.0, mean_slope - second, mean_slope + second),),
         )
 
     def _careful_mean(

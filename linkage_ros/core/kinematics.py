@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from linkage_ros.core.four_bar import FourBarKinematics
-from linkage_ros.core.links import Links, Place
+from linkage_ros.core.links import Links
 from linkage_ros.core.mechanism import FourBar, Mechanism
 from linkage_ros.core.numeric import Functions, Real
 from linkage_ros.core.slider_crank import SliderCrankKinematics
@@ -22,8 +22,8 @@ class Kinematics(Protocol):
     structure: Structure
     side: float
 
-    def locate(self, crank: Real, functions: Functions) -> Place:
-        """The position at a crank angle where the loop closes."""
+    def locate(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
+        """The positions of coupler and output at a crank angle where the loop closes."""
 
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives at a crank angle where the loop closes."""

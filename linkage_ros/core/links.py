@@ -18,9 +18,6 @@ PerLink: TypeAlias = tuple[Real, Real, Real]
 #              sliding link its place along its guide, m
 #   cos, sin   of these directions; of a sliding link, of its guide's
 #   partial    for each independent speed, every link's velocity per unit of that speed
-#   curvature  every link's acceleration per squared crank speed, while the crank's own
-#              acceleration is zero
-Links: TypeAlias = tuple[PerLink, PerLink, PerLink, tuple[PerLink, ...], PerLink]
-# The position of coupler and output link alone, and what the kinematics that found it makes the
-# rest from.
-Place: TypeAlias = tuple[tuple[Real, Real], tuple[Real, ...]]
+#   curvature  for each pair of independent speeds (of one: its square), every link's acceleration
+#              per their product, while none of these speeds changes
+Links: TypeAlias = tuple[PerLink, PerLink, PerLink, tuple[PerLink, ...], tuple[PerLink, ...]]

@@ -21,7 +21,7 @@ from __future__ import annotations
 import cmath
 import math
 
-from linkage_ros.core.links import Links, Place
+from linkage_ros.core.links import Links
 from linkage_ros.core.mechanism import OPEN, SliderCrank
 from linkage_ros.core.numeric import HALF_PI, Functions, Real, nearest_turns, short_sum, two_sum
 from linkage_ros.core.structure import Joint, Point, SlidingBody, Structure, TurningBody
@@ -57,25 +57,22 @@ class SliderCrankKinematics:
         self._lengths, self._two_r, self._two_b = (r, b), 2 * r, 2 * self.side * b
         self._coupler = gx * self._two_b, gy * self._two_b, gx * b, gy * b
 
-    def locate(self, crank: Real, functions: Functions) -> Place:
-        """The position alone.
+    def locate(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
+        """The position alone, to the bits of `solve`.
 
         Args:
             crank: Crank angle, rad; float or array. The loop must close there.
             functions: SCALAR or ARRAY.
 
         Returns:
-            The coupler's direction and the output, and what `solve` makes the rest from.
+            The coupler's direction, rad, and the slider's place, m.
         """
         S, C, sin_m, cos_m = self.map.place(crank, functions)
         # Half of sin mu, and cos mu; b e^(i beta) is the coupler.
         sine, cosine = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
         across_x, across_y, along_x, along_y = self._coupler
         x, y = across_x * sine - along_y * cosine, along_x * cosine + across_y * sine
-        return (
-            (functions.atan2(y, x), self._two_r * (S * C) + self._two_b * sine),
-            (S, C, sin_m, cos_m, sine, cosine, x, y),
-        )
+        return functions.atan2(y, x), self._two_r * (S * C) + self._two_b * sine
 
     def solve(self, crank: Real, functions: Functions) -> Links:
         """The position and its derivatives.
@@ -87,8 +84,10 @@ class SliderCrankKinematics:
         Returns:
             The links; rates and curvatures per crank speed.
         """
-        (coupler, output), made = self.locate(crank, functions)
-        S, C, sin_m, cos_m, sine, cosine, x, y = made
+        S, C, sin_m, cos_m = self.map.place(crank, functions)
+        sine, cosine = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
+        across_x, across_y, along_x, along_y = self._coupler
+        x, y = across_x * sine - along_y * cosine, along_x * cosine + across_y * sine
         # In the guide's axes: r e^(i alpha) and b e^(i beta).
         rx, ry = self._two_r * (S * C), self._lengths[0] * ((S - C) * (S + C))
         bx, by = self._two_b * sine, self._lengths[1] * cosine
@@ -98,11 +97,11 @@ class SliderCrankKinematics:
         slope = -(ry + by * turn)
         curvature = -(rx + bx * (turn * turn) + by * bend)
         return (
-            (crank, coupler, output),
+            (crank, functions.atan2(y, x), rx + bx),
             (gx_r * rx - gy_r * ry, over_b * x, gx),
             (gx_r * ry + gy_r * rx, over_b * y, gy),
             ((1.0, turn, slope),),
-            (0.0, bend, curvature),
+            ((0.0, bend, curvature),),
         )
 
 

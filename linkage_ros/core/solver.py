@@ -158,7 +158,7 @@ class Solver:
         """
         require_finite(speed=speed, torque=torque)
         links = self._links(crank)
-        _, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
+        _, _, _, ((k1, k2, k3),), ((c1, c2, c3),) = links
         ((inertia,),) = self._masses.matrix(links)
         if not functions_of(inertia).lowest(inertia) > 0:
             raise MechanismError(
@@ -216,7 +216,7 @@ class Solver:
         if self._limited:
             self.require_reachable(crank, functions)
         links = self.kinematics.solve(crank, functions)
-        position, _, _, ((k1, k2, k3),), (c1, c2, c3) = links
+        position, _, _, ((k1, k2, k3),), ((c1, c2, c3),) = links
         squared = speed * speed
         velocity = k1 * speed, k2 * speed, k3 * speed
         accelerations = c1 * squared, c2 * squared, c3 * squared

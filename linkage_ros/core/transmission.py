@@ -20,7 +20,7 @@ and no division by the sine of the transmission angle is left. The formulas are 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -55,11 +55,15 @@ class TransmissionMap:
     far: float
     near: float
     pass_by: float = math.inf
+    limited: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, 'limited', self.p < 0 or self.q < 0)
 
     @property
     def turns_fully(self) -> bool:
         """Whether a state exists at every crank angle."""
-        return self.p >= 0 and self.q >= 0
+        return not self.limited
 
     @property
     def period_turns(self) -> int:
@@ -197,7 +201,7 @@ class TransmissionMap:
             sin h, cos h, sin m and cos m.
         """
         kappa, p, q = self.kappa, self.p, self.q
-        if p < 0.0 or q < 0.0:
+        if self.limited:
             sin_h, cos_h = self.half_angle(crank, functions)
             cos_square, sin_square = self._squares(kappa * sin_h, kappa * cos_h)
             return (

@@ -24,11 +24,11 @@ def factored(mechanism: Mechanism, f: Functions) -> Locate:
     solver = Solver(mechanism)
     locate = solver.kinematics.locate
     if solver.mobility.turns_fully:
-        return lambda crank: locate(crank, f)[0]
+        return lambda crank: locate(crank, f)
 
     def within_reach(crank: Real) -> tuple[Real, Real]:
         solver.require_reachable(crank, f)
-        return locate(crank, f)[0]
+        return locate(crank, f)
 
     return within_reach
 

@@ -39,7 +39,7 @@ def analytic(mechanism: Mechanism, f: Functions) -> Rates:
     def second(crank: Real) -> tuple[Pair, Pair, Pair]:
         if limited:
             solver.require_reachable(crank, f)
-        (_, *position), _, _, ((_, *first),), (_, *curvature) = solve(crank, f)
+        (_, *position), _, _, ((_, *first),), ((_, *curvature),) = solve(crank, f)
         return tuple(position), tuple(first), tuple(curvature)
 
     return Rates(lambda crank: second(crank)[:2], second)

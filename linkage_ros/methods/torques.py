@@ -35,7 +35,7 @@ def virtual_power(mechanism: Mechanism, f: Functions) -> Torque:
             gamma = direction
         cosines = f.cos(alpha), f.cos(beta), f.cos(gamma)
         sines = f.sin(alpha), f.sin(beta), f.sin(gamma)
-        links = position, cosines, sines, (partial,), partial
+        links = position, cosines, sines, (partial,), (partial,)
         (result,) = masses.balance(links, rates, changes)
         return result
 
