@@ -4,8 +4,9 @@
 
 __version__ = '0.1.0'
 
-from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Slider
-from linkage_ros.core.mechanism import CROSSED, OPEN, FourBar, SliderCrank
+from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Piston, Slider
+from linkage_ros.core.equations import EquationsOfMotion
+from linkage_ros.core.mechanism import CROSSED, OPEN, FourBar, SliderCrank, WindPump
 from linkage_ros.core.mobility import Mobility
 from linkage_ros.core.reactions import Reactions
 from linkage_ros.core.solver import Solver
@@ -16,6 +17,7 @@ from linkage_ros.errors import (
     LinkageError,
     LogError,
     MechanismError,
+    MotionError,
     UnreachableError,
     ViewerError,
 )
@@ -26,6 +28,7 @@ __all__ = [
     'Body',
     'ConfigurationError',
     'Coupler',
+    'EquationsOfMotion',
     'FourBar',
     'Frame',
     'Guide',
@@ -33,6 +36,8 @@ __all__ = [
     'LogError',
     'MechanismError',
     'Mobility',
+    'MotionError',
+    'Piston',
     'PointMotion',
     'Reactions',
     'Slider',
@@ -42,5 +47,6 @@ __all__ = [
     'Travel',
     'UnreachableError',
     'ViewerError',
+    'WindPump',
     'travel',
 ]

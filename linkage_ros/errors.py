@@ -37,6 +37,20 @@ class UnreachableError(LinkageError, ValueError):
         self.arcs = arcs
 
 
+class MotionError(LinkageError):
+    """A motion under a torque cannot be followed any further.
+
+    Attributes:
+        time: Of its end, s.
+        coordinates: Crank angle, rad, and slider position, m, up to which it was followed.
+    """
+
+    def __init__(self, message: str, *, time: float, coordinates: tuple[float, ...]) -> None:
+        super().__init__(message)
+        self.time = time
+        self.coordinates = coordinates
+
+
 class LogError(LinkageError):
     """A log cannot be written or read as asked."""
 

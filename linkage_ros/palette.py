@@ -16,6 +16,7 @@ COLORS: dict[str, Color] = {
     'crank': (213, 94, 0),
     'coupler': (0, 114, 178),
     'rocker': (0, 158, 115),
+    'rod': (204, 121, 167),
     'slider': (0, 158, 115),
 }
 GREY: Color = (150, 150, 150)

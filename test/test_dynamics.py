@@ -272,7 +272,7 @@ def test_equations_of_motion_are_the_sum_over_the_bodies(seed, shape, speeds):
     bodies, links, rates, accelerations = random_case(seed, shape, speeds)
     gravity = (1.7, -9.5)
     M, balance = summed_over_bodies(bodies, gravity, links, rates, accelerations)
-    masses = MassDistribution(Structure((), {}, tuple(bodies)), gravity)
+    masses = MassDistribution(Structure((), {}, tuple(bodies), Point((0j, 0j, 0j))), gravity)
     assert np.allclose(masses.matrix(links), M, rtol=1e-13, atol=1e-13)
     got = masses.balance(links, rates, accelerations)
     assert np.allclose(got, balance, rtol=1e-12, atol=1e-12)
@@ -281,6 +281,10 @@ def test_equations_of_motion_are_the_sum_over_the_bodies(seed, shape, speeds):
 @pytest.mark.parametrize('seed', range(5))
 def test_mass_matrix_is_symmetric_and_positive(seed):
     bodies, links, _, _ = random_case(seed)
-    M = np.array(MassDistribution(Structure((), {}, tuple(bodies)), (0.0, 0.0)).matrix(links))
+    M = np.array(
+        MassDistribution(Structure((), {}, tuple(bodies), Point((0j, 0j, 0j))), (0.0, 0.0)).matrix(
+            links
+        )
+    )
     assert M[0, 1] == pytest.approx(M[1, 0], rel=1e-14)
     assert np.all(np.linalg.eigvalsh(M) > 0)

@@ -108,3 +108,22 @@ class Slider(Checked):
     damping: float = quantity(
         'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
     )
+
+
+@dataclass(frozen=True)
+class Piston(Checked):
+    """A slider whose place no crank angle tells: it slides along the x axis of base_link.
+
+    Attributes:
+        position: At t = 0, m.
+        velocity: At t = 0, m/s.
+        mass: kg.
+        damping: Resistance of the pump per sliding speed, N s/m.
+    """
+
+    position: float = quantity('number', 'place at t = 0', 'm', span=(-1e9, 1e9))
+    velocity: float = quantity('number', 'velocity at t = 0', 'm/s', span=(-1e6, 1e6), default=0.0)
+    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
+    damping: float = quantity(
+        'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
+    )

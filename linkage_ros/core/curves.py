@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.mechanism import Linkage
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State
@@ -66,7 +66,7 @@ class Curves:
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        mechanism: Linkage,
         speed: float,
         acceleration: float = 0.0,
         *,

@@ -41,18 +41,28 @@ class MassDistribution:
         # Weight through the spin of link j: Re(conj(i W_j e^(i phi_j)) g) = y cos - x sin.
         first = (sum(body.mass * body.center.weights[j] for body in bodies) for j in range(3))
         weight = [complex(w).conjugate() * complex(*gravity) for w in first]
-        self._slides = structure.slider is not None
+        slider = structure.slider
+        self._output = slider if slider and slider.link == 2 else None
         self._resistance: tuple[float, float] | None = None
-        if slider := structure.slider:
+        if self._output:
             # Link 2 slides: its "inertia" is its mass, and g . e^(i guide) the weight's share.
-            diagonal[2] = slider.mass
-            weight[2] = slider.mass * complex(-gravity[1], gravity[0])
-            if slider.damping or slider.force:
-                self._resistance = slider.damping, slider.force
+            diagonal[2] = self._output.mass
+            weight[2] = self._output.mass * complex(-gravity[1], gravity[0])
+            if self._output.damping or self._output.force:
+                self._resistance = self._output.damping, self._output.force
+        # A slider that is a coordinate by itself, along x, and the force that draws it.
+        self._free = slider if slider and slider.link == 3 else None
+        self._pull = slider.force + slider.mass * gravity[0] if slider else 0.0
         self._diagonal = tuple(diagonal)
         self._weight = tuple((w.real, w.imag) if w else None for w in weight)
 
-    def balance(self, links: Links, rates: PerLink, accelerations: PerLink) -> tuple[Real, ...]:
+    def balance(
+        self,
+        links: Links,
+        rates: PerLink,
+        accelerations: PerLink,
+        slide: tuple[Real, Real] | None = None,
+    ) -> tuple[Real, ...]:
         """M q'' + h - Q: what has to act on each independent speed besides the weights.
 
         It is linear in the accelerations. With those of the whole motion it is the driving
@@ -60,11 +70,12 @@ class MassDistribution:
 
         Args:
             links: The position.
-            rates: Velocity of each link, rad/s or m/s.
-            accelerations: Acceleration of each link, rad/s^2 or m/s^2.
+            rates: Velocity of each of the three links, rad/s or m/s.
+            accelerations: Acceleration of each, rad/s^2 or m/s^2.
+            slide: Velocity and acceleration of a slider that is a coordinate by itself.
 
         Returns:
-            N m for each speed that is an angle's; floats or arrays, as in `links`.
+            For each speed, N m where it is an angle's, else N; floats or arrays, as in `links`.
         """
         _, (c1, c2, c3), (s1, s2, s3), partial, _ = links
         (w1, w2, w3), (e1, e2, e3) = rates, accelerations
@@ -93,7 +104,13 @@ class MassDistribution:
         if c23:
             a, b = _coupled(c23, c2, s2, c3, s3)
             t2, t3 = t2 + a * e3 - b * (w3 * w3), t3 + a * e2 + b * (w2 * w2)
-        return tuple([k1 * t1 + k2 * t2 + k3 * t3 for k1, k2, k3 in partial])
+        powers = [k1 * t1 + k2 * t2 + k3 * t3 for k1, k2, k3 in partial]
+        if slide and self._free:
+            velocity, acceleration = slide
+            powers[-1] = powers[-1] + (
+                self._free.mass * acceleration + self._free.damping * velocity - self._pull
+            )
+        return tuple(powers)
 
     def potential(self, links: Links) -> Real:
         """The potential energy of the weights; an external force on a slider is not among them.
@@ -109,10 +126,12 @@ class MassDistribution:
         for j, weight in enumerate(self._weight):
             if weight:
                 x, y = weight
-                if j == 2 and self._slides:
+                if j == 2 and self._output:
                     energy = energy - (y * cosines[j] - x * sines[j]) * position[j]
                 else:
                     energy = energy - (x * cosines[j] + y * sines[j])
+        if self._free:
+            energy = energy - self._pull * position[3]
         return energy
 
     def matrix(self, links: Links) -> tuple[tuple[Real, ...], ...]:
@@ -122,7 +141,8 @@ class MassDistribution:
             links: The position.
 
         Returns:
-            A row for each speed, kg m^2 between angles; floats or arrays, as in `links`.
+            A row for each speed, kg m^2 between angles, kg between slides; floats or arrays, as
+            in `links`.
         """
         _, (c1, c2, c3), (s1, s2, s3), partial, _ = links
         d1, d2, d3 = self._diagonal
@@ -138,9 +158,10 @@ class MassDistribution:
             )
             for k1, k2, k3 in partial
         ]
-        return tuple(
-            tuple(k1 * p1 + k2 * p2 + k3 * p3 for p1, p2, p3 in momenta) for k1, k2, k3 in partial
-        )
+        rows = [[k1 * p1 + k2 * p2 + k3 * p3 for p1, p2, p3 in momenta] for k1, k2, k3 in partial]
+        if self._free:
+            rows[-1][-1] = rows[-1][-1] + self._free.mass
+        return tuple(map(tuple, rows))
 
 
 def _coupled(

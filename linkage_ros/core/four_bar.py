@@ -224,4 +224,5 @@ def structure(mechanism: FourBar) -> Structure:
                 zip((crank, coupler, rocker), centers, strict=True)
             )
         ),
+        Point(tuple(map(complex, (crank.length, coupler.length, -rocker.length))), -pivot),
     )

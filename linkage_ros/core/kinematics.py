@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The exact kinematics of every mechanism, found by its description."""
+"""The exact kinematics of a mechanism, found by its description."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import Protocol
 
 from linkage_ros.core.four_bar import FourBarKinematics
 from linkage_ros.core.links import Links
-from linkage_ros.core.mechanism import FourBar, Mechanism
+from linkage_ros.core.mechanism import FourBar, Linkage, Mechanism, WindPump
 from linkage_ros.core.numeric import Functions, Real
 from linkage_ros.core.slider_crank import SliderCrankKinematics
 from linkage_ros.core.structure import Structure
 from linkage_ros.core.transmission import TransmissionMap
+from linkage_ros.core.wind_pump import WindPumpKinematics
 
 
 class Kinematics(Protocol):
@@ -29,8 +30,15 @@ class Kinematics(Protocol):
         """The position and its derivatives at a crank angle where the loop closes."""
 
 
-def kinematics_of(mechanism: Mechanism) -> Kinematics:
+def kinematics_of(mechanism: Linkage) -> Kinematics:
     """The kinematics of a described mechanism."""
     if isinstance(mechanism, FourBar):
         return FourBarKinematics(mechanism)
     return SliderCrankKinematics(mechanism)
+
+
+def structure_of(mechanism: Mechanism) -> Structure:
+    """How the links of a described mechanism hang together."""
+    if isinstance(mechanism, WindPump):
+        return WindPumpKinematics(mechanism).structure
+    return kinematics_of(mechanism).structure

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Slider
+from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Piston, Slider
 from linkage_ros.core.numeric import is_rounding, rounded, short_sum
 from linkage_ros.core.quantities import Checked, quantity
 from linkage_ros.errors import MechanismError
@@ -234,16 +234,47 @@ class SliderCrank(Checked):
             yield f'bring the offset to within {rounded(nearer, up=False)} m of 0'
 
 
-Mechanism: TypeAlias = FourBar | SliderCrank
+@dataclass(frozen=True)
+class WindPump(Checked):
+    """A wind pump, closed by inertia: crank O-A, coupler A-B, rod B-D, slider D on the x axis.
+
+    Two degrees of freedom: the crank angle and the slider's position are independent.
+
+    Attributes:
+        crank: Driven link, from O, the origin.
+        coupler: From the crank pin A to B.
+        rod: From B to the slider's pin D.
+        slider: The pump's piston, at D.
+        assembly: 'open': B lies left of the line from A to D; 'crossed': right of it, which is
+            below where the slider is to the right.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+    """
+
+    crank: Body
+    coupler: Coupler
+    rod: Body
+    slider: Piston
+    assembly: str = quantity(
+        'choice', 'side of the coupler-rod pin', choices=(OPEN, CROSSED), default=OPEN
+    )
+    gravity: tuple[float, float] = quantity(
+        'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=_GRAVITY
+    )
+
+
+# Mechanisms of one degree of freedom: the crank angle tells where all links are.
+Linkage: TypeAlias = FourBar | SliderCrank
+Mechanism: TypeAlias = Linkage | WindPump
 
 # The names under which parameter files ask for a mechanism.
-MECHANISMS: dict[str, type[FourBar] | type[SliderCrank]] = {
+MECHANISMS: dict[str, type[Mechanism]] = {
     'four_bar': FourBar,
     'slider_crank': SliderCrank,
+    'wind_pump': WindPump,
 }
 
 
-def equalities(mechanism: Mechanism) -> Iterator[str]:
+def equalities(mechanism: Linkage) -> Iterator[str]:
     """Sums of lengths that are not 0 in binary and count as 0, in words."""
     for words, terms in mechanism.sums.items():
         total = math.fsum(terms)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from linkage_ros.core.mechanism import Mechanism, equalities
+from linkage_ros.core.mechanism import Linkage, equalities
 from linkage_ros.core.transmission import Arc, TransmissionMap
 from linkage_ros.errors import UnreachableError
 
@@ -35,7 +35,7 @@ class Mobility(NamedTuple):
     equalities: tuple[str, ...]
 
 
-def assess(mechanism: Mechanism, transmission: TransmissionMap) -> Mobility:
+def assess(mechanism: Linkage, transmission: TransmissionMap) -> Mobility:
     """Classifies a mechanism and finds the reach of its crank in closed form.
 
     Args:

@@ -50,6 +50,7 @@ def functions_of(value: Real) -> Functions:
 # pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
+_TURN = Fraction(TWO_PI[0]) + Fraction(TWO_PI[1])
 
 
 def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
@@ -76,7 +77,25 @@ def nearest_turns(angle: float) -> int:
     Returns:
         The number of turns.
     """
-    return round(Fraction(angle) / (Fraction(TWO_PI[0]) + Fraction(TWO_PI[1])))
+    return round(Fraction(angle) / _TURN)
+
+
+def within_two_turns(angle: float) -> tuple[float, int]:
+    """An angle without its whole pairs of turns; a state repeats after at most two turns.
+
+    Args:
+        angle: rad.
+
+    Returns:
+        The angle, nearer to 0 than two turns and rounded once, and the number of pairs.
+    """
+    pairs = int(angle / (2 * TWO_PI[0]))
+    return (float(Fraction(angle) - pairs * 2 * _TURN) if pairs else angle), pairs
+
+
+def with_turns(angle: float, pairs: int) -> float:
+    """An angle with pairs of turns added to it, rounded once: undoes `within_two_turns`."""
+    return float(Fraction(angle) + pairs * 2 * _TURN) if pairs else angle
 
 
 def short_sum(longest: float, *terms: float) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from linkage_ros.core.mechanism import FourBar, Mechanism
+from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.numeric import Real, functions_of
 from linkage_ros.core.state import State, Vector, point_motion
 from linkage_ros.core.structure import Structure
@@ -49,7 +49,7 @@ class _Load(NamedTuple):
 
 
 def reactions(
-    mechanism: Mechanism, structure: Structure, state: State, transmission: Real
+    mechanism: Linkage, structure: Structure, state: State, transmission: Real
 ) -> Reactions:
     """The forces in the joints of a mechanism in motion.
 

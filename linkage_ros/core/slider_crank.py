@@ -137,5 +137,6 @@ def structure(mechanism: SliderCrank) -> Structure:
                 1, coupler.mass, coupler.inertia, Point((r, complex(*coupler.center), 0j))
             ),
         ),
-        SlidingBody(slider.mass, slider.force, slider.damping),
+        Point((r, complex(coupler.length), 0j)),
+        SlidingBody(2, slider.mass, slider.force, slider.damping),
     )

@@ -15,7 +15,7 @@ from linkage_ros.core.dynamics import MassDistribution
 from linkage_ros.core.finite import all_finite, require_finite
 from linkage_ros.core.kinematics import kinematics_of
 from linkage_ros.core.links import Links
-from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.mechanism import Linkage
 from linkage_ros.core.mobility import assess, refusal, unreachable
 from linkage_ros.core.numeric import ARRAY, SCALAR, Functions, Real, functions_of
 from linkage_ros.core.reactions import Reactions, reactions
@@ -40,7 +40,7 @@ class Solver:
         mobility: What the crank can do.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Linkage) -> None:
         self.mechanism = mechanism
         self.kinematics = kinematics_of(mechanism)
         self.structure = self.kinematics.structure
@@ -140,61 +140,41 @@ class Solver:
         with np.errstate(under='ignore'):
             return reactions(self.mechanism, self.structure, state, sine)
 
-    def acceleration(self, crank: Real, speed: Real, torque: Real) -> Real:
-        """The crank acceleration under a torque: M q'' + h - Q = torque, solved for q''.
+    def locate(self, crank: Real, functions: Functions) -> Links:
+        """The links at a crank angle, where the loop closes.
 
         Args:
-            crank: Crank angle, rad; a float, or an array.
-            speed: Crank speed, rad/s; likewise.
-            torque: On the crank, N m, counter-clockwise positive; likewise.
+            crank: Crank angle, rad; float or array.
+            functions: SCALAR or ARRAY.
 
         Returns:
-            rad/s^2; a float, or an array.
+            Positions, rates and curvatures per crank speed.
 
         Raises:
             UnreachableError: The loop cannot close at a crank angle.
-            ConfigurationError: One of them is not finite.
-            MechanismError: Nothing that moves with the crank has a mass there.
         """
-        require_finite(speed=speed, torque=torque)
-        links = self._links(crank)
-        _, _, _, ((k1, k2, k3),), ((c1, c2, c3),) = links
-        ((inertia,),) = self._masses.matrix(links)
-        if not functions_of(inertia).lowest(inertia) > 0:
-            raise MechanismError(
-                'no mass moves with the crank: its acceleration under a torque has no finite '
-                'value; give a link a mass or an inertia'
-            )
-        square = speed * speed
-        rates = k1 * speed, k2 * speed, k3 * speed
-        (bias,) = self._masses.balance(links, rates, (c1 * square, c2 * square, c3 * square))
-        return (torque - bias) / inertia
-
-    def energy(self, crank: Real, speed: Real) -> tuple[Real, Real]:
-        """The mechanical energy of all bodies.
-
-        Args:
-            crank: Crank angle, rad; a float, or an array.
-            speed: Crank speed, rad/s; likewise.
-
-        Returns:
-            Kinetic, and potential of the weights but for a constant, J; floats, or arrays.
-
-        Raises:
-            ConfigurationError: One of them is not finite.
-            UnreachableError: The loop cannot close at a crank angle.
-        """
-        require_finite(speed=speed)
-        links = self._links(crank)
-        ((inertia,),) = self._masses.matrix(links)
-        return 0.5 * inertia * (speed * speed), self._masses.potential(links)
-
-    def _links(self, crank: Real) -> Links:
-        require_finite(crank_angle=crank)
-        functions = functions_of(crank)
         if self._limited:
             self.require_reachable(crank, functions)
         return self.kinematics.solve(crank, functions)
+
+    def dyad(self, crank: float) -> tuple[float, str]:
+        """How near coupler and output link are to one line, or the coupler to across its guide.
+
+        Args:
+            crank: Crank angle, rad.
+
+        Returns:
+            The sine of the transmission angle, and what they are where it is 0.
+        """
+        mapped = self.kinematics.map
+        if self._limited and min(mapped.margins(crank, SCALAR)) <= 0:
+            sine, folded = 0.0, mapped.q < 0 and mapped.margins(crank, SCALAR)[-1] <= 0
+        else:
+            _, _, sin_m, cos_m = mapped.place(crank, SCALAR)
+            sine, folded = abs(2 * sin_m * cos_m), abs(sin_m) < abs(cos_m)
+        if self.structure.slider:
+            return sine, 'the coupler stands across the guide'
+        return sine, f'coupler and rocker are {"folded" if folded else "stretched"}'
 
     def inertia(self, crank: Real) -> Real:
         """The moment of inertia of the whole mechanism, as the crank feels it.
@@ -209,13 +189,12 @@ class Solver:
             ConfigurationError: A crank angle is not finite.
             UnreachableError: The loop cannot close at a crank angle.
         """
-        ((inertia,),) = self._masses.matrix(self._links(crank))
+        require_finite(crank_angle=crank)
+        ((inertia,),) = self._masses.matrix(self.locate(crank, functions_of(crank)))
         return inertia
 
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
-        if self._limited:
-            self.require_reachable(crank, functions)
-        links = self.kinematics.solve(crank, functions)
+        links = self.locate(crank, functions)
         position, _, _, ((k1, k2, k3),), ((c1, c2, c3),) = links
         squared = speed * speed
         velocity = k1 * speed, k2 * speed, k3 * speed

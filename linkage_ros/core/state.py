@@ -17,7 +17,8 @@ Vector: TypeAlias = tuple[Real, Real]
 class State(NamedTuple):
     """The motion of a mechanism at one crank angle, or at an array of them.
 
-    The links are in the order of `Solver.links`: crank, coupler, and rocker or slider.
+    The links are in the order of the joints: crank, coupler, and rocker or slider; of a wind
+    pump crank, coupler, rod and slider.
 
     Attributes:
         position: Directions of the links from first to second pin, rad; in [-pi, pi], except the
@@ -74,23 +75,18 @@ def point_motion(point: Point, state: State) -> PointMotion:
     return PointMotion((x, y), (vx, vy), (ax, ay))
 
 
-def loop_residual(structure: Structure, coupler: float, state: State) -> float:
-    """How far apart the two ways to B end: over crank and coupler, and over the output link.
+def loop_residual(structure: Structure, state: State) -> float:
+    """How far apart the two ways around the loop end.
 
     Args:
         structure: Of the mechanism.
-        coupler: Its coupler's length, m.
         state: Floats.
 
     Returns:
         The distance, m.
     """
-    _, beta, output = state.position
-    joint = structure.joints[2]
-    arm = point_motion(structure.points['A'], state).position
-    reached = complex(*arm) + cmath.rect(coupler, beta)
-    if joint.slides:
-        owed = joint.origin + cmath.rect(output, joint.angle)
-    else:
-        owed = complex(*point_motion(structure.points['B'], state).position)
-    return abs(reached - owed)
+    reached = complex(*point_motion(structure.closure, state).position)
+    last = structure.joints[-1]
+    if last.slides:
+        reached -= last.origin + cmath.rect(state.position[last.link], last.angle)
+    return abs(reached)

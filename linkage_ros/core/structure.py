@@ -37,11 +37,12 @@ class Point(NamedTuple):
     """A point as a combination of the directions of the links that turn.
 
     Attributes:
-        weights: The point is the sum of weights[j] e^(i phi_j), plus `fixed`, m.
+        weights: The point is the sum of weights[j] e^(i phi_j), plus `fixed`, m; one for each
+            moving link, 0 for one that slides.
         fixed: x + iy, m.
     """
 
-    weights: tuple[complex, complex, complex]
+    weights: tuple[complex, ...]
     fixed: complex = 0j
 
 
@@ -62,14 +63,17 @@ class TurningBody(NamedTuple):
 
 
 class SlidingBody(NamedTuple):
-    """The output link of a mechanism where it slides.
+    """A link that slides, the last of a mechanism.
 
     Attributes:
+        link: Its index. 2: it is the output link, and the crank tells where it is; 3: its place
+            is a coordinate by itself, the last one.
         mass: kg.
         force: External force along the guide, N.
         damping: N s/m.
     """
 
+    link: int
     mass: float
     force: float
     damping: float
@@ -80,12 +84,15 @@ class Structure(NamedTuple):
 
     Attributes:
         joints: The open tree, in the order of the links.
-        points: The pins A0, A, B and, where there are such, B0 and the coupler point C.
+        points: The pins A0, A, B and, where there are such, B0, D and the coupler point C.
         bodies: Those that turn.
+        closure: The way around the loop but for what slides: its end is where the sliding link
+            is, or where the way began.
         slider: The one that slides; None: there is none.
     """
 
     joints: tuple[Joint, ...]
     points: dict[str, Point]
     bodies: tuple[TurningBody, ...]
+    closure: Point
     slider: SlidingBody | None = None

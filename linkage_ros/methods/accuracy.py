@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import FourBar, Mechanism
+from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.solver import Solver
 from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task
@@ -63,7 +63,7 @@ class _Run(NamedTuple):
     cranks: list[float] | Array  # for the time
 
 
-def tasks(quadrilateral: Mechanism, slider_crank: Mechanism) -> dict[str, Task]:
+def tasks(quadrilateral: Linkage, slider_crank: Linkage) -> dict[str, Task]:
     """The three mechanisms of the chart.
 
     Args:
@@ -91,7 +91,7 @@ def tasks(quadrilateral: Mechanism, slider_crank: Mechanism) -> dict[str, Task]:
     return {name: make_task(mechanism) for name, mechanism in named.items()}
 
 
-def make_task(mechanism: Mechanism, crank: float = 0.1) -> Task:
+def make_task(mechanism: Linkage, crank: float = 0.1) -> Task:
     """A task at 150 rpm, speeding up.
 
     Args:

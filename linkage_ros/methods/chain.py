@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.mechanism import Linkage
 from linkage_ros.core.numeric import ARRAY, SCALAR, Functions, Real
 from linkage_ros.core.solver import Solver
 from linkage_ros.methods.loop import Pair
@@ -45,7 +45,7 @@ class Task:
         guess: Coupler's direction and output from which an iteration begins.
     """
 
-    mechanism: Mechanism
+    mechanism: Linkage
     speed: float
     acceleration: float
     guess: tuple[float, float]

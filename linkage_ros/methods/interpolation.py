@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.mechanism import Linkage
 from linkage_ros.core.numeric import SCALAR, Array, Functions, Real
 from linkage_ros.core.solver import Solver
 from linkage_ros.methods.positions import Locate
@@ -28,7 +28,7 @@ class _Period:
     A link that turns with the crank gains turns; what is left without them is periodic.
     """
 
-    def __init__(self, mechanism: Mechanism, count: int) -> None:
+    def __init__(self, mechanism: Linkage, count: int) -> None:
         solver = Solver(mechanism)
         solver.require_full_turn()
         turns = solver.kinematics.map.period_turns
@@ -48,7 +48,7 @@ class _Period:
         self.slopes: Array = np.stack(state.velocity[1:])[:, ::fine] - self.gain[:, None]
 
 
-def hermite(mechanism: Mechanism, nodes: int, f: Functions) -> Locate:
+def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
     """A table of positions and rates, read by cubic interpolation; `nodes` per period."""
     period = _Period(mechanism, nodes)
     length, step, gain = period.length, period.step, period.gain
@@ -85,7 +85,7 @@ def hermite(mechanism: Mechanism, nodes: int, f: Functions) -> Locate:
     return look_up_all
 
 
-def fourier(mechanism: Mechanism, harmonics: int, f: Functions) -> Locate:
+def fourier(mechanism: Linkage, harmonics: int, f: Functions) -> Locate:
     """A truncated Fourier series of the period, its coefficients by the fast transform."""
     period = _Period(mechanism, max(64, _OVERSAMPLED * harmonics))
     samples = period.values[:, :-1]

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Slider
-from linkage_ros.core.mechanism import CROSSED, OPEN, FourBar, Mechanism, SliderCrank
+from linkage_ros.core.mechanism import CROSSED, OPEN, FourBar, Linkage, SliderCrank
 
 Random: TypeAlias = np.random.Generator
 
@@ -35,7 +35,7 @@ def slider_crank(
     )  # fmt: skip
 
 
-def other_assembly(mechanism: Mechanism) -> Mechanism:
+def other_assembly(mechanism: Linkage) -> Linkage:
     """The same links, put together the other way."""
     return replace(mechanism, assembly=CROSSED if mechanism.assembly == OPEN else OPEN)
 
@@ -45,7 +45,7 @@ def any_assembly(random: Random) -> str:
     return OPEN if random.random() < 0.5 else CROSSED
 
 
-def turning(random: Random) -> Mechanism:
+def turning(random: Random) -> Linkage:
     """A linkage that turns fully, far from change points."""
     while True:
         angle = float(random.uniform(-math.pi, math.pi))
@@ -68,7 +68,7 @@ def dyadic(random: Random) -> FourBar:
     return four_bar(lengths, any_assembly(random))
 
 
-def limited(random: Random) -> Mechanism:
+def limited(random: Random) -> Linkage:
     """A four-bar whose crank cannot turn fully."""
     while True:
         lengths = tuple(float(x) for x in random.uniform(0.2, 1.0, 4))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import cmath
 
-from linkage_ros.core.mechanism import FourBar, Mechanism
+from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.numeric import Functions, Real
 
 Pair = tuple[Real, Real]
@@ -31,7 +31,7 @@ class Loop:
         guide: Direction of a slider's guide as a unit vector; of a rocker nothing that counts.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Linkage) -> None:
         self.crank, self.coupler = mechanism.crank.length, mechanism.coupler.length
         direction = cmath.rect(1.0, mechanism.frame.angle)
         self.guide = direction.real, direction.imag

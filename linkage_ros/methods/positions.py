@@ -12,14 +12,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from linkage_ros.core.mechanism import OPEN, FourBar, Mechanism
+from linkage_ros.core.mechanism import OPEN, FourBar, Linkage
 from linkage_ros.core.numeric import Functions, Real
 from linkage_ros.core.solver import Solver
 
 Locate = Callable[[Real], tuple[Real, Real]]
 
 
-def factored(mechanism: Mechanism, f: Functions) -> Locate:
+def factored(mechanism: Linkage, f: Functions) -> Locate:
     """The package's own: sums of terms that are never negative (core.transmission)."""
     solver = Solver(mechanism)
     locate = solver.kinematics.locate
@@ -33,7 +33,7 @@ def factored(mechanism: Mechanism, f: Functions) -> Locate:
     return within_reach
 
 
-def inverse_cosine(mechanism: Mechanism, f: Functions) -> Locate:
+def inverse_cosine(mechanism: Linkage, f: Functions) -> Locate:
     """The triangle of coupler, rocker and the diagonal A-B0, by the law of cosines.
 
     Of a slider-crank, the angle between the coupler and the normal of the guide.
@@ -66,7 +66,7 @@ def inverse_cosine(mechanism: Mechanism, f: Functions) -> Locate:
     return slide
 
 
-def half_angle(mechanism: Mechanism, f: Functions) -> Locate:
+def half_angle(mechanism: Linkage, f: Functions) -> Locate:
     """Tangents of half angles solve quadratic equations (document 2, eq. 16 to 26)."""
     atan = math.atan if f.sqrt is math.sqrt else np.arctan
     sin, cos, sqrt = f.sin, f.cos, f.sqrt

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from linkage_ros.core.mechanism import Mechanism
+from linkage_ros.core.mechanism import Linkage
 from linkage_ros.core.numeric import Functions, Real, wrap
 from linkage_ros.core.solver import Solver
 from linkage_ros.methods.loop import Loop, Pair, solve_2x2
@@ -31,7 +31,7 @@ class Rates(NamedTuple):
     second: Callable[[Real], tuple[Pair, Pair, Pair]]
 
 
-def analytic(mechanism: Mechanism, f: Functions) -> Rates:
+def analytic(mechanism: Linkage, f: Functions) -> Rates:
     """The package's own: the factored form differentiated, no division by sin(gamma - beta)."""
     solver = Solver(mechanism)
     solve, limited = solver.kinematics.solve, not solver.mobility.turns_fully
@@ -45,7 +45,7 @@ def analytic(mechanism: Mechanism, f: Functions) -> Rates:
     return Rates(lambda crank: second(crank)[:2], second)
 
 
-def two_by_two(mechanism: Mechanism, locate: Locate, f: Functions) -> Rates:
+def two_by_two(mechanism: Linkage, locate: Locate, f: Functions) -> Rates:
     """The differentiated loop, solved for both unknowns (document 1, eq. 13 to 18)."""
     loop = Loop(mechanism)
 
@@ -65,7 +65,7 @@ def two_by_two(mechanism: Mechanism, locate: Locate, f: Functions) -> Rates:
     return Rates(first, second)
 
 
-def sine_formula(mechanism: Mechanism, locate: Locate, f: Functions) -> Rates:
+def sine_formula(mechanism: Linkage, locate: Locate, f: Functions) -> Rates:
     """Each rate by eliminating the other link (document 2, eq. 27 to 33).
 
     The document leaves accelerations out; here they are eliminated in the same way.
@@ -109,7 +109,7 @@ def sine_formula(mechanism: Mechanism, locate: Locate, f: Functions) -> Rates:
     return Rates(first, second)
 
 
-def central_differences(mechanism: Mechanism, locate: Locate, step: float, f: Functions) -> Rates:
+def central_differences(mechanism: Linkage, locate: Locate, step: float, f: Functions) -> Rates:
     """Positions a step before and after (for instance Dahlquist and Bjorck, sec. 3.3)."""
     turns = Loop(mechanism).rocker is not None
     over, over_square = 1 / (2 * step), 1 / (step * step)

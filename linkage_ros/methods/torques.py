@@ -16,14 +16,14 @@ import numpy as np
 from linkage_ros.core.dynamics import MassDistribution
 from linkage_ros.core.kinematics import kinematics_of
 from linkage_ros.core.links import PerLink
-from linkage_ros.core.mechanism import Mechanism, SliderCrank
+from linkage_ros.core.mechanism import Linkage, SliderCrank
 from linkage_ros.core.numeric import Functions, Real
 from linkage_ros.core.state import State, Vector, point_motion
 
 Torque = Callable[[PerLink, PerLink, PerLink, PerLink], Real]
 
 
-def virtual_power(mechanism: Mechanism, f: Functions) -> Torque:
+def virtual_power(mechanism: Linkage, f: Functions) -> Torque:
     """The package's own: M q'' + h - Q with partial velocities (core.dynamics)."""
     masses = MassDistribution(kinematics_of(mechanism).structure, mechanism.gravity)
     direction = mechanism.frame.angle
@@ -42,7 +42,7 @@ def virtual_power(mechanism: Mechanism, f: Functions) -> Torque:
     return torque
 
 
-def power_balance(mechanism: Mechanism, f: Functions) -> Torque:
+def power_balance(mechanism: Linkage, f: Functions) -> Torque:
     """Power of inertia and weights over the crank's speed (document 1, eq. 1 to 6)."""
     structure = kinematics_of(mechanism).structure
     gravity = complex(*mechanism.gravity)
@@ -76,7 +76,7 @@ def power_balance(mechanism: Mechanism, f: Functions) -> Torque:
     return torque
 
 
-def newton_euler(mechanism: Mechanism, _: Functions) -> Torque:
+def newton_euler(mechanism: Linkage, _: Functions) -> Torque:
     """Three equations for each body, solved for all pin forces and the torque together.
 
     The textbook form, for instance Norton, Design of Machinery, sec. 11.4 and 11.5.

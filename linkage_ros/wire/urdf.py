@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree as ET
 
-from linkage_ros.core.bodies import Body, Slider
-from linkage_ros.core.kinematics import kinematics_of
+from linkage_ros.core.bodies import Body, Piston, Slider
+from linkage_ros.core.kinematics import structure_of
 from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.structure import Joint
 from linkage_ros.palette import COLORS
@@ -34,8 +34,8 @@ def make_urdf(mechanism: Mechanism) -> str:
     """
     robot = ET.Element('robot', name='linkage')
     ET.SubElement(robot, 'link', name=ROOT_FRAME)
-    joints = kinematics_of(mechanism).structure.joints
-    bodies: list[Body | Slider] = [getattr(mechanism, joint.name) for joint in joints]
+    joints = structure_of(mechanism).joints
+    bodies: list[Body | Piston | Slider] = [getattr(mechanism, joint.name) for joint in joints]
     lengths = [body.length for body in bodies if isinstance(body, Body)]
     width = min(lengths) / 20
     for layer, (joint, body) in enumerate(zip(joints, bodies, strict=True)):
@@ -58,7 +58,9 @@ def _add_joint(robot: ET.Element, joint: Joint, parent: str) -> None:
     ET.SubElement(element, 'axis', xyz=axis)
 
 
-def _add_link(robot: ET.Element, name: str, body: Body | Slider, width: float, layer: int) -> None:
+def _add_link(
+    robot: ET.Element, name: str, body: Body | Piston | Slider, width: float, layer: int
+) -> None:
     link = ET.SubElement(robot, 'link', name=name)
     visual = ET.SubElement(link, 'visual')
     if isinstance(body, Body):

@@ -1,0 +1,263 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The equations of motion, M q'' + h = Q + torque, of every mechanism: torque in, motion out.
+
+They are those of the driving torque (`dynamics`), solved for the accelerations. The coordinates q
+are the crank angle and, of a wind pump, the slider's position; the torque acts on the crank.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+from linkage_ros.core.dynamics import MassDistribution
+from linkage_ros.core.finite import all_finite, require_finite
+from linkage_ros.core.links import Links, PerLink
+from linkage_ros.core.mechanism import Mechanism, SliderCrank, WindPump
+from linkage_ros.core.numeric import ARRAY, SCALAR, Real, functions_of
+from linkage_ros.core.solver import Solver
+from linkage_ros.core.state import State
+from linkage_ros.core.wind_pump import WindPumpKinematics
+from linkage_ros.errors import ConfigurationError, MechanismError
+
+# One value for each coordinate, floats or arrays.
+PerCoordinate: TypeAlias = tuple[Real, ...]
+
+
+class EquationsOfMotion:
+    """The equations of motion of one mechanism.
+
+    All methods take a float or an array for each coordinate; arrays broadcast.
+
+    Attributes:
+        mechanism: The description it was made from.
+        structure: How its links hang together.
+        coordinates: Names of the coordinates: 'crank' and, of a wind pump, 'slider'.
+        dyad: The sine of the angle at which coupler and third link meet, 0 at the edge of what
+            the coordinates describe, and what they are there, in words; of floats.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self._locate: Callable[..., Links]
+        self.dyad: Callable[..., tuple[float, str]]
+        if isinstance(mechanism, WindPump):
+            pump = WindPumpKinematics(mechanism)
+            self.structure, self._locate, self.dyad = pump.structure, pump.solve, pump.dyad
+            self.coordinates: tuple[str, ...] = ('crank', 'slider')
+            self._has_edge = True
+        else:
+            solver = Solver(mechanism)
+            self.structure, self._locate = solver.structure, solver.locate
+            self.dyad = solver.dyad
+            self.coordinates = ('crank',)
+            # Change points are passed: there the coordinates do not turn back.
+            self._has_edge = not solver.mobility.turns_fully
+        self._masses = MassDistribution(self.structure, mechanism.gravity)
+        self._crosses_guide = isinstance(mechanism, SliderCrank)
+
+    def accelerations(self, q: PerCoordinate, u: PerCoordinate, torque: Real) -> PerCoordinate:
+        """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
+
+        Args:
+            q: Coordinates: crank angle, rad; slider position, m.
+            u: Their rates, rad/s and m/s.
+            torque: On the crank, N m, counter-clockwise positive.
+
+        Returns:
+            rad/s^2 and m/s^2.
+
+        Raises:
+            UnreachableError: The loop cannot close there, or a dyad is stretched.
+            ConfigurationError: A value is not finite, or so large that an acceleration is not.
+            MechanismError: Something moves without a mass.
+        """
+        return self.forward(q, u, torque)[0]
+
+    def forward(
+        self, q: PerCoordinate, u: PerCoordinate, torque: Real
+    ) -> tuple[PerCoordinate, tuple[Real, Real]]:
+        """The accelerations under a torque, and how near the edge of what q can describe is.
+
+        Args:
+            q: As for `accelerations`.
+            u: Likewise.
+            torque: Likewise.
+
+        Returns:
+            The accelerations; and the sine of the angle at which coupler and third link meet, or
+            the coupler and the normal of its guide, with its rate, 1/s. It is 0 at the edge,
+            which motion reaches and leaves at a rate that is not. 1 and 0: there is no edge.
+
+        Raises:
+            UnreachableError: As for `accelerations`.
+            ConfigurationError: Likewise.
+            MechanismError: Likewise.
+        """
+        require_finite(torque=torque)
+        links = self._links(q, u)
+        rates = _rates(links, u)
+        slide = (u[-1], 0.0) if len(u) > 1 else None
+        held = self._masses.balance(links, rates, _accelerations(links, u, None), slide)
+        matrix = self._masses.matrix(links)
+        if len(u) == 1:
+            ((inertia,),) = matrix
+            _require_mass(inertia)
+            found: PerCoordinate = ((torque - held[0]) / inertia,)
+        else:
+            (m11, m12), (_, m22) = matrix
+            determinant = m11 * m22 - m12 * m12
+            _require_mass(determinant)
+            push, pull = torque - held[0], -held[1]
+            found = (
+                (m22 * push - m12 * pull) / determinant,
+                (m11 * pull - m12 * push) / determinant,
+            )
+        if not all_finite(*found):
+            raise ConfigurationError('the accelerations overflow at these rates: lower them')
+        return found, self._edge(links, rates)
+
+    def _edge(self, links: Links, rates: PerLink) -> tuple[Real, Real]:
+        if not self._has_edge:
+            return 1.0, 0.0
+        _, (_, c2, c3), (_, s2, s3), _, _ = links
+        along, across = c2 * c3 + s2 * s3, s2 * c3 - c2 * s3
+        if self._crosses_guide:
+            sine, rate = along, -across * rates[1]
+        else:
+            sine, rate = across, along * (rates[1] - rates[2])
+        sign = 2.0 * (sine >= 0) - 1.0
+        return sign * sine, sign * rate
+
+    def state(self, q: PerCoordinate, u: PerCoordinate, a: PerCoordinate) -> State:
+        """The motion of all links, and the torque on the crank that goes with it.
+
+        Args:
+            q: Coordinates.
+            u: Their rates.
+            a: Their accelerations; the slider of a wind pump, which nothing drives, has the one
+                that `accelerations` gives.
+
+        Returns:
+            The state; floats, or arrays.
+
+        Raises:
+            UnreachableError: As for `accelerations`.
+            ConfigurationError: A value is not finite.
+        """
+        for name, value in zip(self.coordinates, a, strict=True):
+            require_finite(**{f'{name}_acceleration': value})
+        links = self._links(q, u)
+        rates, changes = _rates(links, u), _accelerations(links, u, a)
+        slide = (u[-1], a[-1]) if len(u) > 1 else None
+        torque, *_ = self._masses.balance(links, rates, changes, slide)
+        if slide:
+            rates, changes = (*rates, u[-1]), (*changes, a[-1])
+        return State(links[0], rates, changes, torque)
+
+    def matrix(self, q: PerCoordinate) -> tuple[tuple[Real, ...], ...]:
+        """The mass matrix M.
+
+        Args:
+            q: Coordinates.
+
+        Returns:
+            A row for each coordinate, kg m^2 between angles, kg between slides.
+
+        Raises:
+            UnreachableError: As for `accelerations`.
+            ConfigurationError: A coordinate is not finite.
+        """
+        return self._masses.matrix(self._links(q, ()))
+
+    def energy(self, q: PerCoordinate, u: PerCoordinate) -> tuple[Real, Real]:
+        """The mechanical energy of all bodies.
+
+        Args:
+            q: Coordinates.
+            u: Their rates.
+
+        Returns:
+            Kinetic, and potential of the weights but for a constant, J.
+
+        Raises:
+            UnreachableError: As for `accelerations`.
+            ConfigurationError: A value is not finite.
+        """
+        links = self._links(q, u)
+        matrix = self._masses.matrix(links)
+        kinetic = sum(
+            0.5 * mass * (one * other)
+            for row, one in zip(matrix, u, strict=True)
+            for mass, other in zip(row, u, strict=True)
+        )
+        return kinetic, self._masses.potential(links)
+
+    def power(self, q: PerCoordinate, u: PerCoordinate, torque: Real) -> Real:
+        """The power of all that is no weight: the rate at which the energy grows.
+
+        Args:
+            q: Coordinates.
+            u: Their rates.
+            torque: On the crank, N m.
+
+        Returns:
+            Of torque, external force and resistance, W.
+
+        Raises:
+            UnreachableError: As for `accelerations`.
+            ConfigurationError: A value is not finite.
+        """
+        power = torque * u[0]
+        if slider := self.structure.slider:
+            links = self._links(q, u)
+            velocity = u[-1] if len(u) > 1 else _rates(links, u)[slider.link]
+            power = power + (slider.force - slider.damping * velocity) * velocity
+        return power
+
+    def _links(self, q: PerCoordinate, u: PerCoordinate) -> Links:
+        if not all_finite(sum(q, sum(u))):
+            for name, kind, value in zip(self.coordinates, _KINDS, q, strict=False):
+                require_finite(**{f'{name}_{kind}': value})
+            for name, value in zip(self.coordinates, u, strict=False):
+                require_finite(**{f'{name}_speed': value})
+        scalar = all(isinstance(value, float) for value in q)
+        return self._locate(*q, SCALAR if scalar else ARRAY)
+
+
+_KINDS = ('angle', 'position')
+
+
+def _rates(links: Links, u: Sequence[Real]) -> PerLink:
+    partial = links[3]
+    if len(partial) == 1:
+        ((k1, k2, k3),), (speed,) = partial, u
+        return k1 * speed, k2 * speed, k3 * speed
+    ((k1, k2, k3), (_, j2, j3)), (speed, slide) = partial, u
+    return k1 * speed, k2 * speed + j2 * slide, k3 * speed + j3 * slide
+
+
+def _accelerations(links: Links, u: Sequence[Real], a: Sequence[Real] | None) -> PerLink:
+    """Of the three links; None: those that remain while no speed changes."""
+    if len(u) == 1:
+        ((c1, c2, c3),), square = links[4], u[0] * u[0]
+        e1, e2, e3 = c1 * square, c2 * square, c3 * square
+    else:
+        ((_, b2, b3), (_, c2, c3), (_, d2, d3)), (speed, slide) = links[4], u
+        square, mixed, other = speed * speed, speed * slide, slide * slide
+        e1 = 0.0
+        e2 = b2 * square + c2 * mixed + d2 * other
+        e3 = b3 * square + c3 * mixed + d3 * other
+    if a is None:
+        return e1, e2, e3
+    g1, g2, g3 = _rates(links, a)
+    return e1 + g1, e2 + g2, e3 + g3
+
+
+def _require_mass(determinant: Real) -> None:
+    if functions_of(determinant).lowest(determinant) <= 0:
+        raise MechanismError(
+            'something moves without a mass: its acceleration under a torque has no finite value; '
+            'give the links a mass or an inertia'
+        )

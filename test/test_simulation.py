@@ -1,0 +1,322 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Torque in, motion out: orders, energy, other formulations, and where a motion ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import oracle_pump
+import pytest
+from oracle_pump_symbolic import lagrange
+
+from linkage_ros import (
+    Body,
+    Coupler,
+    EquationsOfMotion,
+    FourBar,
+    Frame,
+    LinkageError,
+    MechanismError,
+    MotionError,
+    SliderCrank,
+    Solver,
+    UnreachableError,
+)
+from linkage_ros.core.bodies import Guide, Slider
+from linkage_ros.core.numeric import with_turns, within_two_turns
+from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.run.adaptive import AdaptiveSteps
+from linkage_ros.run.configuration import load
+
+PUMP = load('wind_pump').mechanism
+FREE = replace(PUMP, slider=replace(PUMP.slider, damping=0.0))
+QUADRILATERAL = load('quadrilateral').mechanism
+TWO_TURNS = 4 * math.pi
+both = pytest.mark.parametrize('integrate', [FixedSteps, AdaptiveSteps])
+
+
+def motor(_, speed):
+    return 8.4 - 1.2 * speed
+
+
+def idle(_, __):
+    return 0.0
+
+
+def begun(integrate, mechanism, phase, law=idle, **options):
+    return integrate(Motion(EquationsOfMotion(mechanism), law), phase, **options)
+
+
+def energy(steps):
+    count = len(steps.phase) // 2
+    equations = steps.motion.equations
+    return sum(equations.energy(steps.phase[:count], steps.phase[count:]))
+
+
+# ---------------------------------------------------------------- right
+
+
+@pytest.mark.parametrize(('start', 'speed'), [(oracle_pump.SLOW, 2.0), (oracle_pump.FAST, 6.0)])
+def test_three_formulations_agree_after_twenty_seconds(start, speed):
+    """Ours in fixed and in adaptive steps, multipliers in absolute coordinates, Lagrange's."""
+    pump, times = oracle_pump.Pump(), np.array([0.0, 10.0, 20.0])
+    assert start == pytest.approx((0.0, 1.5, speed, 0.0))
+    with np.errstate(under='ignore'):  # within SciPy
+        others = oracle_pump.multipliers(pump, start, times), lagrange(pump, start, times)
+    for integrate in (FixedSteps, AdaptiveSteps):
+        steps = begun(integrate, PUMP, (0.0, 1.5, speed, 0.0), motor)
+        for row, time in enumerate(times[1:], 1):
+            steps.advance(float(time))
+            found = (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
+            for other in others:
+                assert np.abs(np.array(found) - other[row]).max() < 1e-9
+
+
+@pytest.mark.parametrize(('integrate', 'drift'), [(FixedSteps, 1e-8), (AdaptiveSteps, 1e-10)])
+@pytest.mark.parametrize('speed', [2.0, 6.0])
+def test_a_free_pump_keeps_its_energy_for_a_minute(integrate, drift, speed):
+    steps = begun(integrate, FREE, (0.0, 1.5, speed, 0.0))
+    start, worst = energy(steps), 0.0
+    for second in range(1, 61):
+        steps.advance(float(second))
+        worst = max(worst, abs(energy(steps) - start))
+    assert worst < drift * abs(start)
+    assert steps.pairs > 4
+
+
+@pytest.mark.parametrize(
+    ('preset', 'phase', 'end', 'first'),
+    [('wind_pump', (0.0, 1.5, 6.0, 0.0), 1.0, 16), ('compressor', (0.0, 30.0), 0.2, 32)],
+)
+def test_the_fixed_steps_are_of_order_five(preset, phase, end, first):
+    def path(count):
+        """At eight times: at a single one errors may cancel."""
+        steps = begun(
+            FixedSteps, load(preset).mechanism, phase, lambda _, __: 1.0,
+            longest=end / count, tolerance=math.inf,
+        )  # fmt: skip
+        phases = []
+        for part in range(1, 9):
+            steps.advance(end * part / 8)
+            phases.append((with_turns(steps.phase[0], steps.pairs), *steps.phase[1:]))
+        return np.array(phases)
+
+    counts = [first * 2**k for k in range(4)]
+    true = path(first * 32)
+    errors = [np.abs(path(count) - true).max() for count in counts]
+    order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert order == pytest.approx(5, abs=0.2), errors
+
+
+def test_a_step_that_is_too_long_is_halved_until_it_is_not():
+    start = (0.0, 1.5, 6.0, 0.0)
+    careless = begun(FixedSteps, PUMP, start, motor, longest=0.2, tolerance=math.inf)
+    careful = begun(FixedSteps, PUMP, start, motor, longest=0.2)
+    fine = begun(FixedSteps, PUMP, start, motor)
+    for steps in (careless, careful, fine):
+        steps.advance(2.0)
+    apart = np.abs(np.subtract(careful.phase, fine.phase)).max()
+    assert apart < 1e-7 < 1e-5 < np.abs(np.subtract(careless.phase, fine.phase)).max()
+
+
+def test_without_gravity_a_lone_flywheel_turns_evenly():
+    """A closed answer: constant torque, damping, constant inertia."""
+    wheel = FourBar(
+        Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0)
+    )
+    for integrate in (FixedSteps, AdaptiveSteps):
+        steps = begun(integrate, wheel, (0.5, 0.0), lambda _, speed: 3.0 - 0.8 * speed)
+        steps.advance(4.0)
+        rate = 0.8 / 2.0
+        speed = 3.0 / 0.8 * (1 - math.exp(-rate * 4.0))
+        angle = 0.5 + 3.0 / 0.8 * (4.0 - (1 - math.exp(-rate * 4.0)) / rate)
+        assert steps.phase[1] == pytest.approx(speed, rel=1e-12)
+        assert with_turns(steps.phase[0], steps.pairs) == pytest.approx(angle, rel=1e-12)
+
+
+@both
+def test_the_torque_of_a_constant_speed_makes_a_constant_speed(integrate):
+    """150 rpm over ten turns, the torque fed continuously."""
+    speed, solver = 5 * math.pi, Solver(QUADRILATERAL)
+
+    def feed(time, _):
+        return solver.state(math.remainder(speed * time, TWO_TURNS), speed).torque
+
+    steps = begun(integrate, QUADRILATERAL, (0.0, speed), feed)
+    for tick in range(1, 401):
+        steps.advance(tick * 0.01)
+        assert steps.phase[1] == pytest.approx(speed, rel=1e-8)
+    turned = with_turns(steps.phase[0], steps.pairs)
+    assert turned == pytest.approx(20 * math.pi, rel=1e-9)
+
+
+# ---------------------------------------------------------------- everywhere
+
+
+@both
+def test_change_points_are_passed(integrate):
+    """A parallelogram turns on through the line in which its links could change assembly."""
+    body = {'mass': 1.0, 'inertia': 0.02}
+    linkage = FourBar(
+        Frame(0.4, 0.3), Body(0.1, **body), Coupler(0.4, **body, center=(0.2, 0.05)),
+        Body(0.1, **body),
+    )  # fmt: skip
+    steps = begun(integrate, linkage, (0.2, 9.0))
+    start = energy(steps)
+    for tick in range(1, 301):
+        steps.advance(tick * 0.01)
+        assert energy(steps) == pytest.approx(start, rel=1e-9)
+    assert with_turns(steps.phase[0], steps.pairs) > 20
+    assert Solver(linkage).state(*steps.phase).velocity[1] == pytest.approx(0, abs=1e-9)
+
+
+@both
+def test_it_starts_from_rest_slows_down_and_turns_back(integrate):
+    """Driven forth, then braked by its damping, then back: the crank follows the torque's sign."""
+
+    def law(time, speed):
+        return 2.0 - 2.0 * time - 0.3 * speed
+
+    linkage = replace(QUADRILATERAL, gravity=(0.0, 0.0))
+    steps, speeds = begun(integrate, linkage, (1.0, 0.0), law), []
+    for tick in range(1, 301):
+        steps.advance(tick * 0.01)
+        speeds.append(steps.phase[1])
+    assert max(speeds) > 3
+    assert speeds[-1] < -3
+
+
+@both
+def test_damping_brings_it_to_rest_at_its_lowest(integrate):
+    steps = begun(integrate, QUADRILATERAL, (0.0, 6.0), lambda _, speed: -0.6 * speed)
+    steps.advance(30.0)
+    assert abs(steps.phase[1]) < 1e-6
+    solver, crank = Solver(QUADRILATERAL), steps.phase[0]
+    assert solver.state(crank).torque == pytest.approx(0, abs=1e-5)
+
+
+LIMITED = FourBar(
+    Frame(1.0, math.pi), Body(0.9, 1.0, 0.1, (0.45, 0.0)), Coupler(0.5, 1.0, 0.05, (0.25, 0.0)),
+    Body(0.6, 1.0, 0.05, (0.3, 0.0)),
+)  # fmt: skip
+
+
+def limited_rest():
+    """The crank angle at which the weights alone balance, inside the reach."""
+    solver = Solver(LIMITED)
+    low, high = solver.mobility.arcs[0]
+    cranks = np.linspace(low + 0.05, high - 0.05, 2000)
+    potential = EquationsOfMotion(LIMITED).energy((cranks,), (0.0,))[1]
+    return float(cranks[np.argmin(potential)]), (low, high)
+
+
+@both
+def test_a_limited_crank_swings_inside_its_arc(integrate):
+    rest, (low, high) = limited_rest()
+    assert low + 0.1 < rest < high - 0.1
+    steps = begun(integrate, LIMITED, (rest + 0.02, 0.0))
+    start, seen = energy(steps), []
+    for tick in range(1, 1001):
+        steps.advance(tick * 0.01)
+        seen.append(with_turns(steps.phase[0], steps.pairs))
+        assert energy(steps) == pytest.approx(start, abs=1e-9 * abs(start))
+    assert low < min(seen) < rest - 0.01
+    assert rest + 0.01 < max(seen) < high
+
+
+# ---------------------------------------------------------------- the edge
+
+
+@both
+@pytest.mark.parametrize(
+    ('velocity', 'time', 'words'),
+    # From the multiplier formulation, which runs through.
+    [
+        (5.0, 0.399465563600, 'coupler and rod are stretched'),
+        (6.0, 0.273729384923, 'coupler and rod are stretched'),
+        (-6.0, 0.230043884145, 'coupler and rod are folded'),
+    ],
+)
+def test_a_stretched_dyad_ends_the_motion_with_time_and_place(integrate, velocity, time, words):
+    steps = begun(integrate, PUMP, (0.0, 1.5, 2.0, velocity), motor)
+    for tick in range(int(time * 1000) - 1):
+        steps.advance(tick * 1e-3)
+    with pytest.raises(MotionError, match=words) as raised:
+        steps.advance(2.0)
+    error = raised.value
+    assert error.time == pytest.approx(time, abs=5e-6)
+    assert steps.motion.equations.dyad(*error.coordinates)[0] < 0.01
+    assert f't = {error.time:.6g} s' in str(error)
+    assert 'slider at' in str(error)
+    assert 'start slower' in str(error)
+
+
+@both
+def test_a_crank_at_its_dead_centre_ends_the_motion(integrate):
+    steps = begun(integrate, LIMITED, (limited_rest()[0], 6.0))
+    with pytest.raises(MotionError, match=r'coupler and rocker are (stretched|folded)') as raised:
+        steps.advance(5.0)
+    assert 0 < raised.value.time < 5
+    reached = raised.value.coordinates[0]
+    arcs = [end for arc in Solver(LIMITED).mobility.arcs for end in arc]
+    assert min(abs(math.remainder(reached - end, 2 * math.pi)) for end in arcs) < 1e-3
+
+
+@both
+def test_a_slider_cranks_dead_centre_too(integrate):
+    linkage = SliderCrank(
+        Body(1.0, 1.0, 0.1), Coupler(0.6, 1.0, 0.05), Slider(0.0, 1.0), Guide(0.0)
+    )
+    steps = begun(integrate, linkage, (0.1, 4.0))
+    with pytest.raises(MotionError, match='the coupler stands across the guide'):
+        steps.advance(5.0)
+
+
+@both
+def test_what_cannot_begin_says_so_at_once(integrate):
+    with pytest.raises(UnreachableError, match='the slider can be within'):
+        begun(integrate, PUMP, (0.0, 9.0, 0.0, 0.0))
+    with pytest.raises(UnreachableError, match='cannot move at'):
+        begun(integrate, LIMITED, (Solver(LIMITED).mobility.arcs[0][1] + 0.2, 0.0))
+    bare = FourBar(Frame(2.2), Body(1.0), Coupler(3.0), Body(2.5))
+    with pytest.raises(MechanismError, match='without a mass'):
+        begun(integrate, bare, (0.0, 0.0))
+
+
+@both
+def test_a_law_that_fails_is_no_endless_loop(integrate):
+    """A torque that is no number from some time on ends the motion there."""
+    law = lambda time, _: math.nan if time > 0.5 else 1.0  # noqa: E731
+    steps = begun(integrate, QUADRILATERAL, (0.0, 1.0), law)
+    with pytest.raises(LinkageError):
+        steps.advance(1.0)
+
+
+# ---------------------------------------------------------------- turns
+
+
+@pytest.mark.parametrize('pairs', [0, 1, -1, 12, -3_000, 10**6])
+def test_turns_are_cut_and_added_exactly(pairs):
+    for angle in np.linspace(-12.5, 12.5, 11).tolist():
+        whole = with_turns(angle, pairs)
+        cut, found = within_two_turns(whole)
+        assert abs(cut) < TWO_TURNS + 1e-9
+        assert with_turns(cut, found) == whole
+        assert math.remainder(cut - angle, TWO_TURNS) == pytest.approx(0, abs=2 * math.ulp(whole))
+
+
+@both
+def test_the_crank_is_kept_within_two_turns_and_turns_are_counted(integrate):
+    wheel = FourBar(
+        Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0)
+    )
+    steps = begun(integrate, wheel, (0.5 - 40 * TWO_TURNS, -100.0))
+    for second in range(1, 6):
+        steps.advance(float(second))
+        assert abs(steps.phase[0]) <= TWO_TURNS
+    turned = with_turns(steps.phase[0], steps.pairs)
+    assert turned == pytest.approx(0.5 - 40 * TWO_TURNS - 500.0, rel=1e-12)
+    assert steps.pairs < -70
