@@ -74,7 +74,8 @@ setup(
             )
         ],
         'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
-        'chart': ['matplotlib', 'mpmath'],
+        'chart': ['matplotlib', 'mpmath', 'scipy'],
+        'record': ['scipy'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',
@@ -85,8 +86,10 @@ setup(
             'pytest',
             'rosbags',
             'ruff',
+            'scipy',
             # From 80 on there is no `develop --editable`, which colcon links with.
             'setuptools<80',
+            'sympy',
             'types-PyYAML',
             'types-tqdm',
         ],

@@ -21,9 +21,10 @@ from tqdm import tqdm
 
 from linkage_ros import __version__, cli
 from linkage_ros.core.curves import Curves
+from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.run.configuration import find, load
+from linkage_ros.run.configuration import Configuration, find, load
 from linkage_ros.run.presets import preset_names
 
 _NAME = 'linkage_chart'
@@ -41,8 +42,13 @@ def motion(options: argparse.Namespace) -> None:
     with _libraries():
         from linkage_ros.charts.motion import draw_motion
     configuration = load(options.params)
-    mechanism, kind = configuration.mechanism, configuration.kind.mechanism
-    rpm = configuration.drive.rpm if options.rpm is None else options.rpm
+    mechanism, kind = _linkage(configuration), configuration.kind.mechanism
+    drive = configuration.drive
+    rpm = options.rpm if options.rpm is not None else getattr(drive, 'rpm', None)
+    if rpm is None:
+        raise ConfigurationError(
+            f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
+        )
     for name, value in (('--rpm', rpm), ('--acceleration', options.acceleration)):
         if not abs(value) <= 1e9:
             raise ConfigurationError(f'{name} {value:g}: must be a number from -1e+09 to 1e+09')
@@ -65,6 +71,21 @@ def motion(options: argparse.Namespace) -> None:
     print(f'{picture}\n{table}')
 
 
+def _linkage(configuration: Configuration) -> Linkage:
+    """The mechanism of a configuration, if the crank angle tells where all links are.
+
+    Raises:
+        ConfigurationError: It does not.
+    """
+    mechanism = configuration.mechanism
+    if isinstance(mechanism, WindPump):
+        raise ConfigurationError(
+            'the crank angle of a wind_pump does not tell its motion, so that there is no period '
+            'to draw: linkage_chart pump draws what it does'
+        )
+    return mechanism
+
+
 def accuracy(options: argparse.Namespace) -> None:
     """Measures speed and accuracy of all methods, draws them and writes the records.
 
@@ -78,8 +99,9 @@ def accuracy(options: argparse.Namespace) -> None:
         from linkage_ros.charts.accuracy import draw_accuracy
         from linkage_ros.methods.accuracy import measure, tasks
         from linkage_ros.methods.measure import Bench
-    quadrilateral = load('quadrilateral').mechanism
-    slider_crank = load('slider_crank').mechanism
+    quadrilateral, slider_crank = (
+        _linkage(load(name)) for name in ('quadrilateral', 'slider_crank')
+    )
     with _folder(options.out):
         benches = {
             name: Bench(task, 120 if options.quick else 360)

@@ -42,19 +42,17 @@ def info(log: LogReader) -> Iterator[str]:
     yield f'start:      {_moment(log.start)}'
     yield f'duration:   {duration:.6f} s'
     yield f'mechanism:  {machine.summary()}'
-    yield from (f'            {words}' for words in machine.solver.mobility.equalities)
+    yield from (
+        f'            {words}'
+        for words in (machine.solver.mobility.equalities if machine.solver else ())
+    )
     yield 'topics:'
     width = max((len(topic.name) for topic in log.topics), default=0)
     for topic in log.topics:
         yield f'  {topic.name:{width}}  {topic.messages:9d}  {topic.type}'
     yield 'motion:'
     for motion in log.motions:
-        crank = motion.at(motion.stamp)
-        at_once = f' at {motion.acceleration:g} rad/s^2' if motion.acceleration else ''
-        yield (
-            f'  {_moment(motion.stamp)}: from {crank.unwrapped:.6f} rad, {crank.speed:.6f} rad/s '
-            f'to {motion.rpm:g} rpm{at_once}'
-        )
+        yield f'  {_moment(motion.stamp)}: {motion.words()}'
     yield 'configuration:'
     for name, value in log.configuration.parameters().items():
         yield f'  {name}: {_plain(value)}'

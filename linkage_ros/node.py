@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import gc
-import itertools
 import queue
 import sys
 import time
@@ -18,16 +17,16 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from linkage_ros import cli, ros
 from linkage_ros.core.state import State
-from linkage_ros.errors import LogError
+from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.writer import LogItem, LogWriter
-from linkage_ros.ros_parameters import declare
+from linkage_ros.ros_commands import listen
+from linkage_ros.ros_parameters import check_parameter_files, declare
 from linkage_ros.run.clock_stepper import ClockStepper
 from linkage_ros.run.configuration import Configuration, configure, preset_note
 from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.motion import CrankMotion
-from linkage_ros.run.parameter_file import read_parameter_file
 from linkage_ros.run.stepper import Stepper
+from linkage_ros.run.torque import RunMotion, TorqueMotion
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.stream import Sample, View
 from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
@@ -45,8 +44,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     """Publishes the states of one mechanism at its rate.
 
     Publishes: the machine's topics, robot_description and, once a second, /diagnostics.
-    Subscribes: /clock, with use_sim_time. Parameters: those of the configuration; rpm may be set
-    at any time.
+    Subscribes: /clock, with use_sim_time; joint_commands, where a torque drives the mechanism.
+    Parameters: those of the configuration; rpm or motor.torque may be set at any time.
     """
 
     def __init__(self, stop: cli.Stop) -> None:
@@ -57,7 +56,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         declare(self, configuration, self._set_live)
         self._stop = stop
         self._machine = Machine(configuration)
-        self._rpm = configuration.drive.rpm
+        self._target = configuration.drive.target
+        self._commands = listen(self, configuration.drive)
         self._outputs = [ros.create_publisher(self, topic) for topic in self._machine.topics]
         self._description = ros.create_publisher(self, ROBOT_DESCRIPTION)
         self._diagnostics = ros.create_publisher(self, DIAGNOSTICS)
@@ -168,8 +168,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _step(self, stamp: int) -> None:
         """One tick, in the stepper's thread."""
-        if self._rpm != self._motion.rpm:
-            self._move(self._motion.change(stamp, self._rpm))
+        motion = self._motion.next(stamp, self._target)
+        if motion is not self._motion:
+            self._move(motion)
+        if self._commands and isinstance(motion, TorqueMotion):
+            motion.command(stamp, self._commands.torque())
         step = self._machine.step(self._motion, stamp)
         self._state = step.state
         now = time.time_ns()
@@ -192,22 +195,22 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             self._log.offer((self._diagnostics_channel, time.time_ns(), self._reports.get()))
 
     def _restamp(self, old: int, new: int) -> None:
-        self._move(self._motion.change(old, self._motion.rpm, restamp=new))
+        self._move(self._motion.change(old, self._motion.target, restamp=new))
         self.get_logger().warning(f'the clock was stepped by {(new - old) * 1e-9:+.3f} s')
 
-    def _move(self, motion: CrankMotion) -> None:
+    def _move(self, motion: RunMotion) -> None:
         self._motion = motion
         if self._log is not None:
             self._log.offer(motion)
 
-    def _set_live(self, name: str, value: float) -> None:
-        if name == 'rpm':
-            self._rpm = value
+    def _set_live(self, _: str, value: float) -> None:
+        self._target = value  # rpm or motor.torque, whichever this drive has
 
     def _report(self) -> None:
         """Publishes the diagnostics, and says what went wrong since the last report."""
         parts = {'log': self._log_health(), 'viewer': self._viewer_health()}
-        statuses = self._watch.report(self._stepper.counts, self._figures(), parts)
+        figures, troubles = self._figures(), self._troubles()
+        statuses = self._watch.report(self._stepper.counts, figures, parts, troubles)
         for status in statuses:
             # What has failed was said when it did; what stays as it is is said once.
             if status.level == WARN and self._said.get(status.name) != status.message:
@@ -220,13 +223,20 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if isinstance(self._stepper, ClockStepper):  # it steps in this very thread, or stands
             self._log_reports()
 
+    def _troubles(self) -> list[str]:
+        troubles = [] if self._state else ['waiting for /clock']
+        if self._commands and self._commands.timed_out:
+            troubles.append('no command within command_timeout: the motor drives alone')
+        return troubles
+
     def _figures(self) -> dict[str, str]:
         if self._state is None:
-            return {'waiting for': '/clock'}
+            return {}
         return {
             'crank speed, rad/s': f'{self._state.velocity[0]:.6g}',
             'driving torque, N m': f'{self._state.torque:.6g}',
             'loop residual, m': f'{self._machine.residual(self._state):.3g}',
+            **(self._commands.figures() if self._commands else {}),
         }
 
     def _log_health(self) -> Health:
@@ -249,18 +259,10 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self.get_logger().error(f'the view ends here, the motion goes on: {error}')
 
     def _fail(self, error: BaseException) -> None:
-        self.get_logger().fatal(f'the motion ends here: {type(error).__name__}: {error}')
+        known = isinstance(error, LinkageError)
+        words = str(error) if known else f'the motion ends here: {type(error).__name__}: {error}'
+        self.get_logger().fatal(words)
         self._stop.set()
-
-
-def _check_parameter_files(arguments: list[str]) -> None:
-    """Reads the files as rcl will, because our words about a slip are clearer than its own."""
-    names = [
-        text.split(':=')[1] for text in arguments if text.startswith(('__node:=', '__name:='))
-    ]
-    for option, path in itertools.pairwise(arguments):
-        if option == '--params-file':
-            read_parameter_file(path, names[-1] if names else _NAME)
 
 
 def _run(arguments: list[str]) -> int:
@@ -270,7 +272,7 @@ def _run(arguments: list[str]) -> int:
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap', '--ros-args --params-file linkage.yaml'),
     )
-    _check_parameter_files(arguments)
+    check_parameter_files(arguments, _NAME)
     parser.parse_args(ros.start(arguments))
     try:
         node = LinkageNode(stop)

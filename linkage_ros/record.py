@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -15,17 +16,21 @@ from pathlib import Path
 from tqdm import tqdm
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, MotionError
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.run.adaptive import AdaptiveSteps
 from linkage_ros.run.configuration import Configuration, configure, find, preset_note
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.machine import Machine, Step
+from linkage_ros.run.motion import CrankMotion
 from linkage_ros.run.parameter_file import read_parameter_file
 from linkage_ros.run.presets import preset_names
+from linkage_ros.run.torque import RunMotion
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION
 
 _NAME = 'linkage_record'
 _DEFAULT_DURATION = 10.0
 _LONGEST = 1e9  # s; stamps of thirty years still fit ROS's time
+_PATIENCE = 3600  # s, for revolutions that a torque is to make
 
 
 def record(
@@ -54,11 +59,13 @@ def record(
 
     Raises:
         ConfigurationError: The end is not a positive number, or is never reached.
+        MotionError: A torque-driven motion cannot be followed so far; what came before is kept.
         LogError: The file cannot be written.
     """
     machine = Machine(configuration)
-    motion = machine.begin(0)
-    count = _count(machine, duration, revolutions)
+    motion = machine.begin(0, AdaptiveSteps)
+    last = _End(machine, motion, duration, revolutions)
+    tick = 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         *channels, description = (
             log.add_topic(topic, f'/{topic.name}')
@@ -66,14 +73,68 @@ def record(
         )
         log.write_motion(motion)
         log.write(description, 0, machine.description)
-        for tick in _shown(count, progress):
-            if stopped():
-                return tick
-            stamp = machine.elapsed(tick)
-            step = machine.step(motion, stamp)
-            for channel, message in zip(channels, step.messages, strict=True):
-                log.write(channel, stamp, message)
-    return count
+        try:
+            for tick in _shown(last.ticks, progress):
+                stamp = machine.elapsed(tick)
+                step = machine.step(motion, stamp)
+                if stopped() or last.reached(stamp, step):
+                    return tick
+                for channel, message in zip(channels, step.messages, strict=True):
+                    log.write(channel, stamp, message)
+        except MotionError as error:
+            raise MotionError(
+                f'{error}; {path} keeps the {tick} states before it',
+                time=error.time, coordinates=error.coordinates,
+            ) from error  # fmt: skip
+    return tick + 1
+
+
+class _End:
+    """When a record ends.
+
+    Attributes:
+        ticks: Those of the record, or all where the motion has to tell.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        motion: RunMotion,
+        duration: float | None,
+        revolutions: int | None,
+    ) -> None:
+        self.ticks: Iterable[int]
+        self._turns: int | None = None
+        if revolutions is None or isinstance(motion, CrankMotion):
+            self.ticks = range(_count(machine, duration, revolutions))
+        else:
+            _require_revolutions(revolutions)
+            self.ticks, self._turns = itertools.count(), revolutions
+            drive = machine.configuration.drive
+            self._start = drive.crank_angle
+
+    def reached(self, stamp: int, step: Step) -> bool:
+        """Whether a state is at or beyond the end that the motion tells.
+
+        Raises:
+            ConfigurationError: It does not come.
+        """
+        if self._turns is None:
+            return False
+        turned = abs(step.values.position[0] - self._start) / (2 * math.pi)
+        if stamp > _PATIENCE * 10**9:
+            raise ConfigurationError(
+                f'the crank has not come {self._turns} revolutions far within {_PATIENCE} s, but '
+                f'{turned:.3g}: give a --duration'
+            )
+        return turned >= self._turns
+
+
+def _require_revolutions(revolutions: int) -> None:
+    if not 0 < revolutions <= _LONGEST:
+        raise ConfigurationError(
+            f'revolutions = {revolutions}: must be a whole number from 1 to {_LONGEST:g}'
+        )
 
 
 def _count(machine: Machine, duration: float | None, revolutions: int | None) -> int:
@@ -82,7 +143,8 @@ def _count(machine: Machine, duration: float | None, revolutions: int | None) ->
     Raises:
         ConfigurationError: T is not a positive number, or is never reached.
     """
-    if revolutions is None:
+    motion = machine.begin(0)
+    if revolutions is None or not isinstance(motion, CrankMotion):
         seconds = _DEFAULT_DURATION if duration is None else duration
         if not 0 < seconds <= _LONGEST:
             raise ConfigurationError(
@@ -91,11 +153,8 @@ def _count(machine: Machine, duration: float | None, revolutions: int | None) ->
         # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
         end = math.ceil(Fraction(repr(float(seconds))) * 10**9)
     else:
-        if not 0 < revolutions <= _LONGEST:
-            raise ConfigurationError(
-                f'revolutions = {revolutions}: must be a whole number from 1 to {_LONGEST:g}'
-            )
-        turned = machine.begin(0).time_to_turn(revolutions)
+        _require_revolutions(revolutions)
+        turned = motion.time_to_turn(revolutions)
         if turned is None:
             raise ConfigurationError(
                 f'the crank comes to rest before {revolutions} revolutions: '
@@ -110,10 +169,10 @@ def _count(machine: Machine, duration: float | None, revolutions: int | None) ->
     return machine.tick_at(end - 1) + 1
 
 
-def _shown(count: int, progress: bool) -> Iterator[int]:
+def _shown(ticks: Iterable[int], progress: bool) -> Iterator[int]:
     # Without a bar where stderr is no terminal (disable=None).
     bar = tqdm(
-        range(count), unit=' states', unit_scale=True, disable=None if progress else True,
+        ticks, unit=' states', unit_scale=True, disable=None if progress else True,
         mininterval=0.5, leave=False,
     )  # fmt: skip
     return iter(bar)

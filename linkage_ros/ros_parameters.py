@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 from rcl_interfaces.msg import (
@@ -18,6 +19,7 @@ from rclpy.parameter import Parameter
 from linkage_ros.core.quantities import Quantity
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.run.configuration import Configuration, check_live, parameter_leaves
+from linkage_ros.run.parameter_file import read_parameter_file
 
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,
@@ -60,11 +62,9 @@ def declare(
         configuration: Already checked; the node's own overrides are part of it.
         set_live: Called with name and value of a parameter that was set while the node runs.
     """
-    drive = configuration.drive
-    start_rpm = drive.rpm if drive.start_rpm is None else drive.start_rpm
-    values = {**configuration.parameters(), 'start_rpm': start_rpm}
+    values = {**configuration.parameters(), 'start_rpm': configuration.drive.initial_rpm}
     live = []
-    for name, quantity, _ in parameter_leaves(configuration.kind.mechanism):
+    for name, quantity, _ in parameter_leaves(configuration.kind):
         # What means "none" where it is left out has no value to show; rclpy fails to dump such.
         if name in values:
             # The overrides are in the configuration; rclpy would refuse 60 for 60.0.
@@ -101,3 +101,21 @@ def _check(parameters: list[Parameter]) -> SetParametersResult:
         reason = 'use_sim_time is read when the node starts: start it again'
         return SetParametersResult(successful=False, reason=reason)
     return SetParametersResult(successful=True)
+
+
+def check_parameter_files(arguments: list[str], node: str) -> None:
+    """Reads parameter files as rcl will, because our words about a slip are clearer than its own.
+
+    Args:
+        arguments: Of the command line.
+        node: Name of the node, where they give no other.
+
+    Raises:
+        ConfigurationError: A file has a slip.
+    """
+    names = [
+        text.split(':=')[1] for text in arguments if text.startswith(('__node:=', '__name:='))
+    ]
+    for option, path in itertools.pairwise(arguments):
+        if option == '--params-file':
+            read_parameter_file(path, names[-1] if names else node)

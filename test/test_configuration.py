@@ -17,11 +17,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linkage_ros import ConfigurationError, MechanismError, Solver
+from linkage_ros import ConfigurationError, EquationsOfMotion, MechanismError, Solver, WindPump
 from linkage_ros.core.mechanism import MECHANISMS
 from linkage_ros.core.quantities import MISSING
 from linkage_ros.run.configuration import (
     DEFAULT_PRESET,
+    DRIVES,
+    Kind,
     check_live,
     configure,
     from_strings,
@@ -32,7 +34,7 @@ from linkage_ros.run.configuration import (
 from linkage_ros.run.presets import preset_names
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
-LEAVES = {leaf.name: leaf for leaf in parameter_leaves('four_bar')}
+LEAVES = {leaf.name: leaf for leaf in parameter_leaves(Kind('four_bar'))}
 NUMBERS = [name for name, leaf in LEAVES.items() if leaf.quantity.kind == 'number']
 PAIRS = [name for name, leaf in LEAVES.items() if leaf.quantity.kind == 'pair']
 REQUIRED = {
@@ -135,11 +137,16 @@ def test_preset_files_are_the_presets():
 def test_every_preset_loads_by_name_and_by_path_and_turns(path):
     configuration = load(str(path))
     assert load(path.stem) == configuration
-    solver = Solver(configuration.mechanism)
-    assert solver.mobility.turns_fully
-    crank = np.linspace(0, 4 * math.pi, 100)
-    assert np.isfinite(solver.state(crank, 15.0, 3.0).torque).all()
-    known = {leaf.name for leaf in parameter_leaves(configuration.kind.mechanism)}
+    if isinstance(configuration.mechanism, WindPump):
+        equations = EquationsOfMotion(configuration.mechanism)
+        position = configuration.mechanism.slider.position
+        assert np.isfinite(equations.accelerations((0.0, position), (15.0, 0.1), 1.0)).all()
+    else:
+        solver = Solver(configuration.mechanism)
+        assert solver.mobility.turns_fully
+        crank = np.linspace(0, 4 * math.pi, 100)
+        assert np.isfinite(solver.state(crank, 15.0, 3.0).torque).all()
+    known = {leaf.name for leaf in parameter_leaves(configuration.kind)}
     assert set(configuration.parameters()) <= known
 
 
@@ -208,12 +215,14 @@ def test_names_like_those_do_not_pass(name):
 # ---------------------------------------------------------------- what the leaves say
 
 
+@pytest.mark.parametrize('drive', DRIVES)
 @pytest.mark.parametrize('mechanism', MECHANISMS)
-def test_every_parameter_says_what_it_is(mechanism):
-    found = parameter_leaves(mechanism)
+def test_every_parameter_says_what_it_is(mechanism, drive):
+    found = parameter_leaves(Kind(mechanism, drive))
     names = [leaf.name for leaf in found]
     assert len(set(names)) == len(names)
     units = {'m', 'kg', 'kg m^2', 'rad', 'rpm', 'rad/s^2', 'm/s^2', 'Hz', 'N', 'N s/m'}
+    units |= {'N m', 'N m s', 'm/s', 's'}
     for name, quantity, default in found:
         assert re.fullmatch(r'[a-z]+(_[a-z]+)*(\.[a-z]+)?', name)
         assert 4 <= len(quantity.meaning) <= 80, name
@@ -232,8 +241,10 @@ def test_every_parameter_says_what_it_is(mechanism):
             assert quantity.clean(name, default) == default
 
 
-def test_only_the_speed_may_be_changed_while_running():
+def test_only_the_speed_or_the_motor_may_be_changed_while_running():
     assert [name for name, leaf in LEAVES.items() if leaf.quantity.live] == ['rpm']
+    leaves = parameter_leaves(Kind('wind_pump', 'torque'))
+    assert [leaf.name for leaf in leaves if leaf.quantity.live] == ['motor.torque']
 
 
 def test_parameters_are_leaves():
@@ -339,7 +350,7 @@ def test_what_is_no_pair_in_range_is_refused(name, value):
     [
         ('mechanism', 'five_bar', "mechanism = 'five_bar': must be one of four_bar"),
         ('mechanism', 4, 'mechanism = 4: must be one of four_bar'),
-        ('drive', 'torque', "drive = 'torque': must be one of speed"),
+        ('drive', 'force', "drive = 'force': must be one of speed, torque"),
         ('assembly', 'Open', "assembly = 'Open': must be one of open, crossed"),
         ('assembly', ['open'], r"assembly = \['open'\]: must be one of open, crossed"),
         ('log', 5, 'log = 5: must be text'),

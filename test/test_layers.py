@@ -18,7 +18,7 @@ PACKAGE = ROOT / 'linkage_ros'
 FILES = sorted(PACKAGE.rglob('*.py'))
 # The floors, lowest first: each imports those below it. What lies in no folder is an edge, or one
 # of three files that stand apart.
-FLOORS = ('core', 'methods', 'wire', 'run', 'log', 'view', 'charts', 'playback')
+FLOORS = ('core', 'methods', 'analysis', 'wire', 'run', 'log', 'view', 'charts', 'playback')
 BELOW_ALL = {'errors', 'palette'}
 
 
@@ -30,17 +30,19 @@ def name_of(path):
 
 MODULES = {name_of(path) for path in FILES} - {'__init__'}
 # Which files may import what, at their top and within functions.
-ROS = {'ros', 'ros_parameters', 'playback.republish', 'node'}
+ROS = {'ros', 'ros_commands', 'ros_parameters', 'playback.republish', 'node'}
 MCAP = {'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
 RERUN = {'view.stream', 'view.layout'}
 CHARTS = {'charts.motion', 'charts.accuracy', 'charts.stability'}
 MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.stability'}
+SCIPY = {'run.adaptive'}
 TQDM = {'record', 'replay', 'log_tool', 'chart_tool'}
 ROOMS = {
     'mcap': (MCAP, MCAP),
     'zstandard': ({'log.salvage'}, {'log.salvage'}),
     'rerun': (RERUN, RERUN),
     'matplotlib': (CHARTS, CHARTS),
+    'scipy': (SCIPY, SCIPY),
     'mpmath': ({'methods.reference'}, {'methods.reference'}),
     'yaml': ({'run.parameter_file'}, {'run.parameter_file'}),
     'tqdm': (TQDM, TQDM),

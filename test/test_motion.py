@@ -235,7 +235,7 @@ def test_a_ramp_stops_at_the_moment_it_reaches_its_speed():
 
 def test_equal_start_speed_makes_no_ramp():
     motion = begin(75.0, start_rpm=75.0, crank_acceleration=4.0)
-    assert motion.at(0) == (0.0, 0.0, 75.0 * math.pi / 30, 0.0)
+    assert motion.at(0) == (0.0, 0.0, 75.0 * math.pi / 30, 0.0, ())
     assert motion.phase(MINUTE) == 75
 
 

@@ -34,7 +34,7 @@ from ros_harness import (
 )
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.run.configuration import load, parameter_leaves
+from linkage_ros.run.configuration import Kind, load, parameter_leaves
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import JointStateCodec
 
@@ -222,7 +222,7 @@ def test_parameters_are_described_and_bad_values_refused():
     ):
         wait_for(lambda: listener.received['/joint_states'])
         names = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
-        leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves('four_bar')}
+        leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(Kind('four_bar'))}
         own = set(names.result.names) & set(leaves)
         assert own == set(leaves)
         request = DescribeParameters.Request(names=sorted(own))

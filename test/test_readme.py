@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from linkage_ros.core.mechanism import MECHANISMS
-from linkage_ros.run.configuration import parameter_leaves
+from linkage_ros.run.configuration import Kind, parameter_leaves
 from linkage_ros.wire.messages import TOPICS
 
 ROOT = Path(__file__).parents[1]
@@ -21,7 +21,8 @@ README = (ROOT / 'README.md').read_text()
 
 def rows_of(mechanism):
     rows = []
-    for name, quantity, default in parameter_leaves(mechanism):
+    kind = Kind(mechanism, 'torque' if mechanism == 'wind_pump' else 'speed')
+    for name, quantity, default in parameter_leaves(kind):
         unit = f', {quantity.unit}' if quantity.unit else ''
         if default is MISSING:
             shown = 'required'

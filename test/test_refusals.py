@@ -28,7 +28,7 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.run.configuration import configure, parameter_leaves
+from linkage_ros.run.configuration import Kind, configure, parameter_leaves
 from linkage_ros.run.motion import SpeedDrive
 
 FOUR, SLIDER = 'four_bar', 'slider_crank'
@@ -65,7 +65,7 @@ NO_REACH = 'm: the loop cannot close; bring it nearer to 0 or lengthen them'
 
 
 def names(kind):
-    return 'Valid names: ' + ', '.join(leaf.name for leaf in parameter_leaves(kind))
+    return 'Valid names: ' + ', '.join(leaf.name for leaf in parameter_leaves(Kind(kind)))
 
 
 # One parameter of a good configuration is changed, added or left out.

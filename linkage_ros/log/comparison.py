@@ -12,9 +12,12 @@ from __future__ import annotations
 import struct
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
+from linkage_ros.errors import LinkageError
 from linkage_ros.log.differences import differing
 from linkage_ros.log.reader import LoggedMessage
+from linkage_ros.log.recompute import Recomputation
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import CLOCK_STEP
 from linkage_ros.wire.messages import Topic
@@ -56,9 +59,10 @@ class Comparison:
         """
         self.states = 0
         self.cut: tuple[str, ...] = ()
-        self._machine, self._columns, self._timeline = machine, columns, timeline
+        self._columns, self._timeline = columns, timeline
         self._recorded = recorded
-        self._places = [machine.topics.index(topic) for _, topic in columns]
+        topics = [topic for _, topic in columns]
+        self._recomputation = Recomputation(machine, topics, recorded=recorded)
         self._stamped = [i for i, (_, topic) in enumerate(columns) if is_stamped(topic)]
         self._queues = [deque[LoggedMessage]() for _ in columns]
         self._by_name = {
@@ -137,15 +141,17 @@ class Comparison:
 
     def _explain(self, logged: list[bytes], stamp: int) -> tuple[list[bytes], str]:
         """The messages that belong to a stamp, or what is wrong with the stamp."""
-        timeline, places = self._timeline, self._places[: len(logged)]
+        timeline = self._timeline
         likeliest: tuple[int, list[bytes]] | None = None
         for piece in timeline.pieces_at(stamp):
-            messages = self._machine.step(piece.motion, stamp).messages
-            expected = [messages[place] for place in places]
+            try:
+                expected = self._recomputation.step(piece.motion, stamp, logged)
+            except LinkageError as error:
+                return [], str(error)
             if expected == logged:
-                timeline.take(piece, stamp)
+                tick = timeline.take(piece, stamp)
                 self._piece = piece.number
-                return expected, ''
+                return expected, self._recomputation.follow(piece.motion, tick, logged)
             likeliest = likeliest or (piece.number, expected)
         if likeliest is None:
             return [], timeline.why_none(stamp)
@@ -210,7 +216,7 @@ class Comparison:
         column = next(i for i, (queue, data) in pairs if queue[0].data != data)
         (name, topic), queue = self._columns[column], self._queues[column]
         where = f'state {self.states + 1}, stamp {seconds(stamp)}'
-        if queue[0].data == self._next_expected(stamp, self._places[column]):
+        if queue[0].data == self._next_expected(stamp, column):
             if len(queue) > 1 and queue[1].data == expected[column]:
                 return f'{name} has two messages swapped: of {where}, and the next'
             return f'{name} has no message of {where}: the next one is in its place'
@@ -220,14 +226,17 @@ class Comparison:
         return f'{name}: {words}; {where}, in piece of motion {self._piece}'
 
     def _next_expected(self, stamp: int, place: int) -> bytes | None:
-        """The message of the next state, if the log tells when that is."""
+        """The message of the next state, if the log tells when that is and what it was."""
         for column in self._stamped:
             queue = self._queues[column]
             if len(queue) < 2:
                 continue
             this, following = (_stamp(queue[i].data) for i in range(2))
             if this == stamp < following:
-                return self._machine.step(self._timeline.piece.motion, following).messages[place]
+                nexts = [q[min(1, len(q) - 1)].data for q in self._queues]
+                with suppress(LinkageError):
+                    piece = self._timeline.piece.motion
+                    return self._recomputation.step(piece, following, nexts)[place]
         return None
 
     def _broken_off(self) -> str:

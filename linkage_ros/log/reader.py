@@ -197,9 +197,7 @@ class LogReader(AbstractContextManager['LogReader']):
 
 def _logged(schema: Schema | None, channel: Channel, message: Message) -> LoggedMessage:
     kind = '' if schema is None else schema.name
-    return LoggedMessage(
-        channel.topic, kind, message.log_time, message.data, message.publish_time
-    )
+    return LoggedMessage(channel.topic, kind, message.log_time, message.data, message.publish_time)
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:

@@ -17,6 +17,7 @@ from linkage_ros import __version__
 from linkage_ros.run.configuration import Configuration, from_strings, to_strings
 from linkage_ros.errors import LogError
 from linkage_ros.run.motion import CrankMotion
+from linkage_ros.run.torque import RunMotion, TorqueMotion
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
@@ -47,41 +48,49 @@ def read_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
     return version, from_strings(settings)
 
 
-def write_motion(motion: CrankMotion) -> dict[str, str]:
-    """The record of a piece of motion: exact fractions of turns and of turns per minute."""
-    fields = {
-        'stamp': str(motion.stamp),
-        'phase': str(motion.phase(motion.stamp)),
-        'speed': str(motion.speed(motion.stamp)),
-        'rpm': json.dumps(motion.rpm),
-        'acceleration': json.dumps(motion.acceleration),
-    }
+def write_motion(motion: RunMotion) -> dict[str, str]:
+    """The record of a piece of motion: exact fractions of turns and of turns per minute.
+
+    Of a torque-driven one, its motor's torque.
+    """
+    fields = {'stamp': str(motion.stamp)}
+    if isinstance(motion, TorqueMotion):
+        fields['torque'] = json.dumps(motion.torque)
+    else:
+        fields['phase'] = str(motion.phase(motion.stamp))
+        fields['speed'] = str(motion.speed(motion.stamp))
+        fields['rpm'] = json.dumps(motion.rpm)
+        fields['acceleration'] = json.dumps(motion.acceleration)
     if motion.before is not None:  # what a step of the clock renamed
         fields['before'] = str(motion.before)
     return _seal(fields)
 
 
-def read_motion(record: Mapping[str, str]) -> CrankMotion:
+def read_motion(record: Mapping[str, str]) -> RunMotion:
     """The piece of motion of a record.
 
     Args:
         record: From `write_motion`.
 
     Returns:
-        The motion.
+        The motion; of a torque-driven one what it tells, and nothing that moves.
 
     Raises:
         LogError: The record is damaged.
     """
     fields = _unseal(record, 'motion')
     try:
+        stamp = int(fields['stamp'])
+        before = int(fields['before']) if 'before' in fields else None
+        if 'torque' in fields:
+            return TorqueMotion(stamp, float(json.loads(fields['torque'])), before)
         return CrankMotion(
-            int(fields['stamp']),
+            stamp,
             Fraction(fields['phase']),
             Fraction(fields['speed']),
             float(json.loads(fields['rpm'])),
             float(json.loads(fields['acceleration'])),
-            int(fields['before']) if 'before' in fields else None,
+            before,
         )
     except (KeyError, ValueError, TypeError, ArithmeticError) as error:
         raise LogError(f'a motion record is damaged ({type(error).__name__})') from error

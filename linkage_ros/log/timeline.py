@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.motion import CrankMotion
+from linkage_ros.run.torque import RunMotion
 from linkage_ros.log.records import write_motion
 
 _NS = 10**9
@@ -20,7 +20,7 @@ def seconds(stamp: int) -> str:
     return f'{whole}.{rest:09d} s'
 
 
-def check_motions(machine: Machine, motions: tuple[CrankMotion, ...]) -> str:
+def check_motions(machine: Machine, motions: tuple[RunMotion, ...]) -> str:
     """Compares each piece of motion with what follows from the configuration and those before.
 
     Only when and to which rpm or clock a piece changes is its own.
@@ -44,16 +44,16 @@ def check_motions(machine: Machine, motions: tuple[CrankMotion, ...]) -> str:
                     f'{number - 1} does'
                 )
             restamp = None if logged.before is None else logged.stamp
-            due, source = past.change(moment, logged.rpm, restamp), 'what went before gives'
+            due, source = past.change(moment, logged.target, restamp), 'what went before gives'
         found, expected = write_motion(logged), write_motion(due)
-        for name in ('phase', 'rpm', 'acceleration', 'speed', 'before'):
+        for name in ('phase', 'rpm', 'acceleration', 'speed', 'torque', 'before'):
             if found.get(name) != expected.get(name):
                 which = 'the first motion record' if number == 1 else f'motion record {number}'
                 return f'{which} has {name} = {found.get(name)}, {source} {expected.get(name)}'
     return ''
 
 
-def _moment(motion: CrankMotion) -> int:
+def _moment(motion: RunMotion) -> int:
     """The start of a piece on the clock of the one before it."""
     return motion.stamp if motion.before is None else motion.before
 
@@ -69,7 +69,7 @@ class Piece:
         end: First stamp that belongs to the next piece, on this piece's clock; None: it is last.
     """
 
-    motion: CrankMotion
+    motion: RunMotion
     number: int
     anchor: int
     end: int | None
@@ -84,7 +84,7 @@ class Timeline:
         last: The last stamp, ns; None: there was none.
     """
 
-    def __init__(self, machine: Machine, motions: tuple[CrankMotion, ...]) -> None:
+    def __init__(self, machine: Machine, motions: tuple[RunMotion, ...]) -> None:
         """Begins with the first piece.
 
         Args:
@@ -126,16 +126,20 @@ class Timeline:
             if not self._late(piece, stamp) and self._tick_of(piece, stamp) > self._tick:
                 yield piece
 
-    def take(self, piece: Piece, stamp: int) -> None:
+    def take(self, piece: Piece, stamp: int) -> int:
         """Goes on to a stamp.
 
         Args:
             piece: From `pieces_at`.
             stamp: The next one, ns.
+
+        Returns:
+            The number of its tick.
         """
         tick = self._tick_of(piece, stamp)
         self.missed += tick - self._tick - 1
         self.piece, self._tick, self.last = piece, tick, stamp
+        return tick
 
     def why_none(self, stamp: int) -> str:
         """What is wrong with a stamp that lies in no piece."""

@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 from linkage_ros.run.configuration import Configuration
 from linkage_ros.errors import LogError
 from linkage_ros.wire.messages import Topic
-from linkage_ros.run.motion import CrankMotion
+from linkage_ros.run.torque import RunMotion
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
@@ -27,7 +27,7 @@ from linkage_ros.log.records import (
 FLUSH_PERIOD = 0.2
 
 # Arguments of `LogWriter.write`, or a change of motion.
-LogItem: TypeAlias = tuple[int, int, bytes] | CrankMotion
+LogItem: TypeAlias = tuple[int, int, bytes] | RunMotion
 
 _CHUNK_SIZE = 1 << 20
 _FOREVER = '{sec: 9223372036, nsec: 854775807}'
@@ -122,7 +122,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         except OSError as error:
             _fail(self.path, error)
 
-    def write_motion(self, motion: CrankMotion) -> None:
+    def write_motion(self, motion: RunMotion) -> None:
         """Appends a change of motion."""
         with self._reported():
             self._writer.add_metadata(MOTION_RECORD, write_motion(motion))
@@ -134,10 +134,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
             items: Arguments of `write`, and changes of motion.
         """
         for item in items:
-            if isinstance(item, CrankMotion):
-                self.write_motion(item)
-            else:
+            if isinstance(item, tuple):
                 self.write(*item)
+            else:
+                self.write_motion(item)
         if time.monotonic() >= self._next_flush:
             self.flush()
 

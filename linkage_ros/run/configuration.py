@@ -7,21 +7,29 @@ from __future__ import annotations
 import difflib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
-from linkage_ros.core.mechanism import MECHANISMS, Mechanism
+from linkage_ros.core.equations import EquationsOfMotion
+from linkage_ros.core.mechanism import MECHANISMS, Mechanism, WindPump
 from linkage_ros.core.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 from linkage_ros.core.solver import Solver
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.run import presets
 from linkage_ros.run.motion import SpeedDrive
 from linkage_ros.run.parameter_file import read_parameter_file
+from linkage_ros.run.plant import Plant, TorqueDrive
 
 DEFAULT_PRESET = 'quadrilateral'
 
 # Parameters that every ROS 2 node has; they are none of ours and pass unchecked.
 _ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
+
+
+Drive: TypeAlias = SpeedDrive | TorqueDrive
+# The names under which parameter files ask for a drive.
+DRIVES: dict[str, type[Drive]] = {'speed': SpeedDrive, 'torque': TorqueDrive}
 
 
 @dataclass(frozen=True)
@@ -30,8 +38,26 @@ class Kind(Checked):
 
     mechanism: str = quantity('choice', 'kind of mechanism', choices=tuple(MECHANISMS))
     drive: str = quantity(
-        'choice', 'what is given: the crank speed', choices=('speed',), default='speed'
-    )
+        'choice', 'what is given: the crank speed, or the torque on the crank',
+        choices=tuple(DRIVES), default='speed',
+    )  # fmt: skip
+
+    @classmethod
+    def of(cls, given: Mapping[str, object]) -> Kind:
+        """The kind that parameters ask for; a wind pump is always driven by a torque.
+
+        Raises:
+            ConfigurationError: They ask for none, or for a wind pump at a given speed.
+        """
+        kind = build(cls, given)
+        if MECHANISMS[kind.mechanism] is not WindPump:
+            return kind
+        if given.get('drive', 'torque') != 'torque':
+            raise ConfigurationError(
+                f'drive = {kind.drive!r}: must be torque, because no crank speed tells how a '
+                'wind_pump moves; leave drive and rpm out, and set motor.torque and start_rpm'
+            )
+        return replace(kind, drive='torque')
 
 
 @dataclass(frozen=True)
@@ -63,7 +89,7 @@ class Configuration:
 
     kind: Kind
     mechanism: Mechanism
-    drive: SpeedDrive
+    drive: Drive
     session: Session
 
     def parameters(self) -> dict[str, object]:
@@ -74,9 +100,9 @@ class Configuration:
         return flat
 
 
-def parameter_leaves(mechanism: str) -> tuple[Leaf, ...]:
-    """The parameters that a mechanism uses, in the order in which they are declared."""
-    classes = (Kind, MECHANISMS[mechanism], SpeedDrive, Session)
+def parameter_leaves(kind: Kind) -> tuple[Leaf, ...]:
+    """The parameters that a mechanism and a drive use, in the order of their declaration."""
+    classes = (Kind, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
     return tuple(leaf for cls in classes for leaf in leaves(cls))
 
 
@@ -90,9 +116,10 @@ def check_live(name: str, value: object) -> None:
     Raises:
         ConfigurationError: The value is bad.
     """
-    for leaf in leaves(SpeedDrive):
-        if leaf.name == name:
-            leaf.quantity.clean(name, value)
+    for drive in DRIVES.values():
+        for leaf in leaves(drive):
+            if leaf.name == name:
+                leaf.quantity.clean(name, value)
 
 
 def configure(values: Mapping[str, object]) -> Configuration:
@@ -110,16 +137,35 @@ def configure(values: Mapping[str, object]) -> Configuration:
             mechanism, or its crank cannot turn. One line that says what would be valid.
     """
     given = {name: value for name, value in values.items() if name.split('.')[0] not in _ROS_OWN}
+    preset: dict[str, object] = {}
     if 'mechanism' not in given:
-        given = {**read_parameter_file(presets.preset_path(DEFAULT_PRESET)), **given}
-    kind = build(Kind, given)
-    valid = [leaf.name for leaf in parameter_leaves(kind.mechanism)]
+        preset = dict(read_parameter_file(presets.preset_path(DEFAULT_PRESET)))
+    kind = Kind.of({**preset, **given})
+    valid = [leaf.name for leaf in parameter_leaves(kind)]
     for name in given:
         if name not in valid:
-            raise ConfigurationError(_unknown(name, kind.mechanism, valid))
+            raise ConfigurationError(_unknown(name, kind, valid))
+    # A preset's speed is nothing to a torque.
+    given = {**{name: value for name, value in preset.items() if name in valid}, **given}
     mechanism = build(MECHANISMS[kind.mechanism], given)
-    Solver(mechanism).require_full_turn()
-    return Configuration(kind, mechanism, build(SpeedDrive, given), build(Session, given))
+    drive = build(DRIVES[kind.drive], given)
+    if isinstance(drive, TorqueDrive):
+        _require_start(mechanism, drive)
+    elif not isinstance(mechanism, WindPump):
+        Solver(mechanism).require_full_turn()
+    return Configuration(kind, mechanism, drive, build(Session, given))
+
+
+def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
+    """Refuses a torque-driven mechanism that cannot be where it is to start.
+
+    Raises:
+        ConfigurationError: It cannot, or nothing there has a mass.
+    """
+    try:
+        Plant(EquationsOfMotion(mechanism), drive)
+    except UnreachableError as error:
+        raise ConfigurationError(f'no motion starts there: {error}') from error
 
 
 def preset_note(values: Mapping[str, object]) -> str:
@@ -127,16 +173,18 @@ def preset_note(values: Mapping[str, object]) -> str:
     return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
 
 
-def _unknown(name: str, mechanism: str, valid: list[str]) -> str:
+def _unknown(name: str, kind: Kind, valid: list[str]) -> str:
     near = difflib.get_close_matches(name, valid, n=1)
     hint = f'; did you mean {near[0]}?' if near else '.'
     known = ', '.join(valid)
-    elsewhere = [
-        other for other in MECHANISMS if name in (leaf.name for leaf in parameter_leaves(other))
-    ]
-    if elsewhere:
-        hint = f' but of a {elsewhere[0]}.'
-    return f'{shown(name)} is not a parameter of a {mechanism}{hint} Valid names: {known}'
+    kinds = (Kind(mechanism, drive) for drive in DRIVES for mechanism in MECHANISMS)
+    for other in kinds:
+        if name in (leaf.name for leaf in parameter_leaves(other)):
+            same = other.mechanism == kind.mechanism
+            hint = f' but of {f"drive: {other.drive}" if same else f"a {other.mechanism}"}.'
+            break
+    given = f'a {kind.mechanism}' if kind.drive == 'speed' else f'a torque-driven {kind.mechanism}'
+    return f'{shown(name)} is not a parameter of {given}{hint} Valid names: {known}'
 
 
 def find(source: str) -> Path:

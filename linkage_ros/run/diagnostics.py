@@ -81,7 +81,11 @@ class Watch:
         self._lost: dict[str, int] = {}
 
     def report(
-        self, counts: Timekeeping, figures: dict[str, str], parts: dict[str, Health]
+        self,
+        counts: Timekeeping,
+        figures: dict[str, str],
+        parts: dict[str, Health],
+        troubles: Sequence[str] = (),
     ) -> list[Status]:
         """How it went since the last report.
 
@@ -89,21 +93,23 @@ class Watch:
             counts: What became of the ticks so far.
             figures: Further values of the motion.
             parts: Log and viewer.
+            troubles: What else is not well with the motion.
 
         Returns:
             A status of the motion and one of each part.
         """
         counts, now = replace(counts), time.monotonic()
-        statuses = [self._motion(counts, now - self._time, figures)]
+        statuses = [self._motion(counts, now - self._time, figures, list(troubles))]
         statuses += [self._part(part, health) for part, health in parts.items()]
         self._before, self._time = counts, now
         return statuses
 
-    def _motion(self, counts: Timekeeping, seconds: float, figures: dict[str, str]) -> Status:
+    def _motion(
+        self, counts: Timekeeping, seconds: float, figures: dict[str, str], troubles: list[str]
+    ) -> Status:
         missed = counts.missed - self._before.missed
         stepped = counts.clock_steps - self._before.clock_steps
         rate = (counts.kept - self._before.kept) / seconds
-        troubles = ['waiting for /clock'] if 'waiting for' in figures else []
         if missed and stepped:
             troubles.append(f'{missed} ticks skipped where the clock jumped')
         elif missed:

@@ -8,15 +8,21 @@ times give equal bits in both.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
+from linkage_ros.core.equations import EquationsOfMotion
+from linkage_ros.core.mechanism import WindPump
+from linkage_ros.core.simulation import FixedSteps, Motion, Phase
 from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State, loop_residual, point_motion
 from linkage_ros.core.travel import travel
 from linkage_ros.run.configuration import Configuration
 from linkage_ros.run.joints import JointValues, joint_values
-from linkage_ros.run.motion import CrankMotion, SpeedDrive
+from linkage_ros.run.motion import CrankMotion, CrankState
+from linkage_ros.run.plant import Plant, Steps, TorqueDrive
+from linkage_ros.run.torque import RunMotion, TorqueMotion
 from linkage_ros.wire.messages import (
     COUPLER_POINT,
     DRIVING_TORQUE,
@@ -53,7 +59,8 @@ class Machine:
 
     Attributes:
         configuration: What it was made from.
-        solver: Of its mechanism.
+        solver: Of its mechanism; None: a wind pump, where a crank angle tells no state.
+        equations: Of its motion.
         joints: Names, in the order of the messages.
         topics: What each step has a message for.
         description: robot_description message, CDR bytes.
@@ -61,10 +68,13 @@ class Machine:
 
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
-        self.solver = Solver(configuration.mechanism)
-        self.joints = self.solver.links
-        self.description = encode_string(make_urdf(configuration.mechanism))
-        self._tree, points = self.solver.structure.joints, self.solver.structure.points
+        mechanism = configuration.mechanism
+        self.solver = None if isinstance(mechanism, WindPump) else Solver(mechanism)
+        self.equations = EquationsOfMotion(mechanism)
+        structure = self.equations.structure
+        self.joints = tuple(joint.name for joint in structure.joints)
+        self.description = encode_string(make_urdf(mechanism))
+        self._structure, self._tree, points = structure, structure.joints, structure.points
         self._coupler_point = points.get('C')
         self.topics: tuple[Topic, ...] = (JOINT_STATES, DRIVING_TORQUE, MECHANISM_STATE)
         if self._coupler_point:
@@ -76,18 +86,32 @@ class Machine:
 
     def summary(self) -> str:
         """What turns, in one line."""
-        kind, drive, session = (
-            self.configuration.kind, self.configuration.drive, self.configuration.session
-        )  # fmt: skip
-        return (
-            f'{kind.mechanism}, {self.configuration.mechanism.assembly}, '
-            f'{self.solver.mobility.grashof}, {", ".join(travel(self.solver).words())}, '
-            f'{_speed(drive)} at {session.rate_hz:g} Hz'
-        )
+        configuration = self.configuration
+        words = [configuration.kind.mechanism, configuration.mechanism.assembly]
+        if self.solver:
+            words.append(self.solver.mobility.grashof)
+            if self.solver.mobility.turns_fully:
+                words += travel(self.solver).words()
+        words.append(f'{configuration.drive.words()} at {configuration.session.rate_hz:g} Hz')
+        return ', '.join(words)
 
-    def begin(self, stamp: int) -> CrankMotion:
-        """The motion from a stamp, ns, on which t = 0 falls."""
-        return CrankMotion.begin(self.configuration.drive, stamp)
+    def begin(
+        self, stamp: int, integrate: Callable[[Motion, Phase], Steps] = FixedSteps
+    ) -> RunMotion:
+        """The motion from a stamp on which t = 0 falls.
+
+        Args:
+            stamp: ns.
+            integrate: Makes what follows the motion where a torque drives it.
+
+        Returns:
+            The first piece of motion.
+        """
+        drive = self.configuration.drive
+        if isinstance(drive, TorqueDrive):
+            plant = Plant(self.equations, drive, integrate)
+            return TorqueMotion(stamp, drive.motor.torque, plant=plant)
+        return CrankMotion.begin(drive, stamp)
 
     def elapsed(self, tick: int) -> int:
         """Time from the first tick to another, ns: whole, and never off by accumulation."""
@@ -101,7 +125,7 @@ class Machine:
         # `elapsed` rounds down, so that the next tick may already be due.
         return tick + 1 if self.elapsed(tick + 1) <= elapsed else tick
 
-    def step(self, motion: CrankMotion, stamp: int) -> Step:
+    def step(self, motion: RunMotion, stamp: int) -> Step:
         """Solves the state that belongs to a stamp.
 
         Args:
@@ -111,8 +135,25 @@ class Machine:
         Returns:
             The state and its messages.
         """
-        crank = motion.at(stamp)
-        state = self.solver.state(crank.angle, crank.speed, crank.acceleration)
+        return self.describe(stamp, motion.at(stamp))
+
+    def describe(self, stamp: int, crank: CrankState) -> Step:
+        """The state and the messages that belong to a stamp and to coordinates.
+
+        Args:
+            stamp: ns.
+            crank: The crank and, of a wind pump, the slider.
+
+        Returns:
+            The state and its messages.
+        """
+        angle, _, speed, acceleration, slide = crank
+        if self.solver:
+            state = self.solver.state(angle, speed, acceleration)
+        else:
+            state = self.equations.state(
+                (angle, slide[0]), (speed, slide[1]), (acceleration, slide[2])
+            )
         values = joint_values(self._tree, state, crank)
         position, velocity, _, effort = values
         messages: tuple[bytes, ...] = (
@@ -127,14 +168,4 @@ class Machine:
 
     def residual(self, state: State) -> float:
         """How far the loop is from closed in a state, m."""
-        return loop_residual(
-            self.solver.structure, self.configuration.mechanism.coupler.length, state
-        )
-
-
-def _speed(drive: SpeedDrive) -> str:
-    if drive.start_rpm is None or not drive.crank_acceleration:
-        return f'{drive.rpm:g} rpm'
-    return (
-        f'from {drive.start_rpm:g} to {drive.rpm:g} rpm with {drive.crank_acceleration:g} rad/s^2'
-    )
+        return loop_residual(self._structure, state)

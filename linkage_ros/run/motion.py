@@ -51,21 +51,42 @@ class SpeedDrive(Checked):
         'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
     )
 
+    @property
+    def initial_rpm(self) -> float:
+        """The speed at t = 0, turns per minute."""
+        return self.rpm if self.start_rpm is None else self.start_rpm
+
+    @property
+    def target(self) -> float:
+        """What may be set while it runs: the speed to move to, turns per minute."""
+        return self.rpm
+
+    def words(self) -> str:
+        """Its speed."""
+        if self.start_rpm is None or not self.crank_acceleration:
+            return f'{self.rpm:g} rpm'
+        return (
+            f'from {self.start_rpm:g} to {self.rpm:g} rpm with {self.crank_acceleration:g} rad/s^2'
+        )
+
 
 class CrankState(NamedTuple):
-    """The crank at one stamp.
+    """The crank, and what else is a coordinate, at one stamp.
 
     Attributes:
         angle: Within [0, 4 pi), rad: a state repeats after at most two turns.
         unwrapped: The whole angle turned, correctly rounded, rad.
         speed: rad/s.
         acceleration: rad/s^2.
+        slide: Position, m, velocity and acceleration of a slider that is a coordinate by itself;
+            empty: there is none.
     """
 
     angle: float
     unwrapped: float
     speed: float
     acceleration: float
+    slide: tuple[float, ...] = ()
 
 
 class CrankMotion:
@@ -125,9 +146,8 @@ class CrankMotion:
             The first piece of motion.
         """
         phase = Fraction(drive.crank_angle) * _TWO_PI_GRID / _TWO_PI
-        start = drive.rpm if drive.start_rpm is None else drive.start_rpm
         # Without acceleration the first change of speed happens at once, at t = 0.
-        return cls(stamp, phase, Fraction(start), drive.rpm, drive.crank_acceleration)
+        return cls(stamp, phase, Fraction(drive.initial_rpm), drive.rpm, drive.crank_acceleration)
 
     def at(self, stamp: int) -> CrankState:
         """The crank at a stamp at or after the start.
@@ -153,6 +173,31 @@ class CrankMotion:
         if 0 <= turned < 2 * turn:
             return CrankState(unwrapped, unwrapped, speed, acceleration)
         return CrankState(_radians(turned % (2 * turn), turn), unwrapped, speed, acceleration)
+
+    @property
+    def target(self) -> float:
+        """What may be set while it runs: the speed it moves to, turns per minute."""
+        return self.rpm
+
+    def next(self, stamp: int, rpm: float) -> CrankMotion:
+        """The piece that a stamp lies in: this one, or a new one where the speed is another.
+
+        Args:
+            stamp: ns.
+            rpm: The speed to move to, turns per minute.
+
+        Returns:
+            The piece.
+        """
+        return self if rpm == self.rpm else self.change(stamp, rpm)
+
+    def words(self) -> str:
+        """From where to which speed it moves."""
+        crank = self.at(self.stamp)
+        at_once = f' at {self.acceleration:g} rad/s^2' if self.acceleration else ''
+        return (
+            f'from {crank.unwrapped:.6f} rad, {crank.speed:.6f} rad/s to {self.rpm:g} rpm{at_once}'
+        )
 
     def _ramp_turned(self, elapsed: int) -> int:
         """Turns while the speed changes, in units of 1 / (120 10^18 grid)."""

@@ -51,6 +51,7 @@ JOINT_STATES = Topic('joint_states', JOINT_STATE)
 DRIVING_TORQUE = Topic('driving_torque', FLOAT64)
 MECHANISM_STATE = Topic('mechanism_state', JOINT_TRAJECTORY, on_demand=True)
 COUPLER_POINT = Topic('coupler_point', POINT_STAMPED)
+JOINT_COMMANDS = Topic('joint_commands', JOINT_STATE)
 DIAGNOSTICS = Topic('/diagnostics', DIAGNOSTIC_ARRAY)
 ROBOT_DESCRIPTION = Topic('robot_description', STRING, latched=True, depth=1)
 TOPICS = (

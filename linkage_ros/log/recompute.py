@@ -1,0 +1,144 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the messages of a state should have been, from what the log says of it.
+
+At a given speed the stamp alone tells. Under a torque the coordinates with their rates and
+accelerations are taken from mechanism_state: the motion of all links and the torque,
+tau = M q'' + h - Q, must be theirs to the bit, and the state must follow from the one before it
+under the torque that was logged there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from linkage_ros.core.numeric import with_turns, within_two_turns
+from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.run.machine import Machine, Step
+from linkage_ros.run.motion import CrankState
+from linkage_ros.run.plant import TorqueDrive
+from linkage_ros.run.torque import RunMotion
+from linkage_ros.wire.messages import MECHANISM_STATE, Topic, TrajectoryCodec
+
+# How far a state may be from where the one before leads: rad and crank lengths, and of rates the
+# same per second or the rate itself. Records and live runs integrate in different ways.
+_APART = 1e-7
+# Longest time, s, over which that is asked; beyond, a live plant may have stood still.
+_LONGEST = 10.0
+_NS = 10**9
+
+
+class Recomputation:
+    """Recomputes the states of one log."""
+
+    def __init__(self, machine: Machine, topics: Sequence[Topic], *, recorded: bool) -> None:
+        """Prepares it.
+
+        Args:
+            machine: Of the logged configuration.
+            topics: Those of the machine that the log has, in its order.
+            recorded: Whether nothing but the motor can have driven the mechanism.
+
+        Raises:
+            LogError: The log does not tell what is needed.
+        """
+        self._machine, self._recorded = machine, recorded
+        self._places = [machine.topics.index(topic) for topic in topics]
+        drive = machine.configuration.drive
+        self._drive = drive if isinstance(drive, TorqueDrive) else None
+        self._told = topics.index(MECHANISM_STATE) if MECHANISM_STATE in topics else None
+        if self._drive and self._told is None:
+            raise LogError(
+                'a torque-driven log without mechanism_state cannot be verified: its states have '
+                'no accelerations; log that topic'
+            )
+        self._codec = TrajectoryCodec(machine.joints)
+        self._before: tuple[int, CrankState, float] | None = None
+
+    def step(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> list[bytes]:
+        """The messages that belong to a stamp.
+
+        Args:
+            motion: The piece that it lies in.
+            stamp: ns.
+            logged: Messages of the state, as many as the log has.
+
+        Returns:
+            As many recomputed ones.
+
+        Raises:
+            LinkageError: What is logged describes no state.
+        """
+        step = self._step(motion, stamp, logged)
+        return [step.messages[place] for place in self._places[: len(logged)]]
+
+    def _step(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> Step:
+        if not self._drive:
+            return self._machine.step(motion, stamp)
+        if self._told is None or self._told >= len(logged):
+            raise LogError('has no mechanism_state')
+        return self._machine.describe(stamp, self._read(logged[self._told]))
+
+    def _read(self, data: bytes) -> CrankState:
+        """The coordinates that a mechanism_state tells."""
+        try:
+            _, values = self._codec.decode(data)
+        except ValueError as error:
+            raise LogError(f'has a mechanism_state that is {error}') from error
+        count = len(self._codec.names)
+        position, velocity, acceleration = (values[i * count :][:count] for i in range(3))
+        angle, _ = within_two_turns(position[0])
+        slide = () if self._machine.solver else (position[-1], velocity[-1], acceleration[-1])
+        return CrankState(angle, position[0], velocity[0], acceleration[0], slide)
+
+    def follow(self, motion: RunMotion, tick: int, logged: Sequence[bytes]) -> str:
+        """Goes on to a state whose messages are right.
+
+        Args:
+            motion: The piece that it lies in.
+            tick: Its number.
+            logged: Its messages.
+
+        Returns:
+            Why it does not follow from the state before it; empty if it does.
+        """
+        if not self._drive or self._told is None or self._told >= len(logged):
+            return ''
+        crank = self._read(logged[self._told])
+        torque = self._machine.describe(0, crank).state.torque
+        damping = self._drive.motor.damping
+        before, self._before = self._before, (tick, crank, torque + damping * crank.speed)
+        if self._recorded:
+            line = motion.target - damping * crank.speed
+            if abs(torque - line) > _APART * max(abs(motion.target), abs(torque), 1e-6):
+                return f'has the torque {torque:.9g} N m, the motor line gives {line:.9g}'
+        return '' if before is None else self._apart(before, tick, crank)
+
+    def _apart(self, before: tuple[int, CrankState, float], tick: int, crank: CrankState) -> str:
+        past, start, held = before
+        elapsed = (self._machine.elapsed(tick) - self._machine.elapsed(past)) / _NS
+        if elapsed > _LONGEST or not self._drive:
+            return ''
+        damping, equations = self._drive.motor.damping, self._machine.equations
+        motion = Motion(equations, lambda _, speed: held - damping * speed)
+        q, u = (start.angle, *start.slide[:1]), (start.speed, *start.slide[1:2])
+        try:
+            steps = FixedSteps(motion, (*q, *u))
+            steps.advance(elapsed)
+        except LinkageError as error:
+            return f'does not follow from the one before: {error}'
+        due = (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
+        turned = crank.unwrapped - (start.unwrapped - start.angle)
+        found = (turned, *crank.slide[:1], crank.speed, *crank.slide[1:2])
+        units = (1.0, equations.mechanism.crank.length)[: len(q)]
+        sizes = (*units, *map(max, units, map(abs, due[len(q) :])))
+        names = [f'{n} {w}' for w in ('position', 'speed') for n in equations.coordinates]
+        for name, value, expected, size in zip(names, found, due, sizes, strict=True):
+            if not abs(value - expected) <= _APART * size + 4 * math.ulp(crank.unwrapped):
+                return (
+                    f'does not follow from the one before: {name} {value:.9g}, that one leads to '
+                    f'{expected:.9g}'
+                )
+        return ''

@@ -1,0 +1,122 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The motion that a torque makes, in steps as long as accuracy allows: for records, not live.
+
+The only file of the runs that knows SciPy. Its DOP853 is Dormand and Prince's method of order 8
+with a continuous solution of order 7 between its steps.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from linkage_ros.core.numeric import Array
+from linkage_ros.core.simulation import EDGE_PART, Motion, Phase, wound
+from linkage_ros.errors import ConfigurationError, LinkageError
+
+_TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
+_FIRST_STEP = 1e-4  # s
+_SHORTEST_STEP = 1e-8  # s
+# Sine of the angle of a dyad, below which steps become too short for what is left of the motion.
+_EDGE = 5e-4
+_END = 1e10  # s, which no run reaches
+
+
+class AdaptiveSteps:
+    """Follows a motion with an error that is controlled at every step.
+
+    Attributes:
+        motion: Which.
+        time: Up to which it is followed, s.
+        phase: At that time: coordinates, then their rates; the crank within a few turns of 0.
+        pairs: Pairs of whole turns that belong to it.
+    """
+
+    def __init__(self, motion: Motion, phase: Phase) -> None:
+        """Begins a motion at time 0.
+
+        Args:
+            motion: Which.
+            phase: Coordinates, then their rates.
+
+        Raises:
+            ConfigurationError: SciPy is missing.
+            LinkageError: The motion cannot even begin, as `EquationsOfMotion.accelerations` tells.
+        """
+        try:
+            from scipy.integrate import DOP853
+        except ModuleNotFoundError as error:
+            raise ConfigurationError(
+                "records of torque-driven motions need SciPy: pip install 'linkage_ros[record]'"
+            ) from error
+        self.motion, self.time = motion, 0.0
+        self.phase, self.pairs = wound(phase)
+        length = motion.equations.mechanism.crank.length
+        units = np.array((1.0, length)[: len(phase) // 2] * 2)
+        self._steps = DOP853(
+            self._slope, 0.0, np.array(self.phase), _END,
+            rtol=_TOLERANCE, atol=_TOLERANCE * units, first_step=_FIRST_STEP,
+        )  # fmt: skip
+        # The continuous solution of the last step, the pairs of turns left out of it, and of what
+        # follows.
+        self._between: Any = None
+        self._pairs_between = self._pairs_ahead = self.pairs
+
+    def changed(self) -> None:
+        """Refuses: a torque that changes at once needs steps that end there.
+
+        Raises:
+            ConfigurationError: Always.
+        """
+        raise ConfigurationError(
+            'a record follows one law of torque: feed it as a function of time, or run the node'
+        )
+
+    def advance(self, time: float) -> None:
+        """Follows the motion to a time.
+
+        Args:
+            time: Not before the time reached, s.
+
+        Raises:
+            MotionError: It cannot be followed that far.
+        """
+        while self._steps.t < time:
+            self._step()
+        if time > self.time:
+            phase, pairs = wound(tuple(self._between(time).tolist()))
+            self.time, self.phase, self.pairs = time, phase, self._pairs_between + pairs
+
+    def _slope(self, time: float, phase: Array) -> Array:
+        return np.array(self.motion.slope(time, tuple(phase.tolist())))
+
+    def _step(self) -> None:
+        steps = self._steps
+        phase = tuple(steps.y.tolist())
+        _, left = self.motion.look(steps.t, phase)
+        if left < math.inf and self.motion.sine(phase) < _EDGE:
+            self.motion.fail(steps.t, phase, None)
+        steps.max_step = left * EDGE_PART
+        cause = self._try()
+        while cause and steps.h_abs > _SHORTEST_STEP:
+            steps.h_abs = min(steps.h_abs, steps.max_step) / 4
+            cause = self._try()
+        if cause or steps.status == 'failed':
+            self.motion.fail(steps.t, phase, cause)
+        self._between, self._pairs_between = steps.dense_output(), self._pairs_ahead
+        phase, pairs = wound(tuple(steps.y.tolist()))
+        if pairs:  # a relative tolerance of a large angle would be no tolerance
+            steps.y = np.array(phase)
+            self._pairs_ahead += pairs
+
+    def _try(self) -> LinkageError | None:
+        """One step, or what the slope refused on its way; then nothing has moved."""
+        try:
+            with np.errstate(all='ignore'):  # what is not finite the slope refuses
+                self._steps.step()
+        except LinkageError as refusal:
+            return refusal
+        return None

@@ -1,0 +1,86 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Torque commands as they come from elsewhere: the last good one counts, for a while."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+
+_CRANK = 'crank'
+
+
+class Commands:
+    """What was commanded, and what became of it.
+
+    One thread may hear commands while another asks for the torque.
+
+    Attributes:
+        taken: Commands that were followed.
+        cut: Of these, those that were cut to the limit.
+        refused: Commands that were not.
+    """
+
+    def __init__(
+        self, limit: float, timeout: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Begins without a command.
+
+        Args:
+            limit: Largest torque, N m.
+            timeout: After which a command counts no more, s.
+            clock: Tells the time, s.
+        """
+        self.taken = self.cut = self.refused = 0
+        self._limit, self._timeout, self._clock = limit, timeout, clock
+        self._last: tuple[float, float] | None = None  # torque, and until when it counts
+
+    def hear(self, names: Sequence[str], efforts: Sequence[float]) -> str:
+        """Takes a command, or refuses it.
+
+        Args:
+            names: Of joints.
+            efforts: One for each of them, N m; the crank's counts.
+
+        Returns:
+            Why it is refused; empty: it is taken.
+        """
+        wrong = ''
+        if len(efforts) != len(names):
+            wrong = f'{len(names)} names and {len(efforts)} efforts: must be one for each'
+        elif list(names).count(_CRANK) != 1:
+            shown = ', '.join(names) or 'none'
+            wrong = f'it names {shown:.80}: must name {_CRANK} once'
+        else:
+            torque = float(efforts[list(names).index(_CRANK)])
+            if not math.isfinite(torque):
+                wrong = f'effort {torque}: must be a finite number, N m'
+        if wrong:
+            self.refused += 1
+            return wrong
+        if abs(torque) > self._limit:
+            self.cut += 1
+            torque = math.copysign(self._limit, torque)
+        self.taken += 1
+        self._last = torque, self._clock() + self._timeout
+        return ''
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether commands came, and come no more."""
+        return self._last is not None and self._clock() > self._last[1]
+
+    def torque(self) -> float:
+        """The torque that counts now, N m: 0 before the first command and after the timeout."""
+        last = self._last
+        return last[0] if last and self._clock() <= last[1] else 0.0
+
+    def figures(self) -> dict[str, str]:
+        """What became of the commands, for diagnostics."""
+        return {
+            'command, N m': f'{self.torque():.6g}',
+            'commands taken': str(self.taken),
+            'commands cut to torque_limit': str(self.cut),
+            'commands refused': str(self.refused),
+        }

@@ -1,0 +1,187 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The plant of a torque-driven run: a mechanism under its motor and under commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from linkage_ros.core.equations import EquationsOfMotion
+from linkage_ros.core.mechanism import WindPump
+from linkage_ros.core.numeric import with_turns, within_two_turns
+from linkage_ros.core.quantities import Checked, quantity
+from linkage_ros.core.simulation import FixedSteps, Motion, Phase
+from linkage_ros.run.motion import CrankState
+
+
+@dataclass(frozen=True)
+class Motor(Checked):
+    """A motor line: its torque falls with the crank speed.
+
+    Attributes:
+        torque: At rest, N m, counter-clockwise positive.
+        damping: What it loses per crank speed, N m s.
+    """
+
+    torque: float = quantity(
+        'number', 'motor torque at rest, counter-clockwise positive', 'N m', span=(-1e12, 1e12),
+        live=True, default=0.0,
+    )  # fmt: skip
+    damping: float = quantity(
+        'number', 'motor torque lost per crank speed', 'N m s', span=(0.0, 1e12), default=0.0
+    )
+
+
+@dataclass(frozen=True)
+class TorqueDrive(Checked):
+    """How a torque-driven mechanism begins, and what drives it.
+
+    Attributes:
+        motor: Its line; commands come on top.
+        start_rpm: Crank speed at t = 0, turns per minute.
+        crank_angle: At t = 0, rad.
+        torque_limit: Largest torque of a command, N m; a larger one is cut to it.
+        command_timeout: After which a command counts no more, s.
+    """
+
+    motor: Motor = field(default_factory=Motor)
+    start_rpm: float = quantity(
+        'number', 'crank speed at t = 0', 'rpm', span=(-1e6, 1e6), default=0.0
+    )
+    crank_angle: float = quantity(
+        'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
+    )
+    torque_limit: float = quantity(
+        'number', 'largest torque of a command; a larger one is cut to it', 'N m',
+        span=(0.0, 1e12), default=1e12,
+    )  # fmt: skip
+    command_timeout: float = quantity(
+        'number', 'after which a command counts no more', 's', span=(1e-3, 1e9), default=0.5
+    )
+
+    @property
+    def initial_rpm(self) -> float:
+        """The speed at t = 0, turns per minute."""
+        return self.start_rpm
+
+    @property
+    def target(self) -> float:
+        """What may be set while it runs: the motor's torque at rest, N m."""
+        return self.motor.torque
+
+    def words(self) -> str:
+        """The motor line and the start."""
+        line = f'motor {self.motor.torque:g} N m'
+        if self.motor.damping:
+            line += f' - {self.motor.damping:g} N m s x speed'
+        return f'{line}, from {self.start_rpm:g} rpm'
+
+
+class Steps(Protocol):
+    """What follows a motion from time to time."""
+
+    phase: Phase
+    pairs: int
+    time: float
+
+    def changed(self) -> None:
+        """Takes note that the torque is another from now on."""
+
+    def advance(self, time: float) -> None:
+        """Follows the motion to a time, s."""
+
+
+class Plant:
+    """A mechanism under its motor and under commands, followed from its start.
+
+    Attributes:
+        equations: Of motion.
+    """
+
+    def __init__(
+        self,
+        equations: EquationsOfMotion,
+        drive: TorqueDrive,
+        integrate: Callable[[Motion, Phase], Steps] = FixedSteps,
+        feed: Callable[[float], float] = lambda _: 0.0,
+    ) -> None:
+        """Puts it into its start.
+
+        Args:
+            equations: Of motion.
+            drive: Motor and start.
+            integrate: Makes what follows the motion.
+            feed: A torque over time, s, on top of motor and commands, N m.
+
+        Raises:
+            LinkageError: It cannot start from there.
+        """
+        self.equations, self._feed = equations, feed
+        self._motor, self._damping, self._command = drive.motor.torque, drive.motor.damping, 0.0
+        self._steps = integrate(Motion(equations, self.torque), start(equations, drive))
+
+    @property
+    def time(self) -> float:
+        """Up to which it was followed, s."""
+        return self._steps.time
+
+    def torque(self, time: float, speed: float) -> float:
+        """The torque on the crank, N m.
+
+        Args:
+            time: s.
+            speed: Of the crank, rad/s.
+
+        Returns:
+            Of the motor line, the command and what is fed.
+        """
+        return self._motor - self._damping * speed + self._command + self._feed(time)
+
+    def drive(self, motor: float, command: float) -> None:
+        """Sets the motor's torque at rest and the command from now on, N m."""
+        if (motor, command) != (self._motor, self._command):
+            self._motor, self._command = motor, command
+            self._steps.changed()
+
+    @property
+    def command(self) -> float:
+        """The command in force, N m."""
+        return self._command
+
+    def advance(self, time: float) -> None:
+        """Follows the motion to a time, not before the one before.
+
+        Args:
+            time: s.
+
+        Raises:
+            MotionError: It cannot be followed that far.
+        """
+        self._steps.advance(time)
+
+    def state(self) -> CrankState:
+        """The coordinates at the time reached.
+
+        The angle within two turns is that of the unwrapped one as it is published, so that a log
+        tells the very state.
+        """
+        phase, count = self._steps.phase, len(self.equations.coordinates)
+        unwrapped = with_turns(phase[0], self._steps.pairs)
+        angle, _ = within_two_turns(unwrapped)
+        q, u = (angle, *phase[1:count]), phase[count:]
+        a = self.equations.accelerations(q, u, self.torque(self.time, u[0]))
+        slide = (q[1], u[1], a[1]) if count > 1 else ()
+        return CrankState(angle, unwrapped, u[0], a[0], slide)
+
+
+def start(equations: EquationsOfMotion, drive: TorqueDrive) -> Phase:
+    """Coordinates and rates at t = 0."""
+    speed = drive.start_rpm * math.pi / 30
+    mechanism = equations.mechanism
+    if isinstance(mechanism, WindPump):
+        slider = mechanism.slider
+        return drive.crank_angle, slider.position, speed, slider.velocity
+    return drive.crank_angle, speed

@@ -1,0 +1,427 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Torque-driven runs: configuration, commands, record, log and its verification."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from linkage_ros import ConfigurationError, EquationsOfMotion, LogError, MotionError
+from linkage_ros import record as recorder
+from linkage_ros.core.numeric import within_two_turns
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.record import record
+from linkage_ros.run.adaptive import AdaptiveSteps
+from linkage_ros.run.commands import Commands
+from linkage_ros.run.configuration import configure, from_strings, load, to_strings
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.motion import CrankState
+from linkage_ros.run.plant import TorqueDrive
+from linkage_ros.run.presets import preset_path
+from linkage_ros.wire.messages import ROBOT_DESCRIPTION, JointStateCodec, TrajectoryCodec
+
+START = 1_780_000_000_000_000_000
+PUMP = load('wind_pump')
+QUADRILATERAL = configure({'drive': 'torque', 'motor.torque': 2.0, 'motor.damping': 0.05})
+
+
+def changed(configuration=PUMP, **parts):
+    """A configuration with other fields, by the name of the part that has them."""
+    new = {name: replace(getattr(configuration, name), **f) for name, f in parts.items()}
+    return replace(configuration, **new)
+
+
+def states(path):
+    """Times, s, and rows of crank and, of a pump, slider: positions, rates, accelerations."""
+    with LogReader(path) as log:
+        codec = TrajectoryCodec(Machine(log.configuration).joints)
+        found = [
+            codec.decode(message.data)
+            for message in log.messages()
+            if message.topic == '/mechanism_state'
+        ]
+    values = np.array([values for _, values in found]).reshape(len(found), 4, -1)
+    return np.array([stamp for stamp, _ in found]) * 1e-9, values
+
+
+# ---------------------------------------------------------------- configuration
+
+
+def test_a_wind_pump_is_driven_by_a_torque_whether_said_or_not():
+    values = PUMP.parameters()
+    unsaid = {name: value for name, value in values.items() if name != 'drive'}
+    assert configure(unsaid) == configure(values) == PUMP
+    assert isinstance(PUMP.drive, TorqueDrive)
+    with pytest.raises(ConfigurationError, match=r"drive = 'speed': must be torque, because"):
+        configure({**values, 'drive': 'speed'})
+    with pytest.raises(ConfigurationError, match=r"'rpm' is not a parameter of a torque-driven"):
+        configure({**values, 'rpm': 60.0})
+    with pytest.raises(ConfigurationError, match=r'frame\.angle.* is not a parameter'):
+        configure({**values, 'frame.angle': 0.0})
+
+
+def test_each_drive_has_its_own_parameters():
+    with pytest.raises(ConfigurationError, match=r'but of drive: speed\. Valid names: mechanism'):
+        configure({'drive': 'torque', 'rpm': 3.0})
+    with pytest.raises(ConfigurationError, match=r'but of drive: torque\. Valid names'):
+        configure({**load('quadrilateral').parameters(), 'motor.torque': 3.0})
+    drive = configure({'drive': 'torque'}).drive
+    assert (drive.start_rpm, drive.motor.torque, drive.motor.damping) == (0.0, 0.0, 0.0)
+    assert configure(QUADRILATERAL.parameters()) == QUADRILATERAL
+    assert from_strings(to_strings(PUMP)) == PUMP
+
+
+def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
+    values = {
+        'mechanism': 'four_bar', 'frame.length': 1.0, 'crank.length': 0.9, 'crank.inertia': 1.0,
+        'coupler.length': 0.5, 'rocker.length': 0.5,
+    }  # fmt: skip
+    with pytest.raises(ConfigurationError, match='cannot turn fully'):
+        configure({**values, 'rpm': 1.0})
+    driven = {**values, 'drive': 'torque'}
+    assert 'transmission' not in Machine(configure({**driven, 'crank_angle': 0.5})).summary()
+    with pytest.raises(ConfigurationError, match=r'no motion starts there: .* cannot move at 180'):
+        configure({**driven, 'crank_angle': math.pi})
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'words'),
+    [
+        ({'slider.position': 5.0}, 'no motion starts there: coupler and rod do not reach'),
+        ({'slider.position': 'far'}, "slider.position = 'far': must be a number"),
+        ({'motor.torque': math.nan}, 'motor.torque = nan: must be a number'),
+        ({'motor.damping': -1.0}, 'motor.damping = -1.0: must be a number from 0'),
+        ({'command_timeout': 0.0}, 'command_timeout = 0.0: must be a number from 0.001'),
+        ({'torque_limit': -1.0}, 'torque_limit = -1.0: must be a number from 0'),
+        ({'rod.length': 0.0}, 'rod.length = 0.0: must be a number from'),
+    ],
+)
+def test_bad_values_of_a_pump_are_refused(parameters, words):
+    with pytest.raises(ConfigurationError, match=words):
+        configure({**PUMP.parameters(), **parameters})
+
+
+def test_what_has_no_mass_cannot_be_driven():
+    values = {'mechanism': 'four_bar', 'drive': 'torque', 'frame.length': 0.4}
+    links = {f'{name}.length': 0.3 for name in ('crank', 'coupler', 'rocker')}
+    with pytest.raises(ConfigurationError, match='something moves without a mass'):
+        configure({**values, **links, 'crank_angle': 0.3})
+
+
+# ---------------------------------------------------------------- commands
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_the_last_good_command_counts_until_it_is_too_old():
+    clock = Clock()
+    commands = Commands(5.0, 0.5, clock)
+    assert (commands.torque(), commands.timed_out) == (0.0, False)
+    assert commands.hear(['crank'], [2.0]) == ''
+    clock.now += 0.5
+    assert (commands.torque(), commands.timed_out) == (2.0, False)
+    clock.now += 0.001
+    assert (commands.torque(), commands.timed_out) == (0.0, True)
+    assert commands.hear(['rocker', 'crank'], [9.0, -3.0]) == ''
+    assert (commands.torque(), commands.timed_out) == (-3.0, False)
+    assert (commands.taken, commands.refused, commands.cut) == (2, 0, 0)
+
+
+def test_a_command_beyond_the_limit_is_cut_and_counted():
+    commands = Commands(5.0, 0.5, Clock())
+    for torque, followed in ((5.0, 5.0), (5.1, 5.0), (-1e300, -5.0)):
+        assert commands.hear(['crank'], [torque]) == ''
+        assert commands.torque() == followed
+    assert (commands.taken, commands.cut) == (3, 2)
+
+
+@pytest.mark.parametrize(
+    ('names', 'efforts', 'words'),
+    [
+        (['crank'], [math.nan], 'effort nan: must be a finite number'),
+        (['crank'], [math.inf], 'effort inf: must be a finite number'),
+        (['crank'], [], '1 names and 0 efforts'),
+        ([], [], 'it names none: must name crank once'),
+        (['Crank'], [1.0], 'it names Crank: must name crank once'),
+        (['crank', 'crank'], [1.0, 1.0], 'must name crank once'),
+        (['x' * 500], [1.0], f'it names {"x" * 80}: must'),
+    ],
+)
+def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts, words):
+    commands = Commands(5.0, 0.5, Clock())
+    commands.hear(['crank'], [1.5])
+    assert commands.hear(names, efforts).startswith(words) or words in commands.hear(
+        names, efforts
+    )
+    assert commands.torque() == 1.5
+    assert commands.refused >= 1
+    assert commands.figures()['commands refused'] == str(commands.refused)
+
+
+# ---------------------------------------------------------------- record
+
+
+@pytest.mark.parametrize('speed', [2.0, 6.0])
+def test_a_record_of_a_free_pump_keeps_its_energy_for_a_minute(tmp_path, speed):
+    free = changed(
+        drive={'motor': replace(PUMP.drive.motor, torque=0.0, damping=0.0),
+               'start_rpm': speed * 30 / math.pi},
+        mechanism={'slider': replace(PUMP.mechanism.slider, damping=0.0)},
+    )  # fmt: skip
+    assert record(free, tmp_path / 'run.mcap', duration=60) == 12_000
+    _, values = states(tmp_path / 'run.mcap')
+    equations = EquationsOfMotion(free.mechanism)
+    (crank, *_, slide), (speed_, *_, velocity) = values[:, 0].T, values[:, 1].T
+    energy = sum(equations.energy((crank, slide), (speed_, velocity)))
+    assert np.abs(energy - energy[0]).max() < 1e-10 * abs(energy[0])
+    assert crank[-1] > 12 * math.pi
+
+
+def test_the_recorded_pump_settles_at_its_two_speeds(tmp_path):
+    """The speed over the last turn; design.md's figures."""
+    for start, settled, stroke, seconds in ((2.0, 2.604, 0.519, 60), (6.0, 6.249, 0.138, 180)):
+        configuration = changed(
+            drive={'start_rpm': start * 30 / math.pi}, session={'rate_hz': 100.0}
+        )
+        record(configuration, tmp_path / f'{start}.mcap', duration=seconds)
+        times, values = states(tmp_path / f'{start}.mcap')
+        crank, slide = values[:, 0, 0], values[:, 0, -1]
+        last = math.floor(crank[-1] / (2 * math.pi)) * 2 * math.pi
+        moments = np.interp([last - 2 * math.pi, last], crank, times)
+        assert 2 * math.pi / np.diff(moments)[0] == pytest.approx(settled, abs=1e-3)
+        turn = slide[(times > moments[0]) & (times <= moments[1])]
+        assert np.ptp(turn) == pytest.approx(stroke, abs=1e-3)
+
+
+def test_a_record_that_ends_at_the_edge_keeps_what_came_before(tmp_path):
+    path = tmp_path / 'run.mcap'
+    start = changed(mechanism={'slider': replace(PUMP.mechanism.slider, velocity=5.0)})
+    with pytest.raises(MotionError, match=r'stretched.*run\.mcap keeps the 80 states') as raised:
+        record(start, path, duration=5)
+    assert raised.value.time == pytest.approx(0.3994655636, abs=5e-6)
+    with LogReader(path) as log:
+        assert (verify(log).states, verify(log).difference) == (80, '')
+        assert log.end == 395_000_000
+
+
+def test_the_command_line_says_so_in_one_line(tmp_path, monkeypatch, capsys):
+    text = preset_path('wind_pump').read_text().replace('velocity: 0.0', 'velocity: -6.0')
+    (tmp_path / 'pump.yaml').write_text(text)
+    arguments = ['linkage_record', str(tmp_path / 'pump.yaml'), str(tmp_path / 'run.mcap')]
+    monkeypatch.setattr(sys, 'argv', arguments)
+    assert recorder.main() == 2
+    out, errors = capsys.readouterr()
+    assert out == ''
+    (line,) = errors.splitlines()
+    assert line.startswith('linkage_record: the motion ends at t = 0.230044 s, crank at')
+    assert 'folded' in line
+
+
+def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
+    for sign in (1, -1):
+        motor = replace(QUADRILATERAL.drive.motor, torque=sign * 2.0)
+        driven = changed(QUADRILATERAL, drive={'motor': motor, 'crank_angle': 1.0})
+        count = record(driven, tmp_path / f'{sign}.mcap', revolutions=3)
+        _, values = states(tmp_path / f'{sign}.mcap')
+        turned = abs(values[:, 0, 0] - 1.0) / (2 * math.pi)
+        assert len(turned) == count
+        assert turned[-1] < 3 < turned[-1] + 0.2
+    resting = changed(QUADRILATERAL, drive={'motor': replace(motor, torque=0.0)})
+    with pytest.raises(ConfigurationError, match='has not come 1 revolutions far within 3600 s'):
+        record(changed(resting, session={'rate_hz': 0.05}), tmp_path / 'rest.mcap', revolutions=1)
+
+
+def test_a_record_does_not_depend_on_its_rate(tmp_path):
+    """The steps are the method's own; the states in common differ by rounding."""
+    for rate in (50.0, 1000.0):
+        record(changed(session={'rate_hz': rate}), tmp_path / f'{rate}.mcap', duration=2)
+    slow, fast = states(tmp_path / '50.0.mcap')[1], states(tmp_path / '1000.0.mcap')[1]
+    assert np.abs(slow - fast[::20]).max() < 1e-9
+
+
+# ---------------------------------------------------------------- live, and verified
+
+
+def live(path, configuration, plan, alter=lambda _, step: step.messages):
+    """Writes what the node logs of a torque-driven run.
+
+    plan: (kind, value) with kind 'motor', 'command' (N m, from the next tick on), 'step' (of the
+    clock, ns), 'skip' (ticks) or 'tick'.
+    """
+    machine = Machine(configuration)
+    motion, motor, command = machine.begin(START), configuration.drive.motor.torque, 0.0
+    t0, tick, number = START, 0, 0
+    with LogWriter(path, configuration, overwrite=True) as log:
+        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
+        description = log.add_topic(ROBOT_DESCRIPTION, '/robot_description')
+        log.write_motion(motion)
+        log.write(description, START, machine.description)
+        for kind, value in plan:
+            if kind in {'motor', 'command', 'skip'}:
+                motor = value if kind == 'motor' else motor
+                command = value if kind == 'command' else command
+                tick += value if kind == 'skip' else 0
+                continue
+            stamp = t0 + machine.elapsed(tick)
+            if kind == 'step':
+                motion = motion.change(stamp, motion.target, restamp=stamp + value)
+                log.write_motion(motion)
+                t0, stamp = t0 + value, stamp + value
+            following = motion.next(stamp, motor)
+            if following is not motion:
+                motion = following
+                log.write_motion(motion)
+            motion.command(stamp, command)
+            number += 1
+            messages = alter(number, machine.step(motion, stamp))
+            for channel, message in zip(channels, messages, strict=True):
+                log.write(channel, stamp + 30_000, message)
+            tick += 1
+    return path
+
+
+def ticks(count):
+    return [('tick', None)] * count
+
+
+PLAN = [
+    *ticks(60), ('command', 3.0), *ticks(40), ('skip', 7), *ticks(20), ('motor', -1.5), *ticks(50),
+    ('step', -1_234_567_890), ('command', -2.0), *ticks(30), ('step', 98_765_432), *ticks(10),
+    ('motor', 4.0), ('skip', 3), *ticks(30), ('skip', 12_000), *ticks(20),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize('configuration', [PUMP, QUADRILATERAL], ids=['pump', 'quadrilateral'])
+def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configuration):
+    fast = changed(configuration, session={'rate_hz': 1000.0})
+    with LogReader(live(tmp_path / 'run.mcap', fast, PLAN)) as log:
+        report = verify(log)
+        assert report.difference == ''
+        assert report.states == sum(kind in {'tick', 'step'} for kind, _ in PLAN)
+        assert report.missed == 7 + 3 + 12_000
+        assert [motion.target for motion in log.motions] == [
+            fast.drive.motor.torque, -1.5, -1.5, -1.5, 4.0, 4.0,
+        ]  # fmt: skip
+
+
+def test_what_stood_still_for_long_goes_on_from_where_it_was():
+    machine = Machine(changed(session={'rate_hz': 1000.0}))
+    motion = machine.begin(START)
+    before = machine.step(motion, START + 10**9)
+    later = START + 60 * 10**9
+    following = motion.next(later, motion.target)
+    assert following is not motion
+    assert machine.step(following, later).values == before.values
+    assert motion.next(START + 10**9, motion.target) is motion
+
+
+@pytest.mark.parametrize('turned', [-9.0, 12.0, 654_321.0])
+def test_after_many_turns_the_state_is_that_of_the_angle_as_it_is_published(tmp_path, turned):
+    drive = {'crank_angle': turned, 'start_rpm': -150.0}
+    record(changed(QUADRILATERAL, drive=drive), tmp_path / 'run.mcap', duration=1)
+    _, values = states(tmp_path / 'run.mcap')
+    assert values[0, 0, 0] == turned
+    assert values[:, 0, 0].min() < turned - 1
+    with LogReader(tmp_path / 'run.mcap') as log:
+        assert verify(log).difference == ''
+
+
+def moved(joint, row, by):
+    """Changes one number of joint_states and mechanism_state alike."""
+
+    def alter(machine, step):
+        rows = [list(part) for part in step.values]
+        rows[row][joint] += by
+        stamp = TrajectoryCodec(machine.joints).decode(step.messages[2])[0]
+        return (
+            JointStateCodec(machine.joints).encode(stamp, rows[0], rows[1], rows[3]),
+            step.messages[1],
+            TrajectoryCodec(machine.joints).encode(stamp, *rows),
+            *step.messages[3:],
+        )
+
+    return alter
+
+
+def elsewhere(shift, machine, step):
+    """A state that is right in itself, at another place."""
+    position, velocity, acceleration = (part[0] for part in step.values[:3])
+    slide = tuple(part[-1] for part in step.values[:3])
+    moved_to = position + shift
+    state = CrankState(within_two_turns(moved_to)[0], moved_to, velocity, acceleration, slide)
+    stamp = TrajectoryCodec(machine.joints).decode(step.messages[2])[0]
+    return machine.describe(stamp, state).messages
+
+
+@pytest.mark.parametrize(
+    ('alter', 'words'),
+    [
+        (moved(0, 0, 1e-9), 'mechanism_state|joint_states'),
+        (moved(1, 0, 1e-12), 'coupler'),
+        (moved(2, 1, 1e-12), 'rod'),
+        (moved(3, 2, 1e-12), ''),
+        (moved(0, 3, 1e-12), 'effort'),
+        (
+            lambda m, s: elsewhere(1e-5, m, s),
+            'does not follow from the one before: crank position',
+        ),
+        (lambda m, s: elsewhere(1e-3, m, s), 'does not follow from the one before'),
+    ],
+)
+def test_a_changed_state_is_found(tmp_path, alter, words):
+    machine = Machine(PUMP)
+
+    def change(number, step):
+        return alter(machine, step) if number == 30 else step.messages
+
+    with LogReader(live(tmp_path / 'run.mcap', PUMP, ticks(60), change)) as log:
+        report = verify(log)
+    assert report.difference
+    assert report.states in {28, 29, 30}
+    assert any(word in report.difference for word in words.split('|'))
+
+
+def test_a_record_with_a_torque_that_no_motor_gives_is_found(tmp_path):
+    """Commands come live; a record has none."""
+    with LogReader(
+        live(tmp_path / 'a.mcap', PUMP, [*ticks(9), ('command', 1.0), *ticks(9)])
+    ) as log:
+        assert verify(log).difference == ''
+    other = changed(drive={'motor': replace(PUMP.drive.motor, torque=8.5)})
+    machine, motion = Machine(PUMP), Machine(other).begin(0, AdaptiveSteps)
+    with LogWriter(tmp_path / 'b.mcap', PUMP, overwrite=False) as log:
+        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
+        log.write_motion(machine.begin(0))
+        for tick in range(20):
+            stamp = machine.elapsed(tick)
+            for channel, message in zip(
+                channels, machine.step(motion, stamp).messages, strict=True
+            ):
+                log.write(channel, stamp, message)
+    with LogReader(tmp_path / 'b.mcap') as log:
+        assert 'has the torque 6.1 N m, the motor line gives 6' in verify(log).difference
+
+
+def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
+    machine, motion = Machine(PUMP), Machine(PUMP).begin(0)
+    with LogWriter(tmp_path / 'run.mcap', PUMP, overwrite=False) as log:
+        channel = log.add_topic(machine.topics[0], '/joint_states')
+        log.write_motion(motion)
+        log.write(channel, 0, machine.step(motion, 0).messages[0])
+    with (
+        LogReader(tmp_path / 'run.mcap') as log,
+        pytest.raises(LogError, match='no accelerations'),
+    ):
+        verify(log)
