@@ -12,11 +12,18 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from linkage_ros.core.kinematics import structure_of
 from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.numeric import Array
-from linkage_ros.core.solver import Solver
+from linkage_ros.view.reach import reach
 
-_STEPS_PER_TURN = 360
+# The pins between which a link that turns is drawn.
+_ENDS = {
+    'crank': ('A0', 'A'),
+    'coupler': ('A', 'B'),
+    'rocker': ('B0', 'B'),
+    'rod': ('B', 'D'),
+}
 # Parts of the width of all that moves: the margin around it, and the marks of the fixed link.
 _MARGIN, _MARK = 0.06, 0.04
 
@@ -29,30 +36,42 @@ class Drawing:
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pins: Names of the moving points, in the order of `place`.
         output: Name of the output link.
-        paths: What B and, if there is one, the coupler point C trace out, by the name of the
-            link whose point it is; each of shape (n, 2), m.
+        paths: What the pin of the output link and, if there is one, the coupler point C trace
+            out, by the name of the link whose point it is; each of shape (n, 2), m. Empty for a
+            wind pump, whose points have no path of their own.
         ground: The marks of the fixed link, lines of shape (n, 2), m.
-        bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m.
+        bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m; of
+            a wind pump while its slider is where it can be at every crank angle.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        solver = Solver(mechanism)
-        self._joints, self.joints = solver.structure.joints, solver.links
-        points = solver.structure.points
+    def __init__(self, mechanism: Mechanism, crank_angle: float = 0.0) -> None:
+        """Draws it.
+
+        Args:
+            mechanism: The mechanism.
+            crank_angle: From which it starts, rad; it matters where the crank cannot reach it
+                from everywhere.
+        """
+        structure = structure_of(mechanism)
+        self._joints = structure.joints
+        self.joints = tuple(joint.name for joint in self._joints)
+        points = structure.points
         fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
         moving = {name: point for name, point in points.items() if name not in fixed}
-        self.pins = tuple(moving)
+        self.pins, self._pivot_names = tuple(moving), tuple(fixed)
         self._weights = np.array([point.weights for point in moving.values()])
         self._fixed = np.array([point.fixed for point in moving.values()])
         self.pivots = _plane(np.array(list(fixed.values())))
 
-        crank = solver.kinematics.map.samples(_STEPS_PER_TURN)
-        swept = self.place(np.stack(solver.state(crank).position, axis=-1))
-        output = self._joints[2]
-        self.output = output.name
-        self.paths = {self.output: swept[:, 1]}
-        if 'C' in self.pins:
-            self.paths['coupler'] = swept[:, 2]
+        positions, is_path = reach(mechanism, crank_angle)
+        swept = self.place(positions)
+        output = self._joints[-1]
+        self.output, self._output_pin = output.name, self.pins.index('D' if 'D' in moving else 'B')
+        self.paths: dict[str, Array] = {}
+        if is_path:
+            self.paths[self.output] = swept[:, self._output_pin]
+            if 'C' in moving:
+                self.paths['coupler'] = swept[:, self.pins.index('C')]
         everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         mark = _MARK * np.ptp(everything, axis=0).max()
         self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
@@ -60,7 +79,7 @@ class Drawing:
         if output.slides:
             axis = complex(math.cos(output.angle), math.sin(output.angle))
             self._block = mark * axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j])
-            self.ground += _rail(swept[:, 1], axis, mark)
+            self.ground += _rail(swept[:, self._output_pin], axis, mark)
         everything = np.concatenate([everything, *self.ground])
         margin = _MARGIN * np.ptp(everything, axis=0).max()
         self.bounds = np.array([everything.min(axis=0) - margin, everything.max(axis=0) + margin])
@@ -69,10 +88,10 @@ class Drawing:
         """Where the moving points are.
 
         Args:
-            position: Of the links, shape (n, 3), rad and m.
+            position: Of the links, shape (n, 3 or 4), rad and m.
 
         Returns:
-            A, B and, if there is one, C; shape (n, 2 or 3, 2), m.
+            The pins, in the order of `pins`; shape (n, 2 to 4, 2), m.
         """
         # A slide would be no angle, but then the points do not depend on it.
         turned = np.exp(1j * np.where([joint.slides for joint in self._joints], 0.0, position))
@@ -82,7 +101,7 @@ class Drawing:
         """Where the moving points are, from what ROS sees.
 
         Args:
-            position: Joint positions in the order of the tree, shape (n, 3), rad and m.
+            position: Joint positions in the order of the tree, shape (n, 3 or 4), rad and m.
 
         Returns:
             As `place`.
@@ -97,21 +116,25 @@ class Drawing:
         """The lines of the moving links, by their names.
 
         Args:
-            points: As `place` gives them, shape (n, 2 or 3, 2), m.
+            points: As `place` gives them, shape (n, 2 to 4, 2), m.
 
         Returns:
             Lines of shape (n, 2, 2), m. A coupler with a point is a triangle, (n, 4, 2), a
             slider a block, (n, 5, 2).
         """
-        a0, b0 = (np.broadcast_to(pivot, (len(points), 1, 2)) for pivot in self.pivots[[0, -1]])
-        a, b, *c = (points[:, i : i + 1] for i in range(points.shape[1]))
-        lines = {'crank': [a0, a], 'coupler': [a, b, *c, a] if c else [a, b]}
-        if self._block is None:
-            lines['rocker'] = [b0, b]
-        else:
+        at = {name: points[:, i] for i, name in enumerate(self.pins)}
+        for name, pivot in zip(self._pivot_names, self.pivots, strict=True):
+            at[name] = np.broadcast_to(pivot, (len(points), 2))
+        lines = {}
+        for joint in self.joints:
+            if joint in _ENDS:
+                start, end = _ENDS[joint]
+                triangle = ('C', start) if joint == 'coupler' and 'C' in at else ()
+                lines[joint] = [at[name] for name in (start, end, *triangle)]
+        if self._block is not None:
             corners = _plane(self._block)
-            lines['slider'] = [b + corners[i % 4] for i in range(5)]
-        return {name: np.concatenate(line, axis=1) for name, line in lines.items()}
+            lines[self.output] = [points[:, self._output_pin] + corners[i % 4] for i in range(5)]
+        return {name: np.stack(line, axis=1) for name, line in lines.items()}
 
 
 def _plane(points: npt.NDArray[np.complex128]) -> Array:

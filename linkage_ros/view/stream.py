@@ -16,16 +16,14 @@ import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from linkage_ros.core.numeric import Array
 from linkage_ros.errors import ViewerError
 from linkage_ros.run.configuration import Configuration
-from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.layout import QUANTITIES, TIMELINE, fixed_components, layout
+from linkage_ros.view.layout import TIMELINE, fixed_components, layout
+from linkage_ros.view.scene import Kind, Rows, Scene
 from linkage_ros.view.viewer import (
     SPAWN,
     WEB,
@@ -44,9 +42,6 @@ from linkage_ros.view.viewer import (
 if TYPE_CHECKING:
     import rerun as rr
 
-Stamps: TypeAlias = npt.NDArray[np.int64]
-
-_DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
 _WALL_CLOCK = 10**18  # ns; a stamp before September 2001 counts from the start of something
 _SERVED = '64MB'  # of the past, for windows that connect late
 _BATCH = 20_000  # samples sent at once, however many have come
@@ -122,15 +117,15 @@ class View:
         self._is_file = self._lags = False
         self._waiting: list[Sample] = []
         self._due = 0.0
-        self._drawing = Drawing(configuration.mechanism)
-        self._last_frame = -1
+        self._scene = Scene(configuration)
         self._wall_clock: bool | None = None
         if target == SPAWN:
             require_screen()
         binary = find_viewer() if target in (SPAWN, WEB) else None
         self._recording = self._open(bind, overwrite)
-        self._recording.send_blueprint(layout(configuration, self._drawing.bounds))
-        for entity, components in fixed_components(self._drawing).items():
+        drawing = self._scene.drawing
+        self._recording.send_blueprint(layout(configuration, drawing.bounds))
+        for entity, components in fixed_components(configuration, drawing).items():
             self._recording.log(entity, components, static=True, strict=True)
         self._program: Program | None = None
         if binary and self.url:
@@ -232,36 +227,38 @@ class View:
                 self.dropped += len(batch)
 
     def _show(self, samples: Sequence[Sample]) -> None:
-        import rerun as rr
-
-        stamps, *rows = (np.array(column) for column in zip(*samples, strict=True))
-        for quantity, row in zip(QUANTITIES, rows, strict=True):
-            self._send(f'joint_states/{quantity}', stamps, rr.Scalars.columns(scalars=row))
-        frames = stamps // _DRAWING_NS
-        due = np.diff(frames, prepend=self._last_frame) != 0
-        self._last_frame = frames[-1]
-        if due.any():
-            self._draw(stamps[due], rows[0][due])
-
-    def _draw(self, stamps: Stamps, position: Array) -> None:
-        import rerun as rr
-
-        points = self._drawing.points(position)
-        self._send('linkage/pins', stamps, rr.Points2D.columns(positions=points))
-        for link, lines in self._drawing.links(points).items():
-            strips = lines.astype(np.float32)
-            self._send(f'linkage/{link}', stamps, rr.LineStrips2D.columns(strips=strips))
-
-    def _send(self, entity: str, stamps: Stamps, columns: rr.ComponentColumnList) -> None:
-        import rerun as rr
-
+        stamps, *values = (np.array(column) for column in zip(*samples, strict=True))
         if self._wall_clock is None:
             self._wall_clock = bool(stamps[0] >= _WALL_CLOCK)
+        for rows in self._scene.advance(stamps, *values):
+            self._send(rows)
+
+    def _send(self, rows: Rows) -> None:
+        import rerun as rr
+
         if self._wall_clock:
-            times = rr.TimeColumn(TIMELINE, timestamp=stamps.astype('datetime64[ns]'))
+            times = rr.TimeColumn(TIMELINE, timestamp=rows.stamps.astype('datetime64[ns]'))
         else:
-            times = rr.TimeColumn(TIMELINE, duration=stamps.astype('timedelta64[ns]'))
-        self._recording.send_columns(entity, [times], columns, strict=True)
+            times = rr.TimeColumn(TIMELINE, duration=rows.stamps.astype('timedelta64[ns]'))
+        self._recording.send_columns(rows.entity, [times], _columns(rows), strict=True)
+
+
+def _columns(rows: Rows) -> rr.ComponentColumnList:
+    """What an entity shows, as Rerun takes it."""
+    import rerun as rr
+
+    values = rows.values
+    if rows.kind is Kind.SCALARS:
+        return rr.Scalars.columns(scalars=values)
+    if rows.kind is Kind.POINTS:
+        return rr.Points2D.columns(positions=values)
+    if rows.kind is Kind.LINES:
+        return rr.LineStrips2D.columns(strips=values.astype(np.float32))
+    if rows.kind is Kind.LABELS:
+        count, size = values.shape
+        return rr.Points2D.columns(labels=values.ravel()).partition([size] * count)
+    factors, shifts = np.pad(values, ((0, 0), (0, 0), (0, 1))).swapaxes(0, 1)
+    return rr.Transform3D.columns(scale=factors, translation=shifts)
 
 
 def _import_rerun() -> None:

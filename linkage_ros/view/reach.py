@@ -1,0 +1,95 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the links of a mechanism can be: what a picture must have room for."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_ros.core.mechanism import Linkage, Mechanism, WindPump
+from linkage_ros.core.numeric import ARRAY, Array
+from linkage_ros.core.solver import Solver
+from linkage_ros.core.transmission import Arc
+from linkage_ros.core.wind_pump import WindPumpKinematics
+
+_STEPS_PER_TURN = 360
+_BEFORE_END = 1e-9  # of half an arc
+# Of a wind pump, whose positions fill a plane: crank angles a turn, places of the slider.
+_ANGLES, _PLACES = 120, 60
+
+
+class Reach(NamedTuple):
+    """Positions of the links.
+
+    Attributes:
+        positions: rad and m, shape (n, 3 or 4).
+        is_path: Whether the links pass through them one after the other, because the crank
+            tells where all of them are.
+    """
+
+    positions: Array
+    is_path: bool
+
+
+def reach(mechanism: Mechanism, crank_angle: float) -> Reach:
+    """Finds where the links can be.
+
+    Args:
+        mechanism: The mechanism.
+        crank_angle: From which it starts, rad: of the two arcs that a crank may have, it never
+            leaves the one with that angle.
+
+    Returns:
+        Positions that leave out nothing which a picture could show.
+    """
+    if isinstance(mechanism, WindPump):
+        return Reach(_positions_of_pump(mechanism), is_path=False)
+    return Reach(_path(mechanism, crank_angle), is_path=True)
+
+
+def _path(mechanism: Linkage, crank_angle: float) -> Array:
+    solver = Solver(mechanism)
+    mapped = solver.kinematics.map
+    if mapped.turns_fully:
+        crank = mapped.samples(_STEPS_PER_TURN)
+    else:
+        start, end = _own_arc(solver.mobility.arcs, crank_angle)
+        # Next to an end the links move as the root of the way to it: even steps of the crank would
+        # cut their paths short. At the end itself no rates exist.
+        even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)
+        way = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
+        crank = 0.5 * (start + end) + 0.5 * (end - start) * way
+        crank = crank[np.min(mapped.margins(crank, ARRAY), axis=0) > 0]
+    return np.stack(solver.state(crank).position, axis=-1)
+
+
+def _own_arc(arcs: tuple[Arc, ...], crank_angle: float) -> Arc:
+    def beyond(arc: Arc) -> float:
+        return (crank_angle - arc[0]) % (2 * math.pi) - (arc[1] - arc[0])
+
+    return min(arcs, key=beyond)
+
+
+def _positions_of_pump(mechanism: WindPump) -> Array:
+    """All crank angles, with every place that the slider can have at each of them.
+
+    A slider that starts from somewhere else gets all places where the loop closes at any angle.
+    """
+    kinematics = WindPumpKinematics(mechanism)
+    r, b, c = mechanism.crank.length, mechanism.coupler.length, mechanism.rod.length
+    start = mechanism.slider.position
+    near, far = abs(b - c) + r, b + c - r
+    if not near < abs(start) < far:
+        near, far = abs(b - c) - r, b + c + r
+        if near <= 0:  # it can pass the crank's pivot
+            near = -far
+    angles = np.linspace(0, 2 * math.pi, _ANGLES + 1)
+    places = math.copysign(1.0, start) * np.linspace(near, far, _PLACES + 1)
+    crank, slide = (grid.ravel() for grid in np.meshgrid(angles, places))
+    closes = np.min(kinematics.margins(crank, slide, ARRAY), axis=0) > 0
+    with np.errstate(all='ignore'):  # next to a stretched dyad rates pass all bounds
+        position, *_ = kinematics.solve(crank[closes], slide[closes], ARRAY)
+    return np.stack(position, axis=-1)

@@ -1,0 +1,137 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a run shows: rows of numbers over time for each entity, whatever shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import Enum
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from linkage_ros.core.equations import EquationsOfMotion
+from linkage_ros.core.mechanism import WindPump
+from linkage_ros.core.numeric import Array
+from linkage_ros.run.configuration import Configuration
+from linkage_ros.run.plant import TorqueDrive
+from linkage_ros.view.axes import Axis, GrowingAxes
+from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.series import Energies, Flow
+
+Stamps: TypeAlias = npt.NDArray[np.int64]
+
+# As Rerun's MCAP importer names the parts of a topic joint_states.
+QUANTITIES = ('position', 'velocity', 'effort')
+PHASE_PLANE = 'phase_plane'
+
+_DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
+_SHOWN = 1e30  # beyond which nothing has a place in a drawing
+
+
+class Kind(Enum):
+    """What the numbers of an entity are."""
+
+    SCALARS = 'one or more curves'
+    POINTS = 'points'
+    LINES = 'lines'
+    SCALE = 'factors and then shifts of what lies below the entity, along x and y'
+    LABELS = 'texts at points that stay'
+
+
+class Rows(NamedTuple):
+    """What an entity shows at some stamps.
+
+    Attributes:
+        entity: Its path.
+        kind: What the values are.
+        stamps: ns.
+        values: One row for each stamp.
+    """
+
+    entity: str
+    kind: Kind
+    stamps: Stamps
+    values: npt.NDArray[Any]
+
+
+class Scene:
+    """Makes rows of samples, however these are cut into batches.
+
+    Attributes:
+        drawing: The linkage.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        mechanism, drive = configuration.mechanism, configuration.drive
+        self.drawing = Drawing(mechanism, drive.crank_angle)
+        self._last_frame = -1
+        self._energies: Energies | None = None
+        self._flow: Flow | None = None
+        self._axes: GrowingAxes | None = None
+        self._last_point: Array | None = None
+        if isinstance(drive, TorqueDrive):
+            self._energies = Energies(EquationsOfMotion(mechanism), drive)
+        if isinstance(mechanism, WindPump):
+            # Room at least for what the crank pin does at 1 rad/s.
+            middle, room = np.array([mechanism.slider.position, 0.0]), mechanism.crank.length
+            self._flow, self._axes = Flow(), GrowingAxes(middle - room, middle + room)
+
+    def advance(
+        self, stamps: Stamps, position: Array, velocity: Array, effort: Array
+    ) -> Iterator[Rows]:
+        """What to show at the next samples.
+
+        Args:
+            stamps: ns, shape (n,), n > 0.
+            position: Of the joints, in the order of the tree; shape (n, joints), rad and m.
+            velocity: Likewise, rad/s and m/s.
+            effort: Likewise, N m.
+
+        Yields:
+            Rows of all entities that have any.
+        """
+        for quantity, row in zip(QUANTITIES, (position, velocity, effort), strict=True):
+            yield Rows(f'joint_states/{quantity}', Kind.SCALARS, stamps, row)
+        if self._energies:
+            yield Rows('energies', Kind.SCALARS, stamps, self._energies.at(position, velocity))
+        if self._flow:
+            flow = self._flow.follow(position[:, 0], velocity[:, 0], position[:, -1])
+            yield Rows('flow', Kind.SCALARS, stamps, flow[:, np.newaxis])
+        frames = stamps // _DRAWING_NS
+        due = np.diff(frames, prepend=self._last_frame) != 0
+        self._last_frame = frames[-1]
+        if due.any():
+            yield from self._draw(stamps[due], position[due])
+            if self._axes:
+                slider = np.stack([position[due, -1], velocity[due, -1]], axis=-1)
+                yield from self._trace(self._axes, stamps[due], slider)
+
+    def _draw(self, stamps: Stamps, position: Array) -> Iterator[Rows]:
+        points = self.drawing.points(position)
+        yield Rows('linkage/pins', Kind.POINTS, stamps, points)
+        for link, lines in self.drawing.links(points).items():
+            yield Rows(f'linkage/{link}', Kind.LINES, stamps, lines)
+
+    def _trace(self, axes: GrowingAxes, stamps: Stamps, points: Array) -> Iterator[Rows]:
+        shown = (np.abs(points) < _SHOWN).all(axis=1)  # nan is not
+        stamps, points = stamps[shown], points[shown]
+        for i, (x, y) in axes.follow(points):
+            now = stamps[i : i + 1]
+            yield Rows(f'{PHASE_PLANE}/curve', Kind.SCALE, now, _into_square(x, y))
+            for name, one in (('x', x), ('y', y)):
+                yield Rows(f'{PHASE_PLANE}/{name}', Kind.LABELS, now, np.array([one.labels]))
+        if points.size:
+            start = points[:1] if self._last_point is None else self._last_point
+            strips = np.stack([np.concatenate([start, points[:-1]]), points], axis=1)
+            self._last_point = points[-1:]
+            yield Rows(f'{PHASE_PLANE}/curve/trail', Kind.LINES, stamps, strips)
+            yield Rows(f'{PHASE_PLANE}/curve/now', Kind.POINTS, stamps, points[:, np.newaxis])
+
+
+def _into_square(x: Axis, y: Axis) -> Array:
+    """Factors and shifts that bring two axes to 0 ... 1."""
+    ends = np.array([x.ends, y.ends])
+    length = ends[:, 1] - ends[:, 0]
+    return np.array([[1 / length, -ends[:, 0] / length]])
