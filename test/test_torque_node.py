@@ -1,0 +1,158 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The torque-driven node on real DDS: commands in, motion out, and how it ends."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import time
+
+import numpy as np
+import pytest
+from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
+from sensor_msgs.msg import JointState
+from test_node import logged, set_parameter, stop
+
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
+from linkage_ros.record import record
+from linkage_ros.run.configuration import load
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.presets import preset_path
+from linkage_ros.wire.messages import JointStateCodec
+
+STATES = {'/joint_states': 'sensor_msgs/msg/JointState'}
+PUMP = JointStateCodec(('crank', 'coupler', 'rod', 'slider'))
+FOUR_BAR = JointStateCodec(('crank', 'coupler', 'rocker'))
+
+
+def pump(path, **parameters):
+    words = [w for name, value in parameters.items() for w in ('-p', f'{name}:={value}')]
+    return ['--ros-args', '--params-file', preset_path('wind_pump'), '-p', f'log:={path}', *words]
+
+
+def check(path):
+    with LogReader(path) as log:
+        report = verify(log)
+    assert report.difference == ''
+    return report
+
+
+def test_the_pump_runs_live_and_its_log_verifies(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = pump(path, rate_hz=1000.0, viewer=tmp_path / 'run.rrd')
+    with Listener(domain, STATES) as listener, running('node', *arguments, domain=domain) as node:
+        wait_for(lambda: len(listener.received['/joint_states']) > 1500)
+        # Type 3 is a double.
+        assert set_parameter(listener, 'motor.torque', type=3, double_value=20.0).successful
+        count = len(listener.received['/joint_states'])
+        wait_for(lambda: len(listener.received['/joint_states']) > count + 500)
+        bad = set_parameter(listener, 'motor.torque', type=3, double_value=math.inf)
+        assert not bad.successful
+        assert not set_parameter(listener, 'motor.damping', type=3, double_value=0.0).successful
+        code, output = stop(node)
+    assert code == 0, output
+    assert 'wind_pump, crossed, motor 8.4 N m - 1.2 N m s x speed' in output
+    log, messages = logged(path)
+    assert [motion.target for motion in log.motions] == [8.4, 20.0]
+    assert check(path).states == len(messages['/joint_states'])
+    received = listener.received['/joint_states']
+    assert received == [m.data for m in messages['/joint_states']][: len(received)]
+    rows = np.array([PUMP.decode(data)[1] for data in received]).reshape(-1, 3, 4)
+    assert rows[0, 1, 0] == pytest.approx(2.0, abs=1e-3)
+    # What acts is the motor line at the speed of that very state.
+    assert rows[0, 2, 0] == pytest.approx(8.4 - 1.2 * rows[0, 1, 0], abs=1e-12)
+    assert rows[-1, 2, 0] == pytest.approx(20 - 1.2 * rows[-1, 1, 0], abs=1e-11)
+    assert (tmp_path / 'run.rrd').stat().st_size > 50_000
+
+
+def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = [
+        '--ros-args', '-p', 'drive:=torque', '-p', 'motor.damping:=0.1', '-p', f'log:={path}',
+        '-p', 'rate_hz:=500.0', '-p', 'torque_limit:=4.0', '-p', 'command_timeout:=0.3',
+        '-p', 'gravity:=[0.0, 0.0]',
+    ]  # fmt: skip
+    with Listener(domain, STATES) as listener, running('node', *arguments, domain=domain) as node:
+        publisher = listener.node.create_publisher(JointState, 'joint_commands', 10)
+        wait_for(lambda: publisher.get_subscription_count() and listener.received['/joint_states'])
+
+        def efforts():
+            return [FOUR_BAR.decode(data)[1] for data in listener.received['/joint_states'][-20:]]
+
+        def send(names, values):
+            publisher.publish(JointState(name=names, effort=values))
+
+        def hold(torque, seconds):
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                send(['crank'], [torque])
+                time.sleep(0.01)
+
+        hold(1.5, 0.6)
+        *_, (_, _, _, speed, *_, effort, _, _) = efforts()
+        assert effort == pytest.approx(1.5 - 0.1 * speed, abs=1e-12)
+        hold(-99.0, 0.4)
+        *_, (_, _, _, speed, *_, effort, _, _) = efforts()
+        assert effort == pytest.approx(-4.0 - 0.1 * speed, abs=1e-12)
+        send(['crank'], [math.nan])
+        send(['rocker'], [1.0])
+        send(['crank'], [1.0, 2.0])
+        time.sleep(1.3)
+        *_, (_, _, _, speed, *_, effort, _, _) = efforts()
+        assert effort == pytest.approx(-0.1 * speed, abs=1e-12)
+        code, output = stop(node)
+    assert code == 0, output
+    # Refused one by one, and said at most once a second.
+    assert output.count('a command on joint_commands is refused: effort nan') == 1
+    assert output.count('is refused') <= 2
+    assert 'no command within command_timeout: the motor drives alone' in output
+    assert check(path).states > 500
+
+
+def test_a_stretched_dyad_ends_the_node_with_a_complete_log(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = pump(path, **{'slider.velocity': 5.0, 'rate_hz': 1000.0})
+    with running('node', *arguments, domain=domain) as node:
+        output, errors = node.communicate(timeout=30)
+    assert node.returncode == 1
+    said = [line for line in (output + errors).splitlines() if 'the motion ends' in line]
+    assert len(said) == 1, output + errors
+    assert 'at t = 0.399466 s, crank at 33.1' in said[0]
+    assert 'coupler and rod are stretched' in said[0]
+    assert 'Traceback' not in output + errors
+    assert check(path).states > 300
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'words'),
+    [
+        ('drive:=speed', "drive = 'speed': must be torque"),
+        ('rpm:=60.0', "'rpm' is not a parameter of a torque-driven wind_pump"),
+        ('slider.position:=0.1', 'no motion starts there: coupler and rod do not fit in'),
+    ],
+)
+def test_a_pump_that_cannot_run_is_one_line_and_exit_code_2(tmp_path, parameter, words):
+    done = subprocess.run(
+        command('node', *pump(tmp_path / 'run.mcap'), '-p', parameter),
+        env=environment(fresh_domain()), capture_output=True, text=True, timeout=30, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / 'run.mcap').exists()
+
+
+def test_a_log_of_the_pump_replays_to_the_bit(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    record(load('wind_pump'), path, duration=1.0)
+    with (
+        Listener(domain, STATES) as listener,
+        running('replay', path, '--rate', '4', domain=domain) as replay,
+    ):
+        assert replay.wait(timeout=30) == 0
+        wait_for(lambda: len(listener.received['/joint_states']) == 200)
+    log, messages = logged(path)
+    assert listener.received['/joint_states'] == [m.data for m in messages['/joint_states']]
+    assert Machine(log.configuration).joints == PUMP.names
