@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from linkage_ros import ConfigurationError, EquationsOfMotion, LogError, MotionError
+from linkage_ros import ConfigurationError, EquationsOfMotion, LogError, MotionError, Solver
 from linkage_ros import record as recorder
 from linkage_ros.core.numeric import within_two_turns
 from linkage_ros.log.reader import LogReader
@@ -23,7 +23,7 @@ from linkage_ros.run.commands import Commands
 from linkage_ros.run.configuration import configure, from_strings, load, to_strings
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.motion import CrankState
-from linkage_ros.run.plant import TorqueDrive
+from linkage_ros.run.plant import Plant, TorqueDrive
 from linkage_ros.run.presets import preset_path
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION, JointStateCodec, TrajectoryCodec
 
@@ -425,3 +425,22 @@ def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
         pytest.raises(LogError, match='no accelerations'),
     ):
         verify(log)
+
+
+# ---------------------------------------------------------------- a torque that comes late
+
+
+@pytest.mark.parametrize(
+    ('delay', 'low', 'high'), [(0.0, 0.0, 0.001), (0.5, 0.012, 0.0135), (1.5, 0.038, 0.040)]
+)
+def test_held_torque_of_a_constant_speed_keeps_it_as_far_as_it_is_in_time(delay, low, high):
+    """Held over ticks of 1 ms, computed for a moment that many ticks before their middle."""
+    equations, speed = EquationsOfMotion(QUADRILATERAL.mechanism), 5 * math.pi
+    drive = configure({'drive': 'torque', 'start_rpm': 150.0}).drive
+    solver, plant, worst = Solver(QUADRILATERAL.mechanism), Plant(equations, drive), 0.0
+    for tick in range(4000):
+        crank = math.remainder(speed * (tick + 0.5 - delay) * 1e-3, 4 * math.pi)
+        plant.drive(0.0, solver.state(crank, speed).torque)
+        plant.advance((tick + 1) * 1e-3)
+        worst = max(worst, abs(plant.state().speed / speed - 1))
+    assert low <= worst < high

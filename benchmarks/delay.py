@@ -1,0 +1,93 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""How far a torque that comes late lets the speed wander.
+
+The torque of the quadrilateral at a constant 150 rpm, computed for one moment of each tick, is
+held over the tick and drives the plant of the node. Held from the tick's middle it hardly
+matters that it is held; every tick of delay costs 2.5 % of speed.
+
+    python benchmarks/delay.py            prints the table
+    python benchmarks/delay.py --out docs writes docs/delay.png and docs/delay.json as well
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+
+from linkage_ros.core.equations import EquationsOfMotion
+from linkage_ros.core.solver import Solver
+from linkage_ros.run.configuration import configure
+from linkage_ros.run.plant import Plant
+
+RATE, RPM, TURNS = 1000.0, 150.0, 10
+DELAYS = tuple(quarter / 4 for quarter in range(17))  # ticks
+
+
+def wander(delay: float) -> float:
+    """The largest deviation of the crank's speed over ten turns.
+
+    Args:
+        delay: From the middle of a tick to the moment that its torque was computed for, ticks.
+
+    Returns:
+        Relative to the speed.
+    """
+    configuration = configure({'drive': 'torque', 'start_rpm': RPM})
+    solver, speed = Solver(configuration.mechanism), RPM * math.pi / 30
+    plant = Plant(EquationsOfMotion(configuration.mechanism), configuration.drive)
+    worst, motor = 0.0, configuration.drive.motor.torque
+    for tick in range(round(TURNS * 60 / RPM * RATE)):
+        crank = speed * (tick + 0.5 - delay) / RATE
+        plant.drive(motor, solver.state(math.remainder(crank, 4 * math.pi), speed).torque)
+        plant.advance((tick + 1) / RATE)
+        worst = max(worst, abs(plant.state().speed / speed - 1))
+    return worst
+
+
+def draw(records: list[dict[str, float]], path: Path) -> None:
+    """Deviation over delay, and the two cases that a controller meets."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4.2), dpi=110, layout='constrained')
+    axes = figure.subplots()
+    delays = [record['delay_ticks'] for record in records]
+    percent = [100 * record['largest_deviation'] for record in records]
+    axes.plot(delays, percent, marker='o', color='#0072b2')
+    for delay, words in (
+        (0.0, 'of mid-tick'),
+        (0.5, "of the tick's start"),
+        (1.5, 'one tick late'),
+    ):
+        value = percent[delays.index(delay)]
+        axes.annotate(
+            f'{words}: {value:.2g} %',
+            (delay, value),
+            (delay + 0.25, value - 0.35),
+            color='#d55e00',
+        )
+    axes.set_xlabel('delay of the torque from mid-tick, ticks of 1 ms')
+    axes.set_ylabel('largest deviation of the crank speed, %')
+    axes.set_title(f'Torque of a constant {RPM:g} rpm, held over each tick, {TURNS} turns')
+    axes.grid(color='0.9')
+    axes.spines[['top', 'right']].set_visible(False)
+    figure.savefig(path)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--out', type=Path, metavar='DIR', help='where to write picture and JSON')
+    options = parser.parse_args()
+    records = []
+    for delay in DELAYS:
+        records.append({'delay_ticks': delay, 'largest_deviation': wander(delay)})
+        print(f'{delay:5.2f} ticks  {100 * records[-1]["largest_deviation"]:8.4f} %')
+    if options.out:
+        (options.out / 'delay.json').write_text(json.dumps(records, indent=1) + '\n')
+        draw(records, options.out / 'delay.png')
+
+
+if __name__ == '__main__':
+    main()

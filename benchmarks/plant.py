@@ -1,0 +1,49 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What torque-driven motion costs: one evaluation, one millisecond live, one minute recorded.
+
+Run: python benchmarks/plant.py
+"""
+
+import tempfile
+import time
+import timeit
+from dataclasses import replace
+from pathlib import Path
+
+from linkage_ros import EquationsOfMotion
+from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.record import record
+from linkage_ros.run.configuration import configure, load
+
+ROUNDS = 7
+
+
+def best(call, number):
+    """Seconds a call, the best of some rounds."""
+    return min(timeit.repeat(call, number=number, repeat=ROUNDS)) / number
+
+
+def main():
+    """Times the wind pump and the quadrilateral."""
+    for configuration in (load('wind_pump'), configure({'drive': 'torque'})):
+        equations = EquationsOfMotion(configuration.mechanism)
+        count = len(equations.coordinates)
+        q, u = (0.3, 1.5)[:count], (2.0, 0.4)[:count]
+        one = best(lambda e=equations, q=q, u=u: e.accelerations(q, u, 3.0), 5_000)
+        steps = FixedSteps(Motion(equations, lambda _, speed: 8.4 - 1.2 * speed), (*q, *u))
+        tick = best(lambda steps=steps: steps.advance(steps.time + 1e-3), 500)
+        with tempfile.TemporaryDirectory() as folder:
+            longer = replace(configuration, session=replace(configuration.session, rate_hz=200.0))
+            start = time.perf_counter()
+            states = record(longer, Path(folder) / 'run.mcap', duration=60)
+            minute = time.perf_counter() - start
+        print(
+            f'{configuration.kind.mechanism}: accelerations {one * 1e6:.1f} us, '
+            f'one step of 1 ms live {tick * 1e6:.0f} us, '
+            f'60 s recorded ({states} states) {minute:.2f} s'
+        )
+
+
+if __name__ == '__main__':
+    main()
