@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import struct
 
+from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.solver import Solver
+from linkage_ros.core.state import point_motion
 from linkage_ros.run.joints import joint_values
 from linkage_ros.wire.messages import FLOAT64, JOINT_STATE, JOINT_TRAJECTORY, POINT_STAMPED, STRING
 from linkage_ros.wire.urdf import make_urdf
@@ -64,17 +66,21 @@ def solved_messages(configuration, motion, stamps):
     Returns:
         (stamp, message) in order, for each topic; the robot's description has the first stamp.
     """
-    solver = Solver(configuration.mechanism)
+    equations = EquationsOfMotion(configuration.mechanism)
+    joints, points = equations.structure.joints, equations.structure.points
     messages = {topic: [] for topic in TYPES}
     description = {'data': make_urdf(configuration.mechanism)}
     messages['/robot_description'].append((stamps[0], description))
-    names = list(solver.links)
+    names = [joint.name for joint in joints]
     for stamp in stamps:
         crank = motion.at(stamp)
-        state = solver.state(crank.angle, crank.speed, crank.acceleration)
-        position, velocity, acceleration, effort = joint_values(
-            solver.structure.joints, state, crank
-        )
+        if crank.slide:
+            q, u, a = zip((crank.angle, crank.speed, crank.acceleration), crank.slide, strict=True)
+            state = equations.state(q, u, a)
+        else:
+            solver = Solver(configuration.mechanism)
+            state = solver.state(crank.angle, crank.speed, crank.acceleration)
+        position, velocity, acceleration, effort = joint_values(joints, state, crank)
         header = {'stamp': time_of(stamp), 'frame_id': 'base_link'}
         rates = {'position': position, 'velocity': velocity, 'effort': effort}
         point = {
@@ -89,8 +95,8 @@ def solved_messages(configuration, motion, stamps):
             '/driving_torque': {'data': state.torque},
             '/mechanism_state': {'header': header, 'joint_names': names, 'points': [point]},
         }
-        if 'C' in solver.structure.points:
-            x, y = solver.point(state, 'C').position
+        if 'C' in points:
+            x, y = point_motion(points['C'], state).position
             found['/coupler_point'] = {'header': header, 'point': {'x': x, 'y': y, 'z': 0.0}}
         for topic, message in found.items():
             messages[topic].append((stamp, plain(message)))

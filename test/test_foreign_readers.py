@@ -28,9 +28,9 @@ from solved_messages import TYPES, plain, solved_messages, time_of
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.record import record
+from linkage_ros.run.adaptive import AdaptiveSteps
 from linkage_ros.run.configuration import Configuration, load
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.motion import CrankMotion
 from linkage_ros.run.presets import preset_names
 from linkage_ros.wire.interfaces import DIAGNOSTIC_ARRAY
 from linkage_ros.wire.messages import JointStateCodec
@@ -52,7 +52,7 @@ def recorded(preset, folder):
     rate = round(configuration.session.rate_hz)
     assert count == round(DURATION * rate)
     stamps = [tick * 10**9 // rate for tick in range(count)]
-    motion = CrankMotion.begin(configuration.drive, 0)
+    motion = Machine(configuration).begin(0, AdaptiveSteps)
     return Log(path, configuration, solved_messages(configuration, motion, stamps))
 
 
@@ -271,7 +271,9 @@ def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypat
     assert about.startswith('linkage_ros {')
     assert f"'crank.length': '{log.configuration.mechanism.crank.length}'" in about
     assert motion.startswith('linkage_ros/motion {')
-    assert f"'rpm': '{log.configuration.drive.rpm}'" in motion
+    drive = log.configuration.drive
+    word = 'rpm' if log.configuration.kind.drive == 'speed' else 'torque'
+    assert f"'{word}': '{drive.target}'" in motion
 
 
 def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch):
