@@ -25,7 +25,7 @@ from linkage_ros.run.motion import CrankMotion
 from linkage_ros.run.parameter_file import read_parameter_file
 from linkage_ros.run.presets import preset_names
 from linkage_ros.run.torque import RunMotion
-from linkage_ros.wire.messages import ROBOT_DESCRIPTION
+from linkage_ros.wire.messages import ROBOT_DESCRIPTION, qualified
 
 _NAME = 'linkage_record'
 _DEFAULT_DURATION = 10.0
@@ -68,7 +68,7 @@ def record(
     tick = 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         *channels, description = (
-            log.add_topic(topic, f'/{topic.name}')
+            log.add_topic(topic, qualified(topic))
             for topic in (*machine.topics, ROBOT_DESCRIPTION)
         )
         log.write_motion(motion)

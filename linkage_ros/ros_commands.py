@@ -8,7 +8,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from linkage_ros.run.commands import Commands
-from linkage_ros.run.plant import TorqueDrive
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.wire.messages import JOINT_COMMANDS
 
 

@@ -22,7 +22,6 @@ from linkage_ros.core.mechanism import MECHANISMS
 from linkage_ros.core.quantities import MISSING
 from linkage_ros.run.configuration import (
     DEFAULT_PRESET,
-    DRIVES,
     Kind,
     check_live,
     configure,
@@ -31,6 +30,7 @@ from linkage_ros.run.configuration import (
     parameter_leaves,
     to_strings,
 )
+from linkage_ros.run.drives import DRIVES
 from linkage_ros.run.presets import preset_names
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
@@ -53,6 +53,8 @@ QUADRILATERAL = {
     'rpm': 150.0,
     'crank_acceleration': 0.0,
     'crank_angle': 0.0,
+    'effort_command_topic': '',
+    'lead_time': 0.0,
     'rate_hz': 200.0,
     'gravity': (0.0, -9.81),
     'frame.length': 0.425,
@@ -109,6 +111,8 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
         **{f'{body}.center': (0.0, 0.0) for body in ('crank', 'coupler', 'rocker')},
         'crank_acceleration': 0.0,
         'crank_angle': 0.0,
+        'effort_command_topic': '',
+        'lead_time': 0.0,
         'rate_hz': 200.0,
         'log': '',
         'log_overwrite': False,

@@ -19,7 +19,8 @@ from mpmath import mp
 
 from linkage_ros import ConfigurationError
 from linkage_ros.log.records import read_motion, write_motion
-from linkage_ros.run.motion import CrankMotion, SpeedDrive
+from linkage_ros.run.drives import SpeedDrive
+from linkage_ros.run.motion import CrankMotion
 
 MINUTE = 60 * 10**9
 # A live stamp: 21 November 2026.

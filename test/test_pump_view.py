@@ -15,8 +15,8 @@ from test_stream import read, show
 from linkage_ros.core.solver import Solver
 from linkage_ros.palette import COLORS
 from linkage_ros.run.configuration import configure, load
+from linkage_ros.run.drives import SpeedDrive
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.motion import SpeedDrive
 from linkage_ros.run.presets import preset_names
 from linkage_ros.view.axes import MARKS, GrowingAxes, axis
 from linkage_ros.view.drawing import Drawing
@@ -36,7 +36,14 @@ HANGING = {
     'rocker.length': 0.25, 'rocker.mass': 1.0, 'rocker.inertia': 0.005,
     'rocker.center': [0.12, 0.0],
 }  # fmt: skip
-SPEED_ALONE = {'drive', 'rpm', 'start_rpm', 'crank_acceleration'}
+SPEED_ALONE = {
+    'drive',
+    'rpm',
+    'start_rpm',
+    'crank_acceleration',
+    'effort_command_topic',
+    'lead_time',
+}
 
 
 def under_torque(configuration, **changed):

@@ -29,7 +29,7 @@ from linkage_ros import (
     UnreachableError,
 )
 from linkage_ros.run.configuration import Kind, configure, parameter_leaves
-from linkage_ros.run.motion import SpeedDrive
+from linkage_ros.run.drives import SpeedDrive
 
 FOUR, SLIDER = 'four_bar', 'slider_crank'
 GOOD = {

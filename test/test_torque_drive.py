@@ -21,9 +21,10 @@ from linkage_ros.record import record
 from linkage_ros.run.adaptive import AdaptiveSteps
 from linkage_ros.run.commands import Commands
 from linkage_ros.run.configuration import configure, from_strings, load, to_strings
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.motion import CrankState
-from linkage_ros.run.plant import Plant, TorqueDrive
+from linkage_ros.run.plant import Plant
 from linkage_ros.run.presets import preset_path
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION, JointStateCodec, TrajectoryCodec
 

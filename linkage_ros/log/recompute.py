@@ -18,7 +18,7 @@ from linkage_ros.core.simulation import FixedSteps, Motion
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.run.machine import Machine, Step
 from linkage_ros.run.motion import CrankState
-from linkage_ros.run.plant import TorqueDrive
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.torque import RunMotion
 from linkage_ros.wire.messages import MECHANISM_STATE, Topic, TrajectoryCodec
 

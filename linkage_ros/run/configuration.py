@@ -9,7 +9,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import MECHANISMS, Mechanism, WindPump
@@ -17,19 +16,14 @@ from linkage_ros.core.quantities import Checked, Leaf, build, flatten, leaves, q
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.run import presets
-from linkage_ros.run.motion import SpeedDrive
+from linkage_ros.run.drives import DRIVES, Drive, TorqueDrive
 from linkage_ros.run.parameter_file import read_parameter_file
-from linkage_ros.run.plant import Plant, TorqueDrive
+from linkage_ros.run.plant import Plant
 
 DEFAULT_PRESET = 'quadrilateral'
 
 # Parameters that every ROS 2 node has; they are none of ours and pass unchecked.
 _ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
-
-
-Drive: TypeAlias = SpeedDrive | TorqueDrive
-# The names under which parameter files ask for a drive.
-DRIVES: dict[str, type[Drive]] = {'speed': SpeedDrive, 'torque': TorqueDrive}
 
 
 @dataclass(frozen=True)

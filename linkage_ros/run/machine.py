@@ -19,9 +19,10 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State, loop_residual, point_motion
 from linkage_ros.core.travel import travel
 from linkage_ros.run.configuration import Configuration
+from linkage_ros.run.drives import SpeedDrive, TorqueDrive
 from linkage_ros.run.joints import JointValues, joint_values
 from linkage_ros.run.motion import CrankMotion, CrankState
-from linkage_ros.run.plant import Plant, Steps, TorqueDrive
+from linkage_ros.run.plant import Plant, Steps
 from linkage_ros.run.torque import RunMotion, TorqueMotion
 from linkage_ros.wire.messages import (
     COUPLER_POINT,
@@ -32,7 +33,9 @@ from linkage_ros.wire.messages import (
     PointCodec,
     Topic,
     TrajectoryCodec,
+    effort_commands,
     encode_float64,
+    encode_float64_array,
     encode_string,
 )
 from linkage_ros.wire.urdf import make_urdf
@@ -81,6 +84,11 @@ class Machine:
             self.topics += (COUPLER_POINT,)
         self._states, self._trajectory = JointStateCodec(self.joints), TrajectoryCodec(self.joints)
         self._point = PointCodec()
+        self._lead: int | None = None  # ns
+        drive = configuration.drive
+        if isinstance(drive, SpeedDrive) and drive.effort_command_topic:
+            self.topics += (effort_commands(drive.effort_command_topic),)
+            self._lead = round(drive.lead_time * _NS)
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
         self._rate = Fraction(repr(configuration.session.rate_hz)).as_integer_ratio()
 
@@ -135,7 +143,12 @@ class Machine:
         Returns:
             The state and its messages.
         """
-        return self.describe(stamp, motion.at(stamp))
+        step = self.describe(stamp, motion.at(stamp))
+        if self._lead is None or not self.solver:
+            return step
+        ahead = motion.at(stamp + self._lead)
+        torque = self.solver.state(ahead.angle, ahead.speed, ahead.acceleration).torque
+        return step._replace(messages=(*step.messages, encode_float64_array(torque)))
 
     def describe(self, stamp: int, crank: CrankState) -> Step:
         """The state and the messages that belong to a stamp and to coordinates.

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
 
-from linkage_ros.core.quantities import Checked, quantity
+from linkage_ros.run.drives import SpeedDrive
 
 # Phases, speeds and accelerations are whole numbers of 2^-128 turn, rpm and rpm/s. Every rpm
 # above 1e-22 that a double can hold is one exactly; what rounding there is stays below 1e-38.
@@ -24,50 +23,6 @@ _NS_PER_MINUTE = 60 * 10**9
 # 2 pi in whole numbers of 2^-256.
 _TWO_PI_GRID = 1 << 256
 _TWO_PI = 0x6487ED5110B4611A62633145C06E0E68948127044533E63A0105DF531D89CD913
-
-
-@dataclass(frozen=True)
-class SpeedDrive(Checked):
-    """How a speed-driven crank moves.
-
-    Attributes:
-        rpm: Crank speed, counter-clockwise positive, turns per minute.
-        start_rpm: Speed at t = 0; None: rpm.
-        crank_acceleration: At which the speed moves to rpm, rad/s^2; 0: at once.
-        crank_angle: At t = 0, rad.
-    """
-
-    rpm: float = quantity(
-        'number', 'crank speed, counter-clockwise positive', 'rpm', span=(-1e6, 1e6), live=True
-    )
-    start_rpm: float | None = quantity(
-        'number', 'crank speed at t = 0, by default rpm', 'rpm', span=(-1e6, 1e6), default=None
-    )
-    crank_acceleration: float = quantity(
-        'number', 'acceleration at which the speed moves to rpm; 0: at once', 'rad/s^2',
-        span=(0.0, 1e9), default=0.0,
-    )  # fmt: skip
-    crank_angle: float = quantity(
-        'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
-    )
-
-    @property
-    def initial_rpm(self) -> float:
-        """The speed at t = 0, turns per minute."""
-        return self.rpm if self.start_rpm is None else self.start_rpm
-
-    @property
-    def target(self) -> float:
-        """What may be set while it runs: the speed to move to, turns per minute."""
-        return self.rpm
-
-    def words(self) -> str:
-        """Its speed."""
-        if self.start_rpm is None or not self.crank_acceleration:
-            return f'{self.rpm:g} rpm'
-        return (
-            f'from {self.start_rpm:g} to {self.rpm:g} rpm with {self.crank_acceleration:g} rad/s^2'
-        )
 
 
 class CrankState(NamedTuple):

@@ -6,78 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Protocol
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import with_turns, within_two_turns
-from linkage_ros.core.quantities import Checked, quantity
 from linkage_ros.core.simulation import FixedSteps, Motion, Phase
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.motion import CrankState
-
-
-@dataclass(frozen=True)
-class Motor(Checked):
-    """A motor line: its torque falls with the crank speed.
-
-    Attributes:
-        torque: At rest, N m, counter-clockwise positive.
-        damping: What it loses per crank speed, N m s.
-    """
-
-    torque: float = quantity(
-        'number', 'motor torque at rest, counter-clockwise positive', 'N m', span=(-1e12, 1e12),
-        live=True, default=0.0,
-    )  # fmt: skip
-    damping: float = quantity(
-        'number', 'motor torque lost per crank speed', 'N m s', span=(0.0, 1e12), default=0.0
-    )
-
-
-@dataclass(frozen=True)
-class TorqueDrive(Checked):
-    """How a torque-driven mechanism begins, and what drives it.
-
-    Attributes:
-        motor: Its line; commands come on top.
-        start_rpm: Crank speed at t = 0, turns per minute.
-        crank_angle: At t = 0, rad.
-        torque_limit: Largest torque of a command, N m; a larger one is cut to it.
-        command_timeout: After which a command counts no more, s.
-    """
-
-    motor: Motor = field(default_factory=Motor)
-    start_rpm: float = quantity(
-        'number', 'crank speed at t = 0', 'rpm', span=(-1e6, 1e6), default=0.0
-    )
-    crank_angle: float = quantity(
-        'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
-    )
-    torque_limit: float = quantity(
-        'number', 'largest torque of a command; a larger one is cut to it', 'N m',
-        span=(0.0, 1e12), default=1e12,
-    )  # fmt: skip
-    command_timeout: float = quantity(
-        'number', 'after which a command counts no more', 's', span=(1e-3, 1e9), default=0.5
-    )
-
-    @property
-    def initial_rpm(self) -> float:
-        """The speed at t = 0, turns per minute."""
-        return self.start_rpm
-
-    @property
-    def target(self) -> float:
-        """What may be set while it runs: the motor's torque at rest, N m."""
-        return self.motor.torque
-
-    def words(self) -> str:
-        """The motor line and the start."""
-        line = f'motor {self.motor.torque:g} N m'
-        if self.motor.damping:
-            line += f' - {self.motor.damping:g} N m s x speed'
-        return f'{line}, from {self.start_rpm:g} rpm'
 
 
 class Steps(Protocol):

@@ -21,7 +21,7 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.core.structure import Structure
 from linkage_ros.palette import COLORS, GREY, Color
 from linkage_ros.run.configuration import Configuration
-from linkage_ros.run.plant import TorqueDrive
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.view.axes import MARKS
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.scene import PHASE_PLANE, QUANTITIES

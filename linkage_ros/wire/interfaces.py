@@ -49,6 +49,15 @@ FLOAT64 = _interface(
     '705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a',
     'float64 data\n',
 )
+FLOAT64_MULTI_ARRAY = _interface(
+    'std_msgs/msg/Float64MultiArray',
+    '1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f',
+    'MultiArrayLayout layout\nfloat64[] data\n',
+    (
+        ('std_msgs/MultiArrayLayout', 'MultiArrayDimension[] dim\nuint32 data_offset\n'),
+        ('std_msgs/MultiArrayDimension', 'string label\nuint32 size\nuint32 stride\n'),
+    ),
+)
 STRING = _interface(
     'std_msgs/msg/String',
     'df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18',

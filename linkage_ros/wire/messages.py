@@ -16,6 +16,7 @@ from typing import NamedTuple
 from linkage_ros.wire.interfaces import (
     DIAGNOSTIC_ARRAY,
     FLOAT64,
+    FLOAT64_MULTI_ARRAY,
     JOINT_STATE,
     JOINT_TRAJECTORY,
     POINT_STAMPED,
@@ -51,6 +52,13 @@ JOINT_STATES = Topic('joint_states', JOINT_STATE)
 DRIVING_TORQUE = Topic('driving_torque', FLOAT64)
 MECHANISM_STATE = Topic('mechanism_state', JOINT_TRAJECTORY, on_demand=True)
 COUPLER_POINT = Topic('coupler_point', POINT_STAMPED)
+
+
+def effort_commands(name: str) -> Topic:
+    """The topic, of a name to choose, on which a controller takes the driving torque."""
+    return Topic(name, FLOAT64_MULTI_ARRAY)
+
+
 JOINT_COMMANDS = Topic('joint_commands', JOINT_STATE)
 DIAGNOSTICS = Topic('/diagnostics', DIAGNOSTIC_ARRAY)
 ROBOT_DESCRIPTION = Topic('robot_description', STRING, latched=True, depth=1)
@@ -62,6 +70,11 @@ TOPICS = (
     DIAGNOSTICS,
     ROBOT_DESCRIPTION,
 )
+
+
+def qualified(topic: Topic) -> str:
+    """The name of a topic in a graph without namespaces."""
+    return topic.name if topic.name.startswith('/') else f'/{topic.name}'
 
 
 class _RowsCodec:
@@ -179,6 +192,12 @@ class PointCodec:
 def encode_float64(value: float) -> bytes:
     """A std_msgs/Float64 message as CDR bytes."""
     return ENCAPSULATION + struct.pack('<d', value)
+
+
+def encode_float64_array(*values: float) -> bytes:
+    """A std_msgs/Float64MultiArray message without layout as CDR bytes."""
+    count = len(values)
+    return ENCAPSULATION + struct.pack(f'<III4x{count}d', 0, 0, count, *values)
 
 
 def encode_string(text: str) -> bytes:
