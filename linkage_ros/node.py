@@ -21,15 +21,18 @@ from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.writer import LogItem, LogWriter
 from linkage_ros.ros_commands import listen
 from linkage_ros.ros_parameters import check_parameter_files, declare
+from linkage_ros.ros_view import open_view
 from linkage_ros.run.clock_stepper import ClockStepper
+from linkage_ros.run.commands import Commands
 from linkage_ros.run.configuration import Configuration, configure, preset_note
 from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import Stepper
 from linkage_ros.run.torque import RunMotion, TorqueMotion
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.stream import Sample, View
-from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
+from linkage_ros.wire.messages import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
 
 _NAME = 'linkage_node'
 # Items that the queues hold: a stalled disk is waited for a minute at 1 kHz, a viewer 4 s.
@@ -57,11 +60,10 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stop = stop
         self._machine = Machine(configuration)
         self._target = configuration.drive.target
-        self._commands = listen(self, configuration.drive)
         self._outputs = [ros.create_publisher(self, topic) for topic in self._machine.topics]
         self._description = ros.create_publisher(self, ROBOT_DESCRIPTION)
         self._diagnostics = ros.create_publisher(self, DIAGNOSTICS)
-        self._shown = view = self._make_view(configuration)
+        self._shown = view = open_view(self, configuration)
         try:
             self._log = self._open_log(configuration)
         except LogError:
@@ -72,7 +74,11 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stepper = self._make_stepper(simulated=self.get_parameter('use_sim_time').value)
         self._state: State | None = None
         self._said: dict[str, str] = {}
-        self._reports: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        # What other threads have for the log: channel, time, bytes.
+        self._notes: queue.SimpleQueue[tuple[int, int, bytes]] = queue.SimpleQueue()
+        self._commands: Commands | None = None
+        if isinstance(configuration.drive, TorqueDrive):
+            self._commands = listen(self, configuration.drive, self._note_command)
         self.get_logger().info(preset_note(given) + self._machine.summary())
 
     def start(self) -> None:
@@ -94,7 +100,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         self._stepper.stop()
         self._report()
-        self._log_reports()  # no step is left to do it
+        self._log_notes()  # no step is left to do it
         counts = self._stepper.counts
         self.get_logger().info(
             f'{counts.kept} states published, {counts.missed} ticks missed, '
@@ -119,25 +125,12 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             log.add_topic(topic, publisher.topic_name)
             for topic, publisher in zip(topics, publishers, strict=True)
         )
+        if isinstance(configuration.drive, TorqueDrive):
+            name = self.resolve_topic_name(JOINT_COMMANDS.name)
+            self._commands_channel = log.add_topic(JOINT_COMMANDS, name)
         return Worker(
             'log', log, capacity=_LOG_CAPACITY, period=_LOG_PERIOD, on_error=self._log_failed
         )
-
-    def _make_view(self, configuration: Configuration) -> View | None:
-        session = configuration.session
-        if not session.viewer:
-            return None
-        view = View(
-            configuration, session.viewer, session.viewer_bind, overwrite=session.log_overwrite
-        )
-        if view.page:
-            self.get_logger().info(f'watch it in a browser: {view.page}')
-        if view.exposed:
-            self.get_logger().warning(
-                f'the view is served at {view.url} to whoever reaches it; viewer_bind = '
-                '127.0.0.1 keeps it on this machine'
-            )
-        return view
 
     def _work(self, view: View | None) -> Worker[Sample] | None:
         if view is None:
@@ -184,15 +177,19 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if self._log is not None:
             for channel, message in zip(self._channels, step.messages, strict=True):
                 self._log.offer((channel, now, message))
-            self._log_reports()
+            self._log_notes()
         if self._view is not None:
             position, velocity, _, effort = step.values
             self._view.offer(Sample(stamp, position, velocity, effort))
 
-    def _log_reports(self) -> None:
-        """Logs the latest reports; from the thread that logs the states, because queues ask so."""
-        while self._log is not None and not self._reports.empty():
-            self._log.offer((self._diagnostics_channel, time.time_ns(), self._reports.get()))
+    def _log_notes(self) -> None:
+        """Logs the notes; from the thread that logs the states, because queues ask so."""
+        while self._log is not None and not self._notes.empty():
+            self._log.offer(self._notes.get())
+
+    def _note_command(self, data: bytes) -> None:
+        if self._log is not None:
+            self._notes.put((self._commands_channel, time.time_ns(), data))
 
     def _restamp(self, old: int, new: int) -> None:
         self._move(self._motion.change(old, self._motion.target, restamp=new))
@@ -219,9 +216,10 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         stamp = self.get_clock().now().nanoseconds
         diagnosis = encode_diagnostics(stamp, statuses)
         self._diagnostics.publish(diagnosis)
-        self._reports.put(diagnosis)
+        if self._log is not None:
+            self._notes.put((self._diagnostics_channel, time.time_ns(), diagnosis))
         if isinstance(self._stepper, ClockStepper):  # it steps in this very thread, or stands
-            self._log_reports()
+            self._log_notes()
 
     def _troubles(self) -> list[str]:
         troubles = [] if self._state else ['waiting for /clock']

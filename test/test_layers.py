@@ -30,7 +30,7 @@ def name_of(path):
 
 MODULES = {name_of(path) for path in FILES} - {'__init__'}
 # Which files may import what, at their top and within functions.
-ROS = {'ros', 'ros_commands', 'ros_parameters', 'playback.republish', 'node'}
+ROS = {'ros', 'ros_commands', 'ros_parameters', 'ros_view', 'playback.republish', 'node'}
 MCAP = {'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
 RERUN = {'view.stream', 'view.layout'}
 CHARTS = {'charts.motion', 'charts.accuracy', 'charts.stability'}

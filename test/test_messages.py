@@ -24,6 +24,7 @@ from linkage_ros.wire.interfaces import (
     CLOCK,
     DIAGNOSTIC_ARRAY,
     FLOAT64,
+    FLOAT64_MULTI_ARRAY,
     JOINT_STATE,
     JOINT_TRAJECTORY,
     POINT_STAMPED,
@@ -35,6 +36,7 @@ from linkage_ros.wire.messages import (
     PointCodec,
     TrajectoryCodec,
     encode_float64,
+    encode_float64_array,
     encode_string,
 )
 
@@ -295,7 +297,7 @@ def test_both_decoders_read_back_every_text(text, fast_dds):
 
 # ---------------------------------------------------------------- interfaces
 
-INTERFACES = [*(topic.interface for topic in TOPICS), CLOCK]
+INTERFACES = [*(topic.interface for topic in TOPICS), CLOCK, FLOAT64_MULTI_ARRAY]
 
 
 def share(package):
@@ -422,3 +424,16 @@ def every_decoding(data, interface, fast_dds):
     """The message as rosbags and as Fast DDS read it."""
     yield STORE.deserialize_cdr(data, interface.name)
     yield fast_dds.deserialize_message(data, message_class(interface.name))
+
+
+@pytest.mark.parametrize('value', [1.5, -0.0, 1e300])
+def test_arrays_of_numbers_are_read_by_others_and_written_alike(fast_dds, value):
+    from std_msgs.msg import Float64MultiArray
+
+    data = encode_float64_array(value)
+    message = fast_dds.deserialize_message(data, Float64MultiArray)
+    assert message.data.tolist() == [value]
+    assert (list(message.layout.dim), message.layout.data_offset) == ([], 0)
+    read = STORE.deserialize_cdr(data, 'std_msgs/msg/Float64MultiArray')
+    assert read.data.tolist() == [value]
+    assert bytes(STORE.serialize_cdr(read, 'std_msgs/msg/Float64MultiArray')) == data

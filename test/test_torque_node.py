@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
 from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
 from sensor_msgs.msg import JointState
 from test_node import logged, set_parameter, stop
@@ -108,7 +109,13 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
     assert output.count('a command on joint_commands is refused: effort nan') == 1
     assert output.count('is refused') <= 2
     assert 'no command within command_timeout: the motor drives alone' in output
-    assert check(path).states > 500
+    report = check(path)
+    assert report.states > 500
+    assert '/joint_commands' in report.others
+    _, messages = logged(path)
+    heard = [deserialize_message(m.data, JointState).effort for m in messages['/joint_commands']]
+    assert heard[0].tolist() == [1.5]
+    assert heard[-1].tolist() == [1.0, 2.0]  # bad ones too
 
 
 def test_a_stretched_dyad_ends_the_node_with_a_complete_log(tmp_path):

@@ -82,7 +82,11 @@ class Recomputation:
         return self._machine.describe(stamp, self._read(logged[self._told]))
 
     def _read(self, data: bytes) -> CrankState:
-        """The coordinates that a mechanism_state tells."""
+        """The coordinates that a mechanism_state tells.
+
+        Raises:
+            LogError: It tells none.
+        """
         try:
             _, values = self._codec.decode(data)
         except ValueError as error:

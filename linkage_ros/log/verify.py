@@ -16,8 +16,16 @@ from linkage_ros.log.comparison import Column, Comparison, is_stamped
 from linkage_ros.log.differences import differing
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import COUPLER_POINT, DIAGNOSTICS, ROBOT_DESCRIPTION, TOPICS, Topic
+from linkage_ros.wire.messages import (
+    COUPLER_POINT,
+    DIAGNOSTICS,
+    JOINT_COMMANDS,
+    ROBOT_DESCRIPTION,
+    TOPICS,
+    Topic,
+)
 from linkage_ros.log.timeline import Timeline, check_motions, seconds
 
 
@@ -59,7 +67,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     machine = Machine(log.configuration)
     columns = _pair(log, machine.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = _check_topics(log, columns, descriptions, machine.topics)
+    difference = _check_topics(log, columns, descriptions, machine)
     difference = difference or check_motions(machine, log.motions)
     wrong: list[str] = []
     messages = _described(log, descriptions, machine.description, wrong)
@@ -106,19 +114,24 @@ def _check_topics(
     log: LogReader,
     columns: list[Column],
     descriptions: list[str],
-    machine_topics: tuple[Topic, ...],
+    machine: Machine,
 ) -> str:
     """Tells which topics cannot come from a run of this configuration."""
-    interfaces = {topic.interface.name: topic.interface for topic in TOPICS}
+    interfaces = {t.interface.name: t.interface for t in (*TOPICS, *machine.topics)}
     for channel in log.topics:
         known = interfaces.get(channel.type)
         if known and channel.layout != ('cdr', 'ros2msg', known.definition):
             return f'{channel.name}: its schema is not that of {channel.type}'
     paired, known_types = dict(columns), {t.interface.name for _, t in columns}
-    kinds = {topic.name: topic.interface.name for topic in machine_topics}
+    kinds = {topic.name: topic.interface.name for topic in machine.topics}
+    # What was commanded is logged with what came of it.
+    heard = 1 if isinstance(machine.configuration.drive, TorqueDrive) else 0
     for channel in log.topics:
         kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
         if channel.name in paired:
+            continue
+        if heard and channel.type == JOINT_COMMANDS.interface.name:
+            heard -= 1
             continue
         if channel.type in known_types and channel.messages:
             return f'{channel.name} is of the type of another topic: which one is of this run?'

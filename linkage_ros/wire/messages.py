@@ -194,10 +194,9 @@ def encode_float64(value: float) -> bytes:
     return ENCAPSULATION + struct.pack('<d', value)
 
 
-def encode_float64_array(*values: float) -> bytes:
-    """A std_msgs/Float64MultiArray message without layout as CDR bytes."""
-    count = len(values)
-    return ENCAPSULATION + struct.pack(f'<III4x{count}d', 0, 0, count, *values)
+def encode_float64_array(value: float) -> bytes:
+    """A std_msgs/Float64MultiArray message of one number, without layout, as CDR bytes."""
+    return ENCAPSULATION + struct.pack('<III4xd', 0, 0, 1, value)
 
 
 def encode_string(text: str) -> bytes:
