@@ -1,8 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-.PHONY: help demo test clean
+.PHONY: help demo controller test clean
 help:
 	@echo 'make demo   set up a virtual environment and show a linkage move'
+	@echo 'make controller  let a controller keep the speed of a torque-driven linkage, and compare'
 	@echo 'make test   set up a virtual environment and run every check'
 	@echo 'make clean  remove what these made'
 	@echo 'PYTHON=python3.12 make ...  uses that Python; any from 3.10 to 3.13 will do'
@@ -46,6 +47,9 @@ install = $(RUN) -m pip install --quiet --disable-pip-version-check --no-build-i
 demo: $(VENV)/demo-ready
 	@$(RUN) -m linkage_ros.demo
 
+controller: $(VENV)/demo-ready
+	@$(RUN) benchmarks/controller.py --quick --out controller
+
 # Plugins of a sourced ROS break today's pytest, so that only those named here are loaded.
 test: $(VENV)/test-ready
 	@$(RUN) -m ruff check --quiet
@@ -70,5 +74,5 @@ $(VENV)/test-ready: $(VENV)/demo-ready
 	@touch $@
 
 clean:
-	@rm -rf .venv-* build install log demo *.egg-info .hypothesis .mypy_cache .pytest_cache \
+	@rm -rf .venv-* build install log demo controller *.egg-info .hypothesis .mypy_cache .pytest_cache \
 		.ruff_cache

@@ -56,6 +56,7 @@ setup(
             'linkage_replay = linkage_ros.executables:replay',
             'linkage_log = linkage_ros.executables:log',
             'linkage_chart = linkage_ros.executables:chart',
+            'linkage_controller = linkage_ros.executables:controller',
         ],
     },
     python_requires='>=3.10',

@@ -37,6 +37,11 @@ def chart() -> int:
     return _start('linkage_chart', 'chart_tool')
 
 
+def controller() -> int:
+    """linkage_controller."""
+    return _start('linkage_controller', 'controller')
+
+
 def _start(name: str, module: str) -> int:
     try:
         program = import_module(f'linkage_ros.{module}')

@@ -30,7 +30,15 @@ def name_of(path):
 
 MODULES = {name_of(path) for path in FILES} - {'__init__'}
 # Which files may import what, at their top and within functions.
-ROS = {'ros', 'ros_commands', 'ros_parameters', 'ros_view', 'playback.republish', 'node'}
+ROS = {
+    'ros',
+    'ros_commands',
+    'ros_parameters',
+    'ros_view',
+    'playback.republish',
+    'node',
+    'controller',
+}
 MCAP = {'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
 RERUN = {'view.stream', 'view.layout'}
 CHARTS = {'charts.motion', 'charts.accuracy', 'charts.stability'}
@@ -53,7 +61,7 @@ ROOMS = {
     'rosgraph_msgs': (ROS, ROS),
 }
 # What a shell starts: nothing of the package is built on these, but the demo on the recorder.
-EDGES = {'node', 'record', 'replay', 'log_tool', 'chart_tool', 'demo'}
+EDGES = {'node', 'controller', 'record', 'replay', 'log_tool', 'chart_tool', 'demo'}
 
 
 def imports(path):

@@ -1,0 +1,215 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the exact torque is worth to a speed controller: plant and controller on real DDS.
+
+linkage_node turns the quadrilateral under a torque at 1 kHz in one process, linkage_controller
+commands it from another. Each case runs without and with feed-forward; the second half of each
+log tells the ripple of the crank speed. Leaves logs, picture and JSON.
+
+    python benchmarks/controller.py --out DIR    all cases, in a minute and a half
+    python benchmarks/controller.py --out DIR --quick   one speed, as it is
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.presets import preset_path
+from linkage_ros.wire.messages import JointStateCodec
+
+RATE, SECONDS = 1000.0, 6.0
+TICK = 1 / RATE
+# Name, factor on the masses that the controller believes in, extra delay of commands, s.
+CASES = (('as it is', 1.0, 0.0), ('5 % mass error', 1.05, 0.0), ('2 ms extra delay', 1.0, 0.002))
+SPEEDS = (150.0, 600.0)
+
+
+def heavier(factor: float, folder: Path) -> Path:
+    """The quadrilateral with other masses and inertias, as a parameter file."""
+    import yaml
+
+    document = yaml.safe_load(preset_path('quadrilateral').read_text())
+    parameters = document['/**']['ros__parameters']
+    for name in ('crank', 'coupler', 'rocker'):
+        for key in ('mass', 'inertia'):
+            parameters[name][key] *= factor
+    path = folder / f'believed_{factor}.yaml'
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+class Relay:
+    """Hands commands on after a while, as a slow network would."""
+
+    def __init__(self, delay: float) -> None:
+        import rclpy
+        from sensor_msgs.msg import JointState
+
+        self._delay, self._queue, self._stop = delay, deque(), threading.Event()
+        rclpy.init()
+        self._node = rclpy.create_node('relay')
+        self._publisher = self._node.create_publisher(JointState, 'joint_commands', 10)
+        self._node.create_subscription(JointState, 'slow_commands', self._hear, 10, raw=True)
+        self._threads = [threading.Thread(target=self._spin), threading.Thread(target=self._send)]
+        for thread in self._threads:
+            thread.start()
+
+    def _hear(self, data: bytes) -> None:
+        self._queue.append((time.monotonic() + self._delay, data))
+
+    def _spin(self) -> None:
+        import rclpy
+
+        while not self._stop.is_set():
+            rclpy.spin_once(self._node, timeout_sec=0.05)
+
+    def _send(self) -> None:
+        while not self._stop.is_set():
+            if self._queue:
+                due, data = self._queue.popleft()
+                time.sleep(max(0.0, due - time.monotonic()))
+                self._publisher.publish(data)
+            else:
+                time.sleep(1e-4)
+
+    def close(self) -> None:
+        """Ends it."""
+        import rclpy
+
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+        self._node.destroy_node()
+        rclpy.shutdown()
+
+
+def run(path: Path, rpm: float, plant: Path, delay: float, *, feed_forward: bool) -> None:
+    """One run; its log is left at a path."""
+    words = {
+        'plant': plant, 'rpm': rpm, 'feed_forward': str(feed_forward).lower(),
+        'lead_time': 1.5 * TICK + delay,
+    }  # fmt: skip
+    driven = {
+        'drive': 'torque', 'start_rpm': rpm, 'rate_hz': RATE, 'log': path, 'log_overwrite': 'true',
+    }  # fmt: skip
+
+    def start(module: str, values: dict[str, object], *others: str) -> subprocess.Popen[bytes]:
+        given = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
+        command = [sys.executable, '-m', f'linkage_ros.{module}', '--ros-args', *given, *others]
+        return subprocess.Popen(command, stderr=subprocess.DEVNULL)
+
+    with ExitStack() as stack:
+        remap = ['-r', 'joint_commands:=slow_commands'] if delay else []
+        if delay:
+            stack.callback(Relay(delay).close)
+        controller = start('controller', words, *remap)
+        stack.callback(controller.wait)
+        stack.callback(controller.send_signal, signal.SIGINT)
+        time.sleep(1.5)
+        node = start('node', driven)
+        time.sleep(SECONDS + 1.5)
+        node.send_signal(signal.SIGINT)
+        node.wait()
+
+
+def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
+    """The ripple of the second half of a log, and time, speed and effort of its last 3 turns."""
+    with LogReader(path) as log:
+        difference = verify(log).difference
+        assert not difference, difference
+        codec = JointStateCodec(Machine(log.configuration).joints)
+        rows = [codec.decode(m.data) for m in log.messages() if m.topic == '/joint_states']
+    stamps = np.array([stamp for stamp, _ in rows]) * 1e-9
+    speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])
+    half = len(rows) // 2
+    ripple = speed / (rpm * math.pi / 30) - 1
+    last = stamps > stamps[-1] - 3 * 60 / rpm
+    figures = {
+        'peak_ripple': float(np.abs(ripple[half:]).max()),
+        'p99_ripple': float(np.quantile(np.abs(ripple[half:]), 0.99)),
+        'rms_ripple': float(np.sqrt(np.mean(ripple[half:] ** 2))),
+        'peak_effort': float(np.abs(effort[half:]).max()),
+        'states': len(rows),
+    }
+    return figures, np.array([stamps[last] - stamps[last][0], ripple[last], effort[last]])
+
+
+def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
+    """Ripple and effort over the last turns, without and with feed-forward."""
+    from matplotlib.figure import Figure
+
+    cases = list(dict.fromkeys((rpm, name) for rpm, name, _ in curves))
+    figure = Figure(figsize=(3.6 * len(cases), 5.6), dpi=100, layout='constrained')
+    axes = figure.subplots(2, len(cases), squeeze=False)
+    for column, (rpm, name) in enumerate(cases):
+        for feed_forward, color, words in (
+            (False, '#0072b2', 'PI alone'), (True, '#d55e00', 'with feed-forward'),
+        ):  # fmt: skip
+            times, ripple, effort = curves[rpm, name, feed_forward]
+            axes[0, column].plot(times, 100 * ripple, color=color, label=words)
+            axes[1, column].plot(times, effort, color=color)
+        axes[0, column].set_title(f'{rpm:g} rpm, {name}', fontsize=10)
+        axes[1, column].set_xlabel('time, s')
+    axes[0, 0].set_ylabel('crank speed from the one wanted, %')
+    axes[1, 0].set_ylabel('applied torque, N m')
+    axes[0, 0].legend(frameon=False, fontsize=9)
+    for one in axes.flat:
+        one.grid(color='0.9')
+        one.spines[['top', 'right']].set_visible(False)
+    figure.savefig(path)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--out', type=Path, default=Path('controller'), metavar='DIR')
+    parser.add_argument('--quick', action='store_true', help='one speed, as it is')
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    os.environ.setdefault('ROS_DOMAIN_ID', '83')
+    cases = CASES[:1] if options.quick else CASES
+    speeds = SPEEDS[:1] if options.quick else SPEEDS
+    records, curves = [], {}
+    with tempfile.TemporaryDirectory() as folder:
+        for rpm in speeds:
+            for name, factor, delay in cases:
+                for feed_forward in (False, True):
+                    words = 'feed_forward' if feed_forward else 'pi'
+                    path = options.out / f'{rpm:g}_{name.replace(" ", "_")}_{words}.mcap'
+                    plant = heavier(factor, Path(folder))
+                    run(path, rpm, plant, delay, feed_forward=feed_forward)
+                    figures, curves[rpm, name, feed_forward] = measure(path, rpm)
+                    records.append(
+                        {'rpm': rpm, 'case': name, 'feed_forward': feed_forward, **figures}
+                    )
+                without, with_ = records[-2:]
+                ratio = without['peak_ripple'] / with_['peak_ripple']
+                print(
+                    f'{rpm:5g} rpm, {name:17}: PI alone {100 * without["peak_ripple"]:8.4f} %, '
+                    f'with feed-forward {100 * with_["peak_ripple"]:8.4f} %, {ratio:6.1f} times '
+                    f'less (p99 {without["p99_ripple"] / with_["p99_ripple"]:.1f})',
+                    flush=True,
+                )
+    (options.out / 'controller.json').write_text(json.dumps(records, indent=1) + '\n')
+    draw(curves, options.out / 'controller.png')
+    print(options.out / 'controller.png')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,136 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_controller: keeps a torque-driven crank at a speed. A prototype, to copy and to change.
+
+A PI controller takes the measured speed of each joint state; on top of it the exact torque of the
+motion that is wanted is fed forward, for the crank angle at which it will act.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from linkage_ros import cli, ros
+from linkage_ros.core.mechanism import Mechanism, WindPump
+from linkage_ros.core.solver import Solver
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.run.configuration import load
+
+_NAME = 'linkage_controller'
+# What the user may set: a default, and what it means.
+_PARAMETERS = {
+    'plant': ('quadrilateral', 'parameter file, or preset, of the mechanism that is controlled'),
+    'rpm': (150.0, 'crank speed to keep'),
+    'bandwidth': (15.0, 'of the speed loop, Hz'),
+    'feed_forward': (True, 'whether the exact torque is added'),
+    'lead_time': (0.0015, 's from a measurement to the middle of what its command does'),
+}
+
+
+class SpeedController:
+    """PI control of the crank speed, with the exact torque fed forward."""
+
+    def __init__(
+        self, mechanism: Mechanism, rpm: float, bandwidth: float, lead: float | None
+    ) -> None:
+        """Prepares it.
+
+        Args:
+            mechanism: What is controlled.
+            rpm: Speed to keep.
+            bandwidth: At which the proportional part alone closes the loop, Hz.
+            lead: From a measurement to the middle of what its command does, s; None: nothing is
+                fed forward.
+
+        Raises:
+            ConfigurationError: No crank angle tells the state of this mechanism.
+        """
+        if isinstance(mechanism, WindPump):
+            raise ConfigurationError('plant: a wind_pump keeps its own speed; name a linkage')
+        self._solver, self._lead = Solver(mechanism), lead
+        self._solver.require_full_turn()
+        self._speed = rpm * math.pi / 30
+        inertia = float(np.mean(self._solver.inertia(np.linspace(0, 4 * math.pi, 720))))
+        self._kp = 2 * math.pi * bandwidth * inertia
+        self._ki = self._kp * 2 * math.pi * bandwidth / 5
+        self._integral = 0.0
+
+    def torque(self, angle: float, speed: float, elapsed: float) -> float:
+        """The torque to command.
+
+        Args:
+            angle: Of the crank, measured, rad.
+            speed: Likewise, rad/s.
+            elapsed: Since the measurement before, s.
+
+        Returns:
+            N m.
+        """
+        error = self._speed - speed
+        self._integral += self._ki * error * elapsed
+        torque = self._kp * error + self._integral
+        if self._lead is not None:
+            ahead = math.remainder(angle + self._speed * self._lead, 4 * math.pi)
+            torque += self._solver.state(ahead, self._speed).torque
+        return torque
+
+
+class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """Answers each of joint_states with a command on joint_commands."""
+
+    def __init__(self) -> None:
+        super().__init__(_NAME)
+        plant, rpm, bandwidth, feed_forward, lead = (
+            self.declare_parameter(name, value).value for name, (value, _) in _PARAMETERS.items()
+        )
+        self._controller = SpeedController(
+            load(plant).mechanism, rpm, bandwidth, lead if feed_forward else None
+        )
+        self._last: float | None = None
+        self._commands = self.create_publisher(JointState, 'joint_commands', 10)
+        self.create_subscription(JointState, 'joint_states', self._answer, 10)
+
+    def _answer(self, state: JointState) -> None:
+        now = state.header.stamp.sec + state.header.stamp.nanosec * 1e-9
+        last, self._last = self._last, now
+        # A clock that was stepped, or a plant that began anew, is no time that has passed.
+        elapsed = now - last if last is not None and 0 < now - last < 0.1 else 0.0
+        crank = state.name.index('crank')
+        torque = self._controller.torque(state.position[crank], state.velocity[crank], elapsed)
+        command = JointState(name=['crank'], effort=[torque])
+        command.header.stamp = state.header.stamp
+        self._commands.publish(command)
+
+
+def _run(arguments: list[str]) -> int:
+    stop = cli.Stop()
+    names = '; '.join(f'{name}: {meaning}' for name, (_, meaning) in _PARAMETERS.items())
+    parser = cli.make_parser(
+        _NAME,
+        f'Keep a torque-driven crank at a speed. ROS parameters: {names}.',
+        ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
+    )
+    parser.parse_args(ros.start(arguments))
+    try:
+        with ros.reported_as_configuration():
+            node = ControllerNode()
+        with ros.served(node):
+            stop.wait()
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+def main() -> int:
+    """Entry point."""
+    return cli.run(_NAME, lambda: _run(sys.argv))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,142 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The controller prototype: what feed-forward is worth, and a plant that outlives it."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+from collections import deque
+from dataclasses import replace
+
+import pytest
+from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
+from test_node import stop
+
+from linkage_ros import ConfigurationError, EquationsOfMotion
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
+from linkage_ros.run.configuration import configure, load
+from linkage_ros.run.plant import Plant
+from linkage_ros.wire.messages import JointStateCodec
+
+pytest.importorskip('rclpy')
+from linkage_ros.controller import SpeedController
+
+MECHANISM = load('quadrilateral').mechanism
+CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))
+TICK = 1e-3
+
+
+def heavier(factor):
+    """What a controller believes whose masses are wrong."""
+    bodies = {
+        name: replace(body, mass=body.mass * factor, inertia=body.inertia * factor)
+        for name in ('crank', 'coupler', 'rocker')
+        for body in [getattr(MECHANISM, name)]
+    }
+    return replace(MECHANISM, **bodies)
+
+
+def ripple(rpm, believed, lead):
+    """The peak deviation of the speed, after 2 s of 4; a command acts a tick after its state."""
+    configuration = configure({'drive': 'torque', 'start_rpm': rpm})
+    plant = Plant(EquationsOfMotion(MECHANISM), configuration.drive)
+    controller = SpeedController(believed, rpm, 15.0, lead)
+    wanted, worst = rpm * math.pi / 30, 0.0
+    waiting = deque([0.0])
+    for tick in range(1, 4000):
+        plant.advance(tick * TICK)
+        crank = plant.state()
+        plant.drive(0.0, waiting.popleft())
+        waiting.append(controller.torque(crank.unwrapped, crank.speed, TICK))
+        if tick > 2000:
+            worst = max(worst, abs(crank.speed / wanted - 1))
+    return worst
+
+
+@pytest.mark.parametrize('rpm', [150.0, 600.0])
+def test_feed_forward_takes_most_of_the_ripple_away(rpm):
+    alone = ripple(rpm, MECHANISM, None)
+    ahead = ripple(rpm, MECHANISM, 1.5 * TICK)
+    wrong = ripple(rpm, heavier(1.05), 1.5 * TICK)
+    late = ripple(rpm, MECHANISM, 0.0)
+    assert 0.1 < alone < 0.5
+    assert alone > 20 * ahead
+    assert alone > 10 * wrong
+    # The look ahead is what does it: without it, the torque of 1.5 ticks ago.
+    assert late > 3 * ahead
+    assert wrong > 3 * ahead
+
+
+def test_a_pump_is_not_controlled():
+    with pytest.raises(ConfigurationError, match='a wind_pump keeps its own speed'):
+        SpeedController(load('wind_pump').mechanism, 30.0, 15.0, None)
+
+
+def test_a_killed_controller_is_noticed_and_a_new_one_takes_over(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = [
+        '--ros-args', '-p', 'drive:=torque', '-p', 'start_rpm:=150.0', '-p', 'rate_hz:=500.0',
+        '-p', f'log:={path}', '-p', 'motor.damping:=0.05', '-p', 'command_timeout:=0.2',
+    ]  # fmt: skip
+
+    def controller():
+        return subprocess.Popen(
+            command('controller', '--ros-args', '-p', 'lead_time:=0.003'),
+            env=environment(domain), stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    with (
+        Listener(domain, {'/joint_states': 'sensor_msgs/msg/JointState'}) as listener,
+        running('node', *arguments, domain=domain) as node,
+    ):
+        received = listener.received['/joint_states']
+
+        def near(part):
+            last = [CODEC.decode(data)[1][3] for data in received[-100:]]
+            return len(last) == 100 and all(abs(w / (5 * math.pi) - 1) < part for w in last)
+
+        first = controller()
+        try:
+            wait_for(lambda: near(0.03))
+            first.send_signal(signal.SIGKILL)
+            wait_for(lambda: not near(0.3))
+            second = controller()
+            try:
+                wait_for(lambda: near(0.03))
+                second.send_signal(signal.SIGINT)
+                assert second.wait(timeout=10) == 0, second.stderr.read()
+            finally:
+                second.kill()
+                second.communicate()
+        finally:
+            first.kill()
+            first.communicate()
+        code, output = stop(node)
+    assert code == 0, output
+    assert 'no command within command_timeout: the motor drives alone' in output
+    with LogReader(path) as log:
+        report = verify(log)
+    assert report.difference == ''
+    assert '/joint_commands' in report.others
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'words'),
+    [
+        ('plant:=pentagon', 'No preset'),
+        ('plant:=wind_pump', 'a wind_pump keeps its own speed'),
+        ('rpm:=fast', 'rpm'),
+        ('feed_forward:=3', 'feed_forward'),
+    ],
+)
+def test_what_it_cannot_use_is_one_line_and_exit_code_2(parameter, words):
+    done = subprocess.run(
+        command('controller', '--ros-args', '-p', parameter), env=environment(fresh_domain()),
+        capture_output=True, text=True, timeout=30, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
