@@ -5,26 +5,18 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import os
-import platform
-import re
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from tqdm import tqdm
-
-from linkage_ros import __version__, cli
+from linkage_ros import cli
+from linkage_ros.chart_output import about, folder, libraries, progress, save
 from linkage_ros.core.curves import Curves
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.run.configuration import Configuration, find, load
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.presets import preset_names
 
 _NAME = 'linkage_chart'
@@ -39,7 +31,7 @@ def motion(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism, the speed or the folder cannot be used.
     """
-    with _libraries():
+    with libraries():
         from linkage_ros.charts.motion import draw_motion
     configuration = load(options.params)
     mechanism, kind = _linkage(configuration), configuration.kind.mechanism
@@ -64,7 +56,7 @@ def motion(options: argparse.Namespace) -> None:
         *travel(curves.solver).words(),
     ]
     picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
-    with _folder(options.out):
+    with folder(options.out):
         curves.save(table)
         draw_motion(curves, title, picture)
     print(', '.join(title))
@@ -95,21 +87,21 @@ def accuracy(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The folder cannot be written.
     """
-    with _libraries():
+    with libraries():
         from linkage_ros.charts.accuracy import draw_accuracy
         from linkage_ros.methods.accuracy import measure, tasks
         from linkage_ros.methods.measure import Bench
     quadrilateral, slider_crank = (
         _linkage(load(name)) for name in ('quadrilateral', 'slider_crank')
     )
-    with _folder(options.out):
+    with folder(options.out):
         benches = {
             name: Bench(task, 120 if options.quick else 360)
             for name, task in tasks(quadrilateral, slider_crank).items()
         }
-        points = measure(benches, quick=options.quick, progress=_progress)
-        on = ', '.join(f'{name} {value}' for name, value in _about().items())
-        _save(options.out / 'accuracy.json', [point.record() for point in points])
+        points = measure(benches, quick=options.quick, progress=progress)
+        on = ', '.join(f'{name} {value}' for name, value in about().items())
+        save(options.out / 'accuracy.json', [point.record() for point in points])
         for name in benches:
             stem = options.out / f'accuracy_{name.replace(" ", "_")}'
             paths = [stem.with_suffix('.png'), stem.with_suffix('.svg')]
@@ -127,72 +119,48 @@ def stability(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The folder cannot be written.
     """
-    with _libraries():
+    with libraries():
         from linkage_ros.charts.stability import draw_stability
         from linkage_ros.methods.situations import SITUATIONS
         from linkage_ros.methods.stability import measure
-    with _folder(options.out):
+    with folder(options.out):
         cases = 6 if options.quick else 30
-        cells = measure(SITUATIONS, cases=cases, progress=_progress)
-        _save(options.out / 'stability.json', [cell.record() for cell in cells])
+        cells = measure(SITUATIONS, cases=cases, progress=progress)
+        save(options.out / 'stability.json', [cell.record() for cell in cells])
         title = f'What comes of each method in each situation: the worst of {cases} cases'
         draw_stability(cells, title, options.out / 'stability.png')
     print(options.out / 'stability.png')
 
 
-@contextmanager
-def _libraries() -> Iterator[None]:
-    """Says in one line which library a chart lacks.
+def pump(options: argparse.Namespace) -> None:
+    """Finds what a wind pump settles at, draws it and writes the numbers.
+
+    Args:
+        options: Of the command line.
 
     Raises:
-        ConfigurationError: It is missing.
+        ConfigurationError: It is no wind pump, or the folder cannot be written.
     """
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ConfigurationError(
-            f"charts need {error.name}: pip install 'linkage_ros[chart]'"
-        ) from error
-
-
-@contextmanager
-def _folder(path: Path) -> Iterator[None]:
-    """Makes the folder of the results, and says in one line why something cannot be written.
-
-    Raises:
-        ConfigurationError: It cannot.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        yield
-    except FileExistsError as error:
-        raise ConfigurationError(f'{path} is no folder: name another') from error
-    except OSError as error:
-        raise ConfigurationError(f'{path} cannot be written: {error.strerror}') from error
-
-
-def _progress(items: Iterable[Any], words: str) -> Iterable[Any]:
-    return tqdm(items, desc=words, disable=None, leave=False)
-
-
-def _about() -> dict[str, str]:
-    """What records are measured on."""
-    models: list[str] = []
-    with suppress(OSError):
-        models = re.findall(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())
-    return {
-        'linkage_ros': __version__,
-        'Python': platform.python_version(),
-        'NumPy': np.__version__,
-        'system': f'{platform.system()} {platform.machine()}',
-        'processors': f'{os.cpu_count()} x {models[0]}' if models else str(os.cpu_count()),
-    }
-
-
-def _save(path: Path, records: list[dict[str, Any]]) -> None:
-    """Writes records, with what they were measured on."""
-    path.write_text(json.dumps({'about': _about(), 'records': records}, indent=1) + '\n')
-    print(path)
+    with libraries():
+        from linkage_ros.analysis.pump import analyse
+        from linkage_ros.analysis.table import write_table
+        from linkage_ros.charts.pump import draw_pump
+    configuration = load(options.params)
+    mechanism, drive = configuration.mechanism, configuration.drive
+    if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
+        raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
+    torque, damping = drive.motor.torque, drive.motor.damping
+    name = find(options.params).stem
+    title = f'{name}: motor {torque:g} N m - {damping:g} N m s x crank speed'
+    picture = options.out / f'{name}_settled.png'
+    with folder(options.out):
+        found = analyse(
+            mechanism, torque, damping,
+            speeds=options.speeds, quick=options.quick, progress=progress,
+        )  # fmt: skip
+        save(options.out / f'{name}_settled.json', [found.record()])
+        draw_pump(found, title, picture)
+    print(*write_table(found), picture, sep='\n')
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -201,7 +169,7 @@ def _parser() -> argparse.ArgumentParser:
         'Draw what a mechanism does; needs no ROS.',
         ('motion quadrilateral', 'motion my_linkage.yaml --reactions --out charts',
          'motion slider_crank --rpm 4.7746482927568605 --acceleration 1',
-         'accuracy --quick --out charts', 'stability --out charts'),
+         'accuracy --quick --out charts', 'stability --out charts', 'pump --out charts'),
     )  # fmt: skip
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     curves = commands.add_parser(
@@ -229,11 +197,30 @@ def _parser() -> argparse.ArgumentParser:
         'stability', help='what comes of all methods where some of them fail: PNG and JSON'
     )
     failing.set_defaults(draw=stability)
-    for command in (compared, failing):
+    settled = commands.add_parser(
+        'pump', help='what a wind pump settles at, from where, for which torques: PNG and JSON'
+    )
+    settled.add_argument(
+        'params',
+        nargs='?',
+        default='wind_pump',
+        metavar='PARAMS',
+        help='parameter file, or a preset (default wind_pump)',
+    )
+    settled.add_argument(
+        '--speeds',
+        type=float,
+        nargs='+',
+        default=[2.0, 6.0],
+        metavar='W',
+        help='crank speeds to start from, rad/s (default 2 6)',
+    )
+    settled.set_defaults(draw=pump)
+    for command in (compared, failing, settled):
         command.add_argument(
             '--quick', action='store_true', help='fewer settings, cases and rounds: half a minute'
         )
-    for command in (curves, compared, failing):
+    for command in (curves, compared, failing, settled):
         command.add_argument(
             '--out',
             type=Path,

@@ -197,6 +197,7 @@ def test_arrays_give_what_numbers_give():
         ((0.0, 0.5), 'do not fit in or are folded .* within -2.28 to -0.68 or 0.92 to 2.52 m'),
         ((0.0, -3.0), 'do not reach'),
         ((np.array([0.0, 0.3]), np.array([1.5, 9.0])), 'at crank angle 17.1887339 deg .* 9 m'),
+        ((np.zeros((2, 3)), np.array([[1.5], [-9.0]])), 'at crank angle 0 deg .* -9 m'),
     ],
 )
 def test_where_the_dyad_does_not_close_there_is_one_clear_error(q, words):

@@ -134,10 +134,11 @@ class WindPumpKinematics:
         return sine, f'coupler and rod are {"stretched" if stretch < fold else "folded"}'
 
     def _refuse(self, crank: Real, slide: Real, stretch: Real, fold: Real) -> NoReturn:
-        lowest = np.atleast_1d(np.minimum(stretch, fold))
+        lowest = np.minimum(stretch, fold)
         worst = int(np.argmax(~(lowest > 0)))
         angle, place, far = (
-            float(np.broadcast_to(value, lowest.shape)[worst]) for value in (crank, slide, stretch)
+            float(np.broadcast_to(value, lowest.shape).flat[worst])
+            for value in (crank, slide, stretch)
         )
         words = 'do not reach or are stretched' if not far > 0 else 'do not fit in or are folded'
         raise UnreachableError(

@@ -1,0 +1,184 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The averaged motion of a wind pump: one harmonic and a constant crank speed, after Van der Pol.
+
+Document 3 averages its equations of motion over a turn and finds two speeds. Here the slider is
+taken to move as
+
+    xD = X0 + a cos phi1 + b sin phi1,    phi1' = w constant,
+
+which the exact equations of motion do not quite allow. What they lack, the force R2(phi1) on the
+slider and the torque R1(phi1) on the crank, is made to vanish on average over a turn (Galerkin):
+
+    <R2> = <R2 cos phi1> = <R2 sin phi1> = 0    gives X0, a and b at each w,
+    M0 - m w = <R1>                             the load of the motor.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_ros.core.equations import EquationsOfMotion
+from linkage_ros.core.mechanism import WindPump
+from linkage_ros.core.numeric import TWO_PI, Array
+from linkage_ros.errors import LinkageError
+
+_PARTS = 128  # of a turn: the mean over them is exact to rounding, for a smooth periodic function
+_ITERATIONS = 30
+_DIFFERENCE = 1e-5  # in crank lengths and speeds, for derivatives by central differences
+_STEP = 1e-11  # likewise: the last step of Newton's method
+_GUESSES = 7
+_NEIGHBOURS = np.concatenate((np.zeros((4, 1)), np.eye(4), -np.eye(4)), axis=1)
+
+
+class Averaged(NamedTuple):
+    """An averaged motion.
+
+    Attributes:
+        mean: X0, the middle of the slider's way, m.
+        cosine: a, m.
+        sine: b, m.
+        speed: w, of the crank, rad/s.
+        load: Mean torque that it takes, N m.
+    """
+
+    mean: float
+    cosine: float
+    sine: float
+    speed: float
+    load: float
+
+    @property
+    def stroke(self) -> float:
+        """Way of the slider from end to end, m."""
+        return float(2 * np.hypot(self.cosine, self.sine))
+
+    def torque(self, damping: float) -> float:
+        """Of the motor at rest, if it loses so much per crank speed, N m."""
+        return self.load + damping * self.speed
+
+    def unknowns(self, damping: float) -> tuple[float, float, float, float]:
+        """What a search for the exact motion begins with, as `periodic.find` takes it."""
+        velocity = self.speed * self.sine
+        return self.mean + self.cosine, velocity, self.speed, self.torque(damping)
+
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**self._asdict(), 'stroke': self.stroke}
+
+
+class Averaging:
+    """The averaged equations of one pump."""
+
+    def __init__(self, mechanism: WindPump) -> None:
+        self._mechanism, self._equations = mechanism, EquationsOfMotion(mechanism)
+        self._angles = np.arange(_PARTS) * (TWO_PI[0] / _PARTS)
+        self._weights = np.array((np.ones(_PARTS), np.cos(self._angles), np.sin(self._angles)))
+
+    def follow(self, speeds: Sequence[float]) -> list[list[Averaged]]:
+        """The averaged motions over the speed, each begun from the one before.
+
+        Args:
+            speeds: Of the crank, growing, rad/s.
+
+        Returns:
+            They lie in one stretch, or, where from above not all speeds are reached, in two. No
+            more are found where there are several motions at a speed.
+        """
+        down = self._follow(speeds[::-1])
+        up = self._follow([speed for speed in speeds if not down or speed < down[-1].speed])
+        return [stretch for stretch in (up, down[::-1]) if stretch]
+
+    def _follow(self, speeds: Sequence[float]) -> list[Averaged]:
+        """From the first speed with a motion to the last before one without."""
+        found: list[Averaged] = []
+        for speed in speeds:
+            guesses = [found[-1][:3]] if found else [(x, 0.0, 0.0) for x in self._middles()]
+            motions = (self.find((*guess, speed)) for guess in guesses)
+            motion = next(filter(None, motions), None)
+            if motion:
+                found.append(motion)
+            elif found:
+                break
+        return found
+
+    def states(
+        self, stretches: Sequence[Sequence[Averaged]], torque: float, damping: float
+    ) -> list[Averaged]:
+        """The averaged motions that a motor keeps up: where the load meets its line.
+
+        Args:
+            stretches: As `follow` returns them.
+            torque: Of the motor at rest, N m.
+            damping: What it loses per crank speed, N m s.
+
+        Returns:
+            Those between two neighbours of which one takes more torque and one less, by growing
+            speed.
+        """
+        found = []
+        for one, other in itertools.chain(*map(itertools.pairwise, stretches)):
+            low, high = (motion.torque(damping) - torque for motion in (one, other))
+            if (low < 0) != (high < 0):
+                share = low / (low - high)
+                guess = np.array(one[:4]) * (1 - share) + np.array(other[:4]) * share
+                found.append(self.find(tuple(guess.tolist()), (torque, damping)))
+        return sorted(filter(None, found), key=lambda motion: motion.speed)
+
+    def find(
+        self, guess: tuple[float, ...], line: tuple[float, float] | None = None
+    ) -> Averaged | None:
+        """An averaged motion, by Newton's method.
+
+        Args:
+            guess: X0, a and b, m, and the crank speed, rad/s.
+            line: Of the motor: torque at rest, N m, and damping, N m s; None: the speed stays.
+
+        Returns:
+            The motion, or None where none is found.
+        """
+        z, length = np.array(guess), self._mechanism.crank.length
+        sizes = np.array((length, length, length, guess[3]))
+        for _ in range(_ITERATIONS):
+            changes = _DIFFERENCE * sizes
+            try:
+                values = self._lacks(z[:, None] + changes[:, None] * _NEIGHBOURS)
+                loads = values[3].copy()
+                values[3] = z[3] + changes[3] * _NEIGHBOURS[3] - guess[3]
+                if line:
+                    values[3] = loads + line[1] * (values[3] + guess[3]) - line[0]
+                slopes = (values[:, 1:5] - values[:, 5:]) / (2 * changes)
+                step = np.linalg.solve(slopes, values[:, 0])
+            except (LinkageError, np.linalg.LinAlgError):
+                return None
+            z = z - step
+            if (np.abs(step) < _STEP * sizes).all():
+                mean, cosine, sine, speed = map(float, z)
+                return Averaged(mean, cosine, sine, speed, float(loads[0]))
+        return None
+
+    def _lacks(self, z: Array) -> Array:
+        """<R2>, <R2 cos>, <R2 sin>, N, and <R1>, N m, of guesses, a column for each."""
+        _, cos, sin = self._weights
+        mean, a, b, w = z[..., None]
+        x, v = mean + a * cos + b * sin, w * (b * cos - a * sin)
+        phi = np.broadcast_to(self._angles, x.shape)
+        q, u = (phi.ravel(), x.ravel()), ((w + 0 * x).ravel(), v.ravel())
+        # R = M q'' + h - Q is M (q'' - the q'' of a motion without a motor).
+        spin, push = np.reshape(self._equations.accelerations(q, u, 0.0), (2, *x.shape))
+        (m11, m12), (_, m22) = np.reshape(self._equations.matrix(q), (2, 2, *x.shape))
+        rest = w * w * (mean - x) - push
+        force = m22 * rest - m12 * spin
+        torque = m12 * rest - m11 * spin
+        return np.vstack((self._weights @ force.T / _PARTS, torque.mean(axis=1)))
+
+    def _middles(self) -> list[float]:
+        """Where the slider may be in the middle, m."""
+        pump = self._mechanism
+        r, b, c = pump.crank.length, pump.coupler.length, pump.rod.length
+        inside = np.linspace(abs(b - c) + r, b + c - r, _GUESSES + 2)[1:-1]
+        return [pump.slider.position, *inside.tolist()]

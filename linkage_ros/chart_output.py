@@ -1,0 +1,76 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the results of linkage_chart go, and what is said on the way."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from linkage_ros import __version__
+from linkage_ros.errors import ConfigurationError
+
+
+@contextmanager
+def libraries() -> Iterator[None]:
+    """Says in one line which library a chart lacks.
+
+    Raises:
+        ConfigurationError: It is missing.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ConfigurationError(
+            f"charts need {error.name}: pip install 'linkage_ros[chart]'"
+        ) from error
+
+
+@contextmanager
+def folder(path: Path) -> Iterator[None]:
+    """Makes the folder of the results, and says in one line why something cannot be written.
+
+    Raises:
+        ConfigurationError: It cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        yield
+    except FileExistsError as error:
+        raise ConfigurationError(f'{path} is no folder: name another') from error
+    except OSError as error:
+        raise ConfigurationError(f'{path} cannot be written: {error.strerror}') from error
+
+
+def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
+    """Goes through items, with a bar where stderr is a terminal."""
+    return tqdm(items, desc=words, disable=None, leave=False)
+
+
+def about() -> dict[str, str]:
+    """What records are measured on."""
+    models: list[str] = []
+    with suppress(OSError):
+        models = re.findall(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())
+    return {
+        'linkage_ros': __version__,
+        'Python': platform.python_version(),
+        'NumPy': np.__version__,
+        'system': f'{platform.system()} {platform.machine()}',
+        'processors': f'{os.cpu_count()} x {models[0]}' if models else str(os.cpu_count()),
+    }
+
+
+def save(path: Path, records: list[dict[str, Any]]) -> None:
+    """Writes records, with what they were measured on."""
+    path.write_text(json.dumps({'about': about(), 'records': records}, indent=1) + '\n')
+    print(path)

@@ -1,0 +1,311 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the wind pump settles at: the numbers by other hands, laws, and pumps of other kinds."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import oracle_pump
+import pytest
+
+from linkage_ros import ConfigurationError, UnreachableError
+from linkage_ros.analysis import branch as branches
+from linkage_ros.analysis.averaging import Averaging
+from linkage_ros.analysis.basins import LEAVES
+from linkage_ros.analysis.boundaries import FOLD, PERIOD_DOUBLING
+from linkage_ros.analysis.flow import Flow
+from linkage_ros.analysis.fourier import extremum
+from linkage_ros.analysis.poincare import PoincareMap
+from linkage_ros.analysis.pump import analyse
+from linkage_ros.analysis.runs import follow
+from linkage_ros.analysis.table import write_table
+from linkage_ros.charts.pump import draw_pump
+from linkage_ros.errors import MotionError
+from linkage_ros.run.configuration import load
+
+PUMP = load('wind_pump').mechanism
+TORQUE, DAMPING = 8.4, 1.2
+# By another program, which shares nothing with the package; multipliers to the digits it printed.
+LOW = {
+    'speed': 2.604252349376, 'stroke': 0.519128369836, 'lowest': 1.133966760583,
+    'highest': 1.653095130419, 'point': (1.540999924466, 0.573289247289, 2.568032724352),
+    'multipliers': (0.0038 + 0.3505j, 0.0038 - 0.3505j, 0.2851),
+}  # fmt: skip
+SADDLE = {
+    'speed': 3.951611254418, 'multipliers': (1.28656, 0.0824 + 0.2818j, 0.0824 - 0.2818j),
+}  # fmt: skip
+HIGH = {
+    'speed': 6.248845170700, 'stroke': 0.137861636990, 'multipliers': (0.94983, -0.762, -0.337),
+}  # fmt: skip
+
+
+def plain(items, _):
+    return items
+
+
+def slid(**changes):
+    return replace(PUMP, slider=replace(PUMP.slider, **changes))
+
+
+def followed(mechanism, low, high, count, damping=DAMPING):
+    """The branch between two speeds."""
+    averaged = Averaging(mechanism).follow(np.linspace(low, high, count).tolist())
+    section = PoincareMap(mechanism, damping)
+    return section, branches.follow(section, averaged, plain)
+
+
+@pytest.fixture(scope='module')
+def analysis():
+    return analyse(PUMP, TORQUE, DAMPING, quick=True)
+
+
+# ---------------------------------------------------------------- document 3's figure 3
+
+
+def test_there_are_two_stable_states_and_one_between(analysis):
+    assert [state.stable for state in analysis.states] == [True, False, True]
+
+
+@pytest.mark.parametrize(('number', 'expected'), list(enumerate((LOW, SADDLE, HIGH))))
+def test_the_states_are_those_of_another_program(analysis, number, expected):
+    state = analysis.states[number]
+    for name, value in expected.items():
+        got = getattr(state, name)
+        if name == 'multipliers':
+            assert got[0] == pytest.approx(value[0], abs=1e-4)
+            assert got[1:] == pytest.approx(value[1:], abs=5e-4)
+        else:
+            assert got == pytest.approx(value, abs=1e-10), name
+
+
+@pytest.mark.parametrize('number', range(3))
+def test_a_settled_motion_comes_back_where_every_body_moves_by_itself(analysis, number):
+    state = analysis.states[number]
+    x, v, w = state.point
+    start = 0.0, x, w, v
+    with np.errstate(all='ignore'):
+        _, end = oracle_pump.multipliers(oracle_pump.Pump(), start, np.array([0.0, state.period]))
+    assert end == pytest.approx((2 * math.pi, *start[1:]), abs=1e-9)
+
+
+@pytest.mark.parametrize('number', range(3))
+def test_the_multipliers_shrink_phase_space_as_resistance_does(analysis, number):
+    # Liouville: the volume of phases (q, M q') shrinks by tr(M^-1 D), D the resistances.
+    state = analysis.states[number]
+    x, _, w, _ = analysis.section.orbit(np.array([state.point]).T, state.torque, 512)[..., 0]
+    crank = np.linspace(0, 2 * math.pi, 513)
+    (m11, m12), (_, m22) = analysis.section.equations.matrix((crank, x))
+    shrink = (DAMPING * m22 + PUMP.slider.damping * m11) / (m11 * m22 - m12 * m12)
+    expected = math.exp(-2 * math.pi * np.mean((shrink / w)[:-1]))
+    assert math.prod(state.multipliers) == pytest.approx(expected, rel=1e-7)
+
+
+def test_the_multipliers_are_what_deviations_are_multiplied_with(analysis):
+    state = analysis.states[1]
+    point = np.array([state.point]).T
+    moved, sizes = point + 1e-7, []
+    for _ in range(9):
+        moved = analysis.section.image(moved, TORQUE)[:3]
+        sizes.append(np.linalg.norm(moved - point))
+    assert sizes[-1] / sizes[-2] == pytest.approx(state.radius, rel=1e-4)
+
+
+def test_averaging_with_one_harmonic_comes_near(analysis):
+    speeds = [state.speed for state in analysis.averaged_states]
+    assert speeds == pytest.approx([2.6046, 3.8871, 6.3015], abs=5e-5)
+    strokes = [state.stroke for state in analysis.averaged_states]
+    assert strokes == pytest.approx([state.stroke for state in analysis.states], rel=0.04)
+
+
+def test_two_stable_states_exist_between_two_folds(analysis):
+    (found,) = analysis.branch.ranges()
+    assert (found.low, found.high) == pytest.approx((7.28, 12.65), abs=0.01)
+    assert (found.low_is, found.high_is) == (FOLD, FOLD)
+    for _, motion in analysis.branch.boundaries:
+        assert motion.multipliers[0] == pytest.approx(1, abs=1e-6)
+        assert abs(motion.rise) < 1e-5
+
+
+@pytest.mark.parametrize(('torque', 'stable'), [(7.27, 1), (7.29, 2), (12.64, 2), (12.66, 1)])
+def test_next_to_the_folds_states_appear_and_vanish(analysis, torque, stable):
+    found = branches.states(analysis.section, analysis.branch, torque)
+    assert [state.motion.stable for state in found].count(True) == stable
+    assert len(found) == 2 * stable - 1
+
+
+def test_another_pump_has_other_folds():
+    # Not what every pump would give: a little less resistance moves them.
+    _, branch = followed(slid(damping=55.0), 2.9, 5.0, 10)
+    (high, low) = (boundary.motion.torque for boundary in branch.boundaries)
+    assert high > 13.0
+    assert low < 7.2
+
+
+def test_small_changes_of_the_torque_leave_the_pump_about_the_same(analysis):
+    changes = {(one.state, one.torque > TORQUE): one.changes for one in analysis.sensitivities}
+    assert changes[0, False]['stroke'] == pytest.approx(-0.0255, abs=2e-4)
+    assert changes[0, True]['stroke'] == pytest.approx(0.0246, abs=2e-4)
+    assert changes[2, False]['flow'] == pytest.approx(0.0020, abs=2e-4)
+    assert changes[2, True]['flow'] == pytest.approx(0.0120, abs=2e-4)
+    for (_, up), found in changes.items():
+        assert (found['speed'] > 0) == up
+        flow = (1 + found['speed']) * (1 + found['stroke']) - 1
+        assert found['flow'] == pytest.approx(flow, abs=1e-12)
+
+
+# ---------------------------------------------------------------- from where
+
+
+def test_runs_end_at_the_states(analysis):
+    ends = {run.name: end for run, end in zip(analysis.runs, analysis.ends, strict=True)}
+    assert ends == {
+        '2 rad/s': 0,
+        '6 rad/s': 2,
+        '2% below 3.952 rad/s': 0,
+        '2% above 3.952 rad/s': 2,
+    }
+    slow, fast, *_ = analysis.runs
+    assert slow.last_speed == pytest.approx(LOW['speed'], abs=1e-6)
+    assert fast.last_speed == pytest.approx(HIGH['speed'], abs=0.01)  # it settles slowly
+    assert np.diff(slow.passages[:, 0])[-1] == pytest.approx(analysis.states[0].period, abs=1e-6)
+    assert slow.passages[-1, 1:] == pytest.approx(LOW['point'], abs=1e-6)
+
+
+def test_basins_are_told_for_every_start(analysis):
+    basins = analysis.basins
+    outcomes = {
+        (round(w, 9), round(v, 9)): outcome
+        for v, row in zip(basins.velocities.tolist(), basins.outcomes.tolist(), strict=True)
+        for w, outcome in zip(basins.speeds.tolist(), row, strict=True)
+    }
+    still = {w: outcome for (w, v), outcome in outcomes.items() if v == 0}
+    # At rest, the slower starts settle at the slow state and the faster ones at the fast one.
+    assert list(still.values()) == sorted(still.values())
+    assert set(still.values()) == {0, 2}
+    assert 3.7 < max(w for w, outcome in still.items() if outcome == 0) < 4.3
+    assert sum(basins.share(outcome) for outcome in (0, 2, LEAVES)) == 1
+    # Document 3's coordinates do not describe what a slider as fast as 5 m/s leads to.
+    assert all(outcome == LEAVES for (_, v), outcome in outcomes.items() if abs(v) > 5)
+
+
+def test_a_flow_of_many_follows_each_as_the_map_does(analysis):
+    low, _, high = analysis.states
+    phases = np.array([(0.0, x, w, v) for x, v, w in (low.point, high.point, (1.5, 6.0, 2.0))]).T
+    flow, times, spans = Flow(PUMP, TORQUE, DAMPING), np.zeros(3), np.full(3, 1e-3)
+    ends = np.array([low.period, high.period, 1.0])
+    for _ in range(200):
+        spans = np.minimum(spans, ends - times)
+        phases, made, spans = flow.advance(phases, spans)
+        times += made
+    for number, state in enumerate((low, high)):
+        x, v, w = state.point
+        assert times[number] == pytest.approx(state.period)
+        assert phases[:, number] == pytest.approx((2 * math.pi, x, w, v), abs=2e-5)
+    # This one comes to the edge, where coupler and rod are in one line.
+    assert spans[2] < 1e-7
+    assert times[2] < 0.3
+    sine, words = analysis.section.equations.dyad(*phases[:2, 2].tolist())
+    assert sine < 1e-3
+    assert words.endswith('stretched')
+
+
+def test_a_turn_that_is_none_is_refused():
+    section = PoincareMap(PUMP, DAMPING)
+    with pytest.raises(MotionError, match='cannot be followed for a turn'):
+        section.image(np.array([[1.5], [0.0], [0.05]]), 0.0)
+    with pytest.raises(UnreachableError, match='do not reach'):
+        section.image(np.array([[1.5, 2.6], [0.0, 0.0], [2.0, 2.0]]), TORQUE)
+
+
+# ---------------------------------------------------------------- pumps of other kinds
+
+
+def test_a_speed_at_which_a_period_doubles_is_told_from_a_fold():
+    _, branch = followed(slid(damping=20.0), 4.2, 6.6, 8)
+    kinds = {boundary.kind: boundary.motion for boundary in branch.boundaries}
+    assert list(kinds) == [FOLD, PERIOD_DOUBLING]
+    assert kinds[PERIOD_DOUBLING].multipliers[0] == pytest.approx(-1, abs=1e-6)
+
+
+def test_without_resistance_nothing_settles():
+    section, branch = followed(slid(damping=0.0), 6.5, 7.5, 4)
+    states = branches.states(section, branch, TORQUE)
+    # The pump takes no power: the motor turns at its own speed, about which a motion wavers.
+    assert all(state.motion.speed == pytest.approx(7, abs=0.01) for state in states)
+    assert not any(state.motion.stable for state in states)
+
+
+def test_a_pump_with_one_state_is_drawn_and_recorded(tmp_path):
+    found = analyse(PUMP, 5.0, DAMPING, speeds=(2.0,), quick=True)
+    (state,) = found.states
+    assert state.stable
+    draw_pump(found, 'one state', tmp_path / 'one.png')
+    assert len(write_table(found)) == 3
+    record = json.loads(json.dumps(found.record(), allow_nan=False))
+    assert [run['settles_at_state'] for run in record['runs']] == [0]
+    assert record['torques_with_two_stable_states'][0]['low'] == pytest.approx(7.28, abs=0.01)
+
+
+def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
+    none = analysis._replace(states=[], averaged_states=[], sensitivities=[], ends=[-2] * 4)
+    basins = none.basins._replace(outcomes=np.full_like(none.basins.outcomes, -2))
+    none = none._replace(basins=basins)
+    assert write_table(none) == ['no settled motion found']
+    draw_pump(none, 'no state', tmp_path / 'none.png')
+    record = json.loads(json.dumps(none.record(), allow_nan=False))
+    assert record['states'] == []
+    assert record['runs'][0]['settles_at_state'] is None
+
+
+def test_too_weak_a_motor_has_no_state(analysis):
+    assert branches.states(analysis.section, analysis.branch, 0.3) == []
+
+
+@pytest.mark.parametrize(
+    ('changes', 'torque', 'damping', 'speeds', 'error', 'message'),
+    [
+        ({'position': 3.0}, 8.4, 1.2, (2.0,), UnreachableError, 'do not reach .* within'),
+        ({}, -8.4, 1.2, (2.0,), ConfigurationError, 'motor.torque -8.4: must be positive'),
+        ({}, 8.4, -1.0, (2.0,), ConfigurationError, 'motor.damping -1: must not be negative'),
+        ({}, 8.4, 1.2, (2.0, 0.0), ConfigurationError, 'start speed 0 rad/s: must be positive'),
+    ],
+)
+def test_what_cannot_turn_is_refused_at_once(changes, torque, damping, speeds, error, message):
+    with pytest.raises(error, match=message):
+        analyse(slid(**changes), torque, damping, speeds=speeds)
+
+
+def test_a_run_that_leaves_says_where(analysis):
+    found = follow(analysis.section.equations, (TORQUE, DAMPING), (1.5, 6.0, 2.0), 9.0, 'fast')
+    assert 'the motion ends at t = 0.2' in found.ended
+    assert found.record()['ended'] == found.ended
+
+
+# ---------------------------------------------------------------- what is written
+
+
+def test_the_picture_and_the_record_are_written(analysis, tmp_path):
+    path = tmp_path / 'pump.png'
+    draw_pump(analysis, 'wind_pump', path)
+    assert path.read_bytes().startswith(b'\x89PNG')
+    record = json.loads(json.dumps(analysis.record(), allow_nan=False))
+    assert [state['stable'] for state in record['states']] == [True, False, True]
+    assert record['states'][0]['speed'] == analysis.states[0].speed
+    assert len(record['basins']['outcomes']) == len(record['basins']['slider_velocities'])
+    assert {len(row) for row in record['basins']['outcomes']} == {28}
+    assert len(record['runs'][0]['passages']['time']) > 30
+    assert '2.604252' in '\n'.join(write_table(analysis))
+
+
+@pytest.mark.parametrize('sign', [1, -1])
+def test_an_extremum_between_samples_is_found(sign):
+    angle = np.arange(32) * (2 * math.pi / 32)
+    values = 0.3 + np.cos(angle - 0.7) + 0.2 * np.sin(2 * angle)
+    fine = np.linspace(0, 2 * math.pi, 2_000_001)
+    course = 0.3 + np.cos(fine - 0.7) + 0.2 * np.sin(2 * fine)
+    assert sign * extremum(values, sign) == pytest.approx(np.max(sign * course), abs=1e-11)
+    assert extremum(np.full(8, 0.25), sign) == 0.25
