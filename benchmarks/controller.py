@@ -155,20 +155,24 @@ def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     """Ripple and effort over the last turns, without and with feed-forward."""
     from matplotlib.figure import Figure
 
-    cases = list(dict.fromkeys((rpm, name) for rpm, name, _ in curves))
-    figure = Figure(figsize=(3.6 * len(cases), 5.6), dpi=100, layout='constrained')
-    axes = figure.subplots(2, len(cases), squeeze=False)
-    for column, (rpm, name) in enumerate(cases):
+    speeds = list(dict.fromkeys(rpm for rpm, _, _ in curves))
+    names = list(dict.fromkeys(name for _, name, _ in curves))
+    rows, columns = 2 * len(speeds), len(names)
+    figure = Figure(figsize=(3.8 * columns, 2.5 * rows), dpi=100, layout='constrained')
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for rpm, name in dict.fromkeys((rpm, name) for rpm, name, _ in curves):
+        row, column = 2 * speeds.index(rpm), names.index(name)
         for feed_forward, color, words in (
             (False, '#0072b2', 'PI alone'), (True, '#d55e00', 'with feed-forward'),
         ):  # fmt: skip
             times, ripple, effort = curves[rpm, name, feed_forward]
-            axes[0, column].plot(times, 100 * ripple, color=color, label=words)
-            axes[1, column].plot(times, effort, color=color)
-        axes[0, column].set_title(f'{rpm:g} rpm, {name}', fontsize=10)
-        axes[1, column].set_xlabel('time, s')
-    axes[0, 0].set_ylabel('crank speed from the one wanted, %')
-    axes[1, 0].set_ylabel('applied torque, N m')
+            axes[row, column].plot(times, 100 * ripple, color=color, label=words)
+            axes[row + 1, column].plot(times, effort, color=color)
+        axes[row, column].set_title(f'{rpm:g} rpm, {name}', fontsize=10)
+        axes[row + 1, column].set_xlabel('time, s')
+    for row in range(0, rows, 2):
+        axes[row, 0].set_ylabel('speed error, %')
+        axes[row + 1, 0].set_ylabel('applied torque, N m')
     axes[0, 0].legend(frameon=False, fontsize=9)
     for one in axes.flat:
         one.grid(color='0.9')

@@ -15,8 +15,10 @@ from linkage_ros.core.curves import Curves
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.methods.motions import Machines
+from linkage_ros.run.adaptive import AdaptiveSteps
 from linkage_ros.run.configuration import Configuration, find, load
-from linkage_ros.run.drives import TorqueDrive
+from linkage_ros.run.drives import Motor, TorqueDrive
 from linkage_ros.run.presets import preset_names
 
 _NAME = 'linkage_chart'
@@ -89,8 +91,11 @@ def accuracy(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.accuracy import draw_accuracy
+        from linkage_ros.charts.integration import draw_integration
         from linkage_ros.methods.accuracy import measure, tasks
         from linkage_ros.methods.measure import Bench
+        from linkage_ros.methods.motion_accuracy import measure_motions
+        from linkage_ros.methods.table import integrators
     quadrilateral, slider_crank = (
         _linkage(load(name)) for name in ('quadrilateral', 'slider_crank')
     )
@@ -100,14 +105,20 @@ def accuracy(options: argparse.Namespace) -> None:
             for name, task in tasks(quadrilateral, slider_crank).items()
         }
         points = measure(benches, quick=options.quick, progress=progress)
+        methods = integrators(AdaptiveSteps)
+        moved = measure_motions(methods, _machines(), quick=options.quick, progress=progress)
         on = ', '.join(f'{name} {value}' for name, value in about().items())
-        save(options.out / 'accuracy.json', [point.record() for point in points])
+        save(options.out / 'accuracy.json', [point.record() for point in (*points, *moved)])
         for name in benches:
             stem = options.out / f'accuracy_{name.replace(" ", "_")}'
             paths = [stem.with_suffix('.png'), stem.with_suffix('.svg')]
             title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
             draw_accuracy([point for point in points if point.mechanism == name], title, paths)
             print(*paths, sep='\n')
+        paths = [options.out / f'accuracy_motions.{kind}' for kind in ('png', 'svg')]
+        title = f'Speed against accuracy: motions under a torque\n{on}'
+        draw_integration(moved, methods, title, paths)
+        print(*paths, sep='\n')
 
 
 def stability(options: argparse.Namespace) -> None:
@@ -121,15 +132,31 @@ def stability(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.stability import draw_stability
+        from linkage_ros.methods.motion_stability import measure_motions
         from linkage_ros.methods.situations import SITUATIONS
         from linkage_ros.methods.stability import measure
+        from linkage_ros.methods.table import integrators
     with folder(options.out):
         cases = 6 if options.quick else 30
         cells = measure(SITUATIONS, cases=cases, progress=progress)
-        save(options.out / 'stability.json', [cell.record() for cell in cells])
-        title = f'What comes of each method in each situation: the worst of {cases} cases'
-        draw_stability(cells, title, options.out / 'stability.png')
+        methods = integrators(AdaptiveSteps)
+        moved = measure_motions(methods, _machines(), cases=cases, progress=progress)
+        save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
+        title = (
+            f'What comes of each method in each situation: the worst of {cases} cases, '
+            'of motions of fewer'
+        )
+        draw_stability(cells, moved, methods, title, options.out / 'stability.png')
     print(options.out / 'stability.png')
+
+
+def _machines() -> Machines:
+    """What moves in the charts: the presets, the pump with its motor."""
+    pump = load('wind_pump')
+    motor = pump.drive.motor if isinstance(pump.drive, TorqueDrive) else Motor()
+    return Machines.of(
+        load('quadrilateral').mechanism, pump.mechanism, motor.torque, motor.damping
+    )
 
 
 def pump(options: argparse.Namespace) -> None:

@@ -41,9 +41,25 @@ ROS = {
 }
 MCAP = {'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
 RERUN = {'view.stream', 'view.layout'}
-CHARTS = {'charts.motion', 'charts.accuracy', 'charts.stability', 'charts.pump'}
+CHARTS = {
+    'charts.front',
+    'charts.integration',
+    'charts.motion',
+    'charts.accuracy',
+    'charts.stability',
+    'charts.pump',
+}
+MOTIONS = {
+    'methods.table',
+    'methods.integrators',
+    'methods.motion_reference',
+    'methods.motion_bench',
+    'methods.motion_situations',
+    'methods.motion_accuracy',
+    'methods.motion_stability',
+}
 MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.stability'}
-SCIPY = {'run.adaptive', 'analysis.poincare'}
+SCIPY = {'methods.integrators', 'run.adaptive', 'analysis.poincare'}
 ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'record', 'replay', 'log_tool', 'chart_output'}
 ROOMS = {
@@ -52,7 +68,10 @@ ROOMS = {
     'rerun': (RERUN, RERUN),
     'matplotlib': (CHARTS, CHARTS),
     'scipy': (SCIPY, SCIPY),
-    'mpmath': ({'methods.reference'}, {'methods.reference'}),
+    'mpmath': (
+        {'methods.reference', 'methods.motion_reference'},
+        {'methods.reference', 'methods.motion_reference'},
+    ),
     'yaml': ({'run.parameter_file'}, {'run.parameter_file'}),
     'tqdm': (TQDM, TQDM),
     'rclpy': (ROS, {*ROS, 'demo'}),
@@ -276,7 +295,8 @@ def test_the_block_keeps_a_library_out(module, library):
 
 def test_all_but_the_ros_modules_are_imported_without_ros_viewer_and_charts():
     names = ', '.join(
-        f'linkage_ros.{name}' for name in sorted(MODULES - ROS - CHARTS - MPMATH - ANALYSIS)
+        f'linkage_ros.{name}'
+        for name in sorted(MODULES - ROS - CHARTS - MPMATH - MOTIONS - ANALYSIS)
     )
     done = run(f'import {names}\nprint("all")', OPTIONAL)
     assert (done.returncode, done.stdout) == (0, 'all\n'), done.stderr

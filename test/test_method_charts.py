@@ -15,9 +15,16 @@ import pytest
 
 from linkage_ros import __version__
 from linkage_ros.methods.accuracy import NEAR, RIGHT
+from linkage_ros.methods.motion_accuracy import ENERGY, MEAN, SLOWEST, TRAJECTORY
+from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.methods.stability import OUTCOMES
-from linkage_ros.methods.table import DEFAULT, METHODS
+from linkage_ros.methods.table import DEFAULT, METHODS, integrators, label
+from linkage_ros.run.adaptive import AdaptiveSteps
+
+INTEGRATORS = integrators(AdaptiveSteps)
+EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
+PLACES = {situation.name for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
 
 
 def run_quick(command, folder):
@@ -43,15 +50,15 @@ def run_quick(command, folder):
 
 def test_speed_against_accuracy(tmp_path):
     written, records = run_quick('accuracy', tmp_path)
-    names = ('quadrilateral', 'slider_crank', 'near_a_change_point')
+    names = ('quadrilateral', 'slider_crank', 'near_a_change_point', 'motions')
     assert [path.name for path in written] == [
         'accuracy.json',
         *(f'accuracy_{name}.{kind}' for name in names for kind in ('png', 'svg')),
     ]
-    assert {record['method'] for record in records} == {method.name for method in METHODS}
+    assert {record['method'] for record in records} == EVERY
     assert all(record['us_per_state'] is None or record['us_per_state'] > 0 for record in records)
     panels = {(r['mechanism'], r['quantity'], r['mode']) for r in records}
-    assert len(panels) == 3 * 4 * 2
+    assert len(panels) == 3 * 4 * 2 + 2 * 3
     for panel in panels:
         of_panel = [r for r in records if (r['mechanism'], r['quantity'], r['mode']) == panel]
         front = [r for r in of_panel if r['pareto']]
@@ -60,11 +67,26 @@ def test_speed_against_accuracy(tmp_path):
         if panel[0] == NEAR:
             assert [r['method'] for r in front] == [DEFAULT]
 
+    moved = [r for r in records if r['mode'] in (MEAN, SLOWEST)]
+    names = {method.name for method in INTEGRATORS}
+    for mechanism in ('wind_pump', 'quadrilateral'):
+        for quantity, mode in ((TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)):
+            panel = (mechanism, quantity, mode)
+            of_panel = [r for r in moved if (r['mechanism'], r['quantity'], r['mode']) == panel]
+            assert {r['method'] for r in of_panel} == names
+            if mode == MEAN:
+                settings = [r['setting'] for r in of_panel]
+                assert settings == [label(s) for m in INTEGRATORS for s in m.settings]
+
 
 def test_stability(tmp_path):
     written, records = run_quick('stability', tmp_path)
     assert [path.name for path in written] == ['stability.json', 'stability.png']
-    assert len(records) == len(METHODS) * len(SITUATIONS)
+    assert len(records) == len(METHODS) * len(SITUATIONS) + len(INTEGRATORS) * len(
+        MOTION_SITUATIONS
+    )
+    assert {r['method'] for r in records} == EVERY
+    assert {r['situation'] for r in records} == PLACES
     assert {record['outcome'] for record in records} == set(OUTCOMES)
     for record in records:
         assert record['worst_error'] is None or record['worst_error'] >= 0
@@ -86,11 +108,13 @@ def test_every_method_and_situation_has_its_place_in_the_docs():
     for method in METHODS:
         computes = {'state': 'everything'}.get(method.stage, method.stage)
         row = rf'\| {re.escape(method.name)} \| {computes} \| .* \| (.*) \| (.*) \|\n'
-        ((needs, source),) = re.findall(row, page)
-        assert (needs, source) == (method.needs, method.source)
+        assert re.findall(row, page) == [(method.needs, method.source)]
+    for method in INTEGRATORS:
+        row = rf'\| {re.escape(method.name)} \| {method.stage} \| .* \| (.*) \| (.*) \|\n'
+        assert re.findall(row, page) == [(method.needs, method.source)]
     for outcome in OUTCOMES:
         assert f'| {outcome} | ' in page
-    for situation in SITUATIONS:
+    for situation in (*SITUATIONS, *MOTION_SITUATIONS):
         assert f'| {situation.name} | {situation.words} |' in page
     for link in re.findall(r'\]\(([^)#]+)\)', page):
         assert Path(__file__).parents[1].joinpath('docs', link).exists()
@@ -99,7 +123,7 @@ def test_every_method_and_situation_has_its_place_in_the_docs():
 def test_the_charts_of_the_docs_are_of_these_methods_and_situations():
     docs = Path(__file__).parents[1] / 'docs'
     records = json.loads((docs / 'stability.json').read_text())['records']
-    assert {r['method'] for r in records} == {method.name for method in METHODS}
-    assert {r['situation'] for r in records} == {situation.name for situation in SITUATIONS}
+    assert {r['method'] for r in records} == EVERY
+    assert {r['situation'] for r in records} == PLACES
     points = json.loads((docs / 'accuracy.json').read_text())['records']
-    assert {r['method'] for r in points} == {method.name for method in METHODS}
+    assert {r['method'] for r in points} == EVERY

@@ -227,6 +227,41 @@ def test_a_limited_crank_swings_inside_its_arc(integrate):
     assert rest + 0.01 < max(seen) < high
 
 
+@both
+@pytest.mark.parametrize('gap', [1e-3, 1e-5, 1e-7, 1e-9])
+def test_change_points_that_are_missed_by_a_hair_are_passed(integrate, gap):
+    body = {'mass': 1.0, 'inertia': 0.02}
+    linkage = FourBar(
+        Frame(0.425, 0.3), Body(0.1, **body), Coupler(0.315, **body), Body(0.21 + gap, **body)
+    )
+    steps = begun(integrate, linkage, (0.2, 8.0))
+    start = energy(steps)
+    steps.advance(2.0)
+    assert energy(steps) == pytest.approx(start, abs=1e-6 * abs(start))
+    assert with_turns(steps.phase[0], steps.pairs) > 7
+
+
+@both
+@pytest.mark.parametrize('sine', [1e-3, 2e-4])
+def test_a_swing_that_turns_back_next_to_its_dead_centre_goes_on(integrate, sine):
+    """Released at rest there; where it comes back, it has its energy."""
+    low, high = limited_rest()[1]
+    equations = EquationsOfMotion(LIMITED)
+    inside, outside = limited_rest()[0], high
+    while outside - inside > 1e-15:
+        middle = 0.5 * (inside + outside)
+        near = middle < high and equations.dyad(middle)[0] < sine
+        inside, outside = (inside, middle) if near else (middle, outside)
+    steps = begun(integrate, LIMITED, (inside, 0.0))
+    start, angles = energy(steps), []
+    for tick in range(1, 401):
+        steps.advance(tick * 0.01)
+        angles.append(with_turns(steps.phase[0], steps.pairs))
+        assert energy(steps) == pytest.approx(start, abs=1e-6 * abs(start))
+    assert low < min(angles) < max(angles) < high
+    assert np.ptp(angles) > 0.1
+
+
 # ---------------------------------------------------------------- the edge
 
 

@@ -5,14 +5,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from linkage_ros import ConfigurationError, Solver
+from linkage_ros import ConfigurationError, MotionError, Solver
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, Chain
+from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.linkages import other_assembly
+from linkage_ros.methods.motion_situations import LOOP, MOTION_SITUATIONS, MotionCase
+from linkage_ros.methods.motion_stability import measure_motions
+from linkage_ros.methods.motions import Machines
 from linkage_ros.methods.positions import factored
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
@@ -25,9 +30,34 @@ from linkage_ros.methods.stability import (
     WRONG_BRANCH,
     measure,
 )
-from linkage_ros.methods.table import DEFAULT, METHODS, Method
+from linkage_ros.methods.table import (
+    DEFAULT,
+    LIVE,
+    METHODS,
+    MOTION,
+    RECORDS,
+    Integrator,
+    Method,
+    integrators,
+)
+from linkage_ros.run.adaptive import AdaptiveSteps
+from linkage_ros.run.configuration import load
 
 BY_NAME = {situation.name: situation for situation in SITUATIONS}
+PUMP = load('wind_pump')
+MOTOR = PUMP.drive.motor
+MACHINES = Machines.of(
+    load('quadrilateral').mechanism, PUMP.mechanism, MOTOR.torque, MOTOR.damping
+)
+INTEGRATORS = integrators(AdaptiveSteps)
+MOTIONS = {situation.name: situation for situation in MOTION_SITUATIONS}
+# Where the situations' own motions would take a while.
+QUICK = {
+    '_stretched': MotionCase(
+        MACHINES.driven(2.0, 5.0), (0.1, 0.2, 0.3, 0.398, 0.4005, 0.42), 0.3994655636001
+    ),
+    '_long': MotionCase(MACHINES.freed(6.0), (0.5, 1.0, 1.5)),
+}
 
 
 def plain(items, _):
@@ -235,3 +265,183 @@ def test_states_exist_where_situations_say_so(situation):
             else:
                 with pytest.raises(Exception, match='does not close'):
                     reference.state(crank)
+
+
+# ---------------------------------------------------------------- motions: the rule
+
+
+class Planted(Follower):
+    """The default but for what is planted from a time on."""
+
+    def __init__(self, run, since, fault):
+        super().__init__(run)
+        self.right = INTEGRATORS[1].make(run, {})
+        self.since, self.fault = since, fault
+
+    def _advance(self, time):
+        if time < self.since:
+            return self.right.at(time)
+        return self.fault(self.right, time)
+
+
+def motion_outcome(fault, situation='change point under a torque', since=1.0):
+    method = Integrator('planted', MOTION, '', '', lambda run, _: Planted(run, since, fault))
+    chosen = MOTIONS[situation]
+    if case := QUICK.get(chosen.generate.__name__):
+        chosen = replace(chosen, generate=lambda *_: iter([case]))
+    (cell,) = measure_motions([method], MACHINES, cases=1, progress=plain, situations=(chosen,))
+    return cell.outcome, cell.worst_error
+
+
+def moved(by):
+    def fault(right, time):
+        angle, *rest = right.at(time)
+        return angle + by, *rest
+
+    return fault
+
+
+def failing(error):
+    def fault(*_):
+        raise error
+
+    return fault
+
+
+def told(time):
+    return MotionError('the motion ends', time=time, coordinates=(0.0,))
+
+
+@pytest.mark.parametrize(
+    ('fault', 'expected', 'error'),
+    [
+        (moved(1e-9), RIGHT, 1e-9),
+        (moved(1e-5), DIVERGED, 1e-5),
+        (moved(2 * math.pi), DIVERGED, 2 * math.pi),
+        (moved(math.nan), NAN, None),
+        (moved(math.inf), NAN, None),
+        (failing(ZeroDivisionError()), NAN, None),
+        (failing(np.linalg.LinAlgError()), NAN, None),
+        (failing(ConfigurationError('no')), REFUSED, None),
+        # Nothing ends there, so that no time can be told well.
+        (failing(told(1.0)), REFUSED, None),
+    ],
+)
+def test_one_planted_fault_decides_what_comes_of_a_motion(fault, expected, error):
+    outcome, worst = motion_outcome(fault)
+    assert outcome == expected
+    assert worst == (None if error is None else pytest.approx(error, rel=1e-2))
+
+
+def test_a_wrong_value_counts_more_than_a_refusal_after_it():
+    def fault(right, time):
+        if time > 2.0:
+            raise ConfigurationError('no')
+        return moved(1e-3)(right, time)
+
+    assert motion_outcome(fault) == (DIVERGED, pytest.approx(1e-3, rel=1e-2))
+
+
+def test_a_motion_that_ends_is_told_from_one_that_is_refused_too_early():
+    early = failing(told(0.1))
+    assert motion_outcome(early, 'before a stretched dyad', 0.3)[0] == REFUSED
+    outcome, error = motion_outcome(early, 'stretched dyad', 0.3)
+    assert (outcome, error) == (REFUSED, pytest.approx(0.2994655636001))
+    timely = failing(told(0.3994))
+    assert motion_outcome(timely, 'before a stretched dyad', 0.399)[0] == RIGHT
+    assert motion_outcome(timely, 'stretched dyad', 0.399)[1] == pytest.approx(6.55636001e-5)
+    timeless = failing(ConfigurationError('it ends somewhere'))
+    assert motion_outcome(timeless, 'stretched dyad', 0.399) == (REFUSED, None)
+
+
+def test_beyond_the_end_only_the_true_motion_counts():
+    def stays(right, _):
+        return right.phase
+
+    assert motion_outcome(stays, 'stretched dyad', 0.399)[0] == DIVERGED
+
+
+def test_energy_and_loop_are_judged_by_themselves():
+    def faster(right, time):
+        angle, place, speed, velocity = right.at(time)
+        return angle, place, speed * (1 + 1e-5), velocity
+
+    outcome, error = motion_outcome(faster, 'long free run')
+    assert (outcome, error) == (DIVERGED, pytest.approx(2e-5, rel=0.5))
+    assert motion_outcome(faster, 'loop after a long run')[0] == RIGHT
+
+
+def test_a_programming_error_in_an_integrator_is_no_outcome():
+    with pytest.raises(KeyError):
+        motion_outcome(failing(KeyError('typo')))
+
+
+# ---------------------------------------------------------------- motions: the grid
+
+
+@pytest.fixture(scope='module')
+def motions():
+    short, long = (
+        tuple(s for s in MOTION_SITUATIONS[1:] if ('long' in s.name) == is_long)
+        for is_long in (False, True)
+    )
+    cells = measure_motions(INTEGRATORS, MACHINES, cases=6, progress=plain, situations=short)
+    # What fails in long runs runs alone, and the default of records beside it.
+    some = [method for method in INTEGRATORS if method.name in (RECORDS, *UNSTABILISED)]
+    return cells + measure_motions(some, MACHINES, cases=6, progress=plain, situations=long)
+
+
+UNSTABILISED = ('multipliers, unstabilised',)
+
+
+def test_the_defaults_follow_every_motion_or_say_when_it_ends(motions):
+    for cell in motions:
+        if cell.method in (LIVE, RECORDS):
+            right = RIGHT if MOTIONS[cell.situation].exists else REFUSED
+            assert cell.outcome == right, cell
+            assert cell.worst_error < (1e-7 if right == RIGHT else 1e-3), cell
+
+
+@pytest.mark.parametrize(
+    ('method', 'situation', 'expected'),
+    [
+        ('DOP853', 'stretched dyad', NAN),
+        ('RK4', 'stretched dyad', DIVERGED),
+        ('Radau', 'before a stretched dyad', REFUSED),
+        ('multipliers, unstabilised', 'change point under a torque', DIVERGED),
+        ('multipliers, unstabilised', 'loop after a long run', DIVERGED),
+    ],
+)
+def test_every_other_integrator_has_a_named_cell_where_it_fails(
+    motions, method, situation, expected
+):
+    (cell,) = (c for c in motions if (c.method, c.situation) == (method, situation))
+    assert cell.outcome == expected
+
+
+def test_the_named_cells_are_of_all_integrators():
+    ((_, marks),) = [
+        (mark.args[0], mark.args[1])
+        for mark in test_every_other_integrator_has_a_named_cell_where_it_fails.pytestmark
+    ]
+    assert {m for m, _, _ in marks} == {m.name for m in INTEGRATORS} - {LIVE, RECORDS}
+
+
+def test_what_has_no_dyad_goes_on_where_the_coordinates_end(motions):
+    (cell,) = (c for c in motions if (c.method, c.situation) == (*UNSTABILISED, 'stretched dyad'))
+    assert cell.outcome == RIGHT
+
+
+@pytest.mark.parametrize(
+    'situation',
+    [s for s in MOTION_SITUATIONS if s.exists and s.judged != LOOP],
+    ids=lambda s: s.name,
+)
+def test_motions_are_the_same_every_time(situation):
+    cases, again = situation.cases(MACHINES, 1), situation.cases(MACHINES, 1)
+    assert [case.run for case in cases] == [case.run for case in again]
+    assert [list(case.times) for case in cases] == [list(case.times) for case in again]
+    assert situation.words
+    for case in cases:
+        assert (case.end is not None) == (situation.generate.__name__ == '_stretched')
+        assert list(case.times) == sorted(case.times)

@@ -325,7 +325,41 @@ def test_what_stood_still_for_long_goes_on_from_where_it_was():
     following = motion.next(later, motion.target)
     assert following is not motion
     assert machine.step(following, later).values == before.values
-    assert motion.next(START + 10**9, motion.target) is motion
+    assert motion.next(START + 10**9 + 200_000_000, motion.target) is motion
+
+
+def test_below_a_hertz_the_plant_moves_too():
+    machine = Machine(changed(QUADRILATERAL, session={'rate_hz': 0.5}))
+    motion = machine.begin(START)
+    for tick in range(3):
+        stamp = START + machine.elapsed(tick)
+        assert motion.next(stamp, motion.target) is motion
+        state = machine.step(motion, stamp).state
+    assert abs(state.position[0]) > 1
+
+
+@pytest.mark.parametrize(
+    'part',
+    [
+        {'drive': {'start_rpm': 57.3}}, {'drive': {'crank_angle': 1e-5}},
+        {'mechanism': {'slider': replace(PUMP.mechanism.slider, position=1.5001)}},
+        {'mechanism': {'slider': replace(PUMP.mechanism.slider, velocity=1e-4)}},
+    ],
+)  # fmt: skip
+def test_a_log_that_began_elsewhere_than_its_configuration_says_is_found(tmp_path, part):
+    machine, motion = Machine(PUMP), Machine(PUMP).begin(0, AdaptiveSteps)
+    with LogWriter(tmp_path / 'run.mcap', changed(**part), overwrite=False) as log:
+        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
+        log.write_motion(motion)
+        for tick in range(3):
+            stamp = machine.elapsed(tick)
+            for channel, message in zip(
+                channels, machine.step(motion, stamp).messages, strict=True
+            ):
+                log.write(channel, stamp, message)
+    with LogReader(tmp_path / 'run.mcap') as log:
+        report = verify(log)
+    assert 'of state 1 does not follow from the one before' in report.difference
 
 
 @pytest.mark.parametrize('turned', [-9.0, 12.0, 654_321.0])

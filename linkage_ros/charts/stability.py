@@ -1,16 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of methods in situations, as a picture."""
+"""What comes of methods in situations, as a picture: linkages above, motions below."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.methods.motion_situations import MOTION_SITUATIONS, MotionSituation
+from linkage_ros.methods.situations import SITUATIONS, Situation
 from linkage_ros.methods.stability import (
     DIVERGED,
     NAN,
@@ -19,7 +22,7 @@ from linkage_ros.methods.stability import (
     WRONG_BRANCH,
     Cell,
 )
-from linkage_ros.methods.table import DEFAULT, METHODS
+from linkage_ros.methods.table import DEFAULT, LIVE, METHODS, RECORDS, Integrator
 
 # Fill and text. In grey they are still told apart, and each cell says its outcome in words.
 _COLORS = {
@@ -31,57 +34,128 @@ _COLORS = {
 }
 _WORDS = {
     RIGHT: 'right', REFUSED: 'refused: an error says why', DIVERGED: 'diverged: a wrong value',
-    WRONG_BRANCH: "wrong branch: the other assembly's", NAN: 'NaN or an arithmetic error',
+    WRONG_BRANCH: "wrong branch: the other assembly's", NAN: 'NaN, an arithmetic error, or stuck',
 }  # fmt: skip
+_DEFAULTS = {DEFAULT: 'default', LIVE: 'default, live', RECORDS: 'default for records'}
+# Sizes in inches: a cell; the names to the left; those above, aslant; what is above and below all.
+_WIDE, _HIGH = 0.92, 0.38
+_LEFT, _ABOVE, _RIGHT = 2.6, 1.25, 1.25
+_TOP, _FOOT = 0.45, 0.45
 
 
-def draw_stability(cells: Sequence[Cell], title: str, path: Path) -> None:
-    """Draws the grid.
+class _Grid(NamedTuple):
+    """A part of the picture.
+
+    Attributes:
+        columns: Names of methods.
+        rows: Names of situations, and what they are called.
+        good: Of each row, the outcomes that are no failure.
+        words: Of each row, what is written to its right.
+    """
+
+    columns: list[str]
+    rows: dict[str, str]
+    good: dict[str, tuple[str, ...]]
+    words: dict[str, str]
+
+    @property
+    def height(self) -> float:
+        """With the names above, inches."""
+        return _ABOVE + _HIGH * len(self.rows)
+
+
+def draw_stability(
+    cells: Sequence[Cell],
+    motions: Sequence[Cell],
+    integrators: Sequence[Integrator],
+    title: str,
+    path: Path,
+) -> None:
+    """Draws both grids.
 
     Args:
-        cells: All of them.
+        cells: Of the methods for linkages.
+        motions: Of the integrators.
+        integrators: Their table.
         title: Of the picture.
         path: Where to write it; replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.
     """
-    rows = [situation.name for situation in SITUATIONS]
-    columns = [method.name for method in METHODS]
-    exists = {situation.name: situation.exists for situation in SITUATIONS}
-    figure = Figure(figsize=(4 + 0.95 * len(columns), 2.6 + 0.42 * len(rows)), dpi=110)
-    axes = figure.add_axes((0.165, 0.075, 0.765, 0.74))
-    axes.set_xlim(0, len(columns))
-    axes.set_ylim(len(rows), 0)
-    for cell in cells:
-        x, y = columns.index(cell.method), rows.index(cell.situation)
-        fill, ink = _COLORS[cell.outcome]
-        axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
-        good = cell.outcome == (RIGHT if exists[cell.situation] else REFUSED)
-        axes.text(
-            x + 0.5, y + 0.36, cell.outcome, ha='center', va='center', color=ink, fontsize=8,
-            fontweight='normal' if good else 'bold',
-        )  # fmt: skip
-        if cell.worst_error is not None:
-            axes.text(
-                x + 0.5, y + 0.72, f'{cell.worst_error:.0e}', ha='center', va='center',
-                color=ink, fontsize=6.5,
-            )  # fmt: skip
-    axes.set_xticks([i + 0.5 for i in range(len(columns))])
-    labels = [
-        f'{name}\n(default)' if name == DEFAULT else name.replace(', ', ',\n') for name in columns
+    grids = [
+        (_of_linkages(SITUATIONS), cells),
+        (_of_motions(MOTION_SITUATIONS, [method.name for method in integrators]), motions),
     ]
-    axes.set_xticklabels(labels, rotation=35, ha='left', fontsize=8.5)
-    axes.xaxis.tick_top()
-    axes.set_yticks([i + 0.5 for i in range(len(rows))])
-    axes.set_yticklabels(
-        [name if exists[name] else f'{name} (no state exists)' for name in rows], fontsize=8.5
-    )
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    figure.suptitle(title, fontsize=12, y=0.985)
+    width = _LEFT + _WIDE * len(METHODS) + _RIGHT
+    height = _TOP + sum(grid.height for grid, _ in grids) + _FOOT
+    figure = Figure(figsize=(width, height), dpi=110)
+    y = height - _TOP
+    for grid, chosen in grids:
+        y -= grid.height
+        across, down = _WIDE * len(grid.columns), _HIGH * len(grid.rows)
+        axes = figure.add_axes((_LEFT / width, y / height, across / width, down / height))
+        _draw_grid(axes, grid, chosen)
+    figure.suptitle(title, fontsize=12, y=1 - 0.15 / height)
     figure.legend(
         handles=[Patch(facecolor=fill, label=_WORDS[name]) for name, (fill, _) in _COLORS.items()],
         loc='lower center', ncols=len(_COLORS), fontsize=8.5, frameon=False,
     )  # fmt: skip
     figure.savefig(path)
+
+
+def _of_linkages(situations: Sequence[Situation]) -> _Grid:
+    names = [situation.name for situation in situations]
+    exists = {situation.name: situation.exists for situation in situations}
+    return _Grid(
+        [method.name for method in METHODS],
+        {name: name if exists[name] else f'{name} (no state exists)' for name in names},
+        {name: (RIGHT,) if exists[name] else (REFUSED,) for name in names},
+        {},
+    )
+
+
+def _of_motions(situations: Sequence[MotionSituation], columns: list[str]) -> _Grid:
+    return _Grid(
+        columns,
+        {situation.name: situation.name for situation in situations},
+        # Beyond the end of the coordinates another assembly goes on: who follows it is right too.
+        {s.name: (RIGHT,) if s.exists else (RIGHT, REFUSED) for s in situations},
+        {situation.name: situation.words for situation in situations},
+    )
+
+
+def _draw_grid(axes: Axes, grid: _Grid, cells: Sequence[Cell]) -> None:
+    rows = list(grid.rows)
+    axes.set_xlim(0, len(grid.columns))
+    axes.set_ylim(len(rows), 0)
+    for cell in cells:
+        x, y = grid.columns.index(cell.method), rows.index(cell.situation)
+        fill, ink = _COLORS[cell.outcome]
+        axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
+        good = cell.outcome in grid.good[cell.situation]
+        axes.text(
+            x + 0.5, y + 0.36, cell.outcome, ha='center', va='center', color=ink, fontsize=8,
+            fontweight='normal' if good else 'bold',
+        )  # fmt: skip
+        if cell.worst_error is not None:
+            words = f'{cell.worst_error:.0e}' + (' s' if cell.outcome == REFUSED else '')
+            axes.text(x + 0.5, y + 0.72, words, ha='center', va='center', color=ink, fontsize=6.5)
+    for name, words in grid.words.items():
+        axes.text(
+            len(grid.columns) + 0.15, rows.index(name) + 0.5, words, va='center', fontsize=8.5,
+            color='0.3',
+        )  # fmt: skip
+    axes.set_xticks([i + 0.5 for i in range(len(grid.columns))])
+    axes.set_xticklabels(map(_name, grid.columns), rotation=35, ha='left', fontsize=8.5)
+    axes.xaxis.tick_top()
+    axes.set_yticks([i + 0.5 for i in range(len(rows))])
+    axes.set_yticklabels(list(grid.rows.values()), fontsize=8.5)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+
+
+def _name(method: str) -> str:
+    if method in _DEFAULTS:
+        return f'{method}\n({_DEFAULTS[method]})'
+    return method.replace(', ', ',\n')

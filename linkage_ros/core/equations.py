@@ -34,6 +34,7 @@ class EquationsOfMotion:
         mechanism: The description it was made from.
         structure: How its links hang together.
         coordinates: Names of the coordinates: 'crank' and, of a wind pump, 'slider'.
+        has_edge: Whether motion can reach places beyond which the coordinates do not describe it.
         dyad: The sine of the angle at which coupler and third link meet, 0 at the edge of what
             the coordinates describe, and what they are there, in words; of floats.
     """
@@ -46,14 +47,14 @@ class EquationsOfMotion:
             pump = WindPumpKinematics(mechanism)
             self.structure, self._locate, self.dyad = pump.structure, pump.solve, pump.dyad
             self.coordinates: tuple[str, ...] = ('crank', 'slider')
-            self._has_edge = True
+            self.has_edge = True
         else:
             solver = Solver(mechanism)
             self.structure, self._locate = solver.structure, solver.locate
             self.dyad = solver.dyad
             self.coordinates = ('crank',)
             # Change points are passed: there the coordinates do not turn back.
-            self._has_edge = not solver.mobility.turns_fully
+            self.has_edge = not solver.mobility.turns_fully
         self._masses = MassDistribution(self.structure, mechanism.gravity)
         self._crosses_guide = isinstance(mechanism, SliderCrank)
 
@@ -119,7 +120,7 @@ class EquationsOfMotion:
         return found, self._edge(links, rates)
 
     def _edge(self, links: Links, rates: PerLink) -> tuple[Real, Real]:
-        if not self._has_edge:
+        if not self.has_edge:
             return 1.0, 0.0
         _, (_, c2, c3), (_, s2, s3), _, _ = links
         along, across = c2 * c3 + s2 * s3, s2 * c3 - c2 * s3

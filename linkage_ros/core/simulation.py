@@ -4,8 +4,8 @@
 
 Each step is Dormand and Prince's of order 5 (J. Comput. Appl. Math. 6 (1980), RK5(4)7M); what it
 differs from its embedded result of order 4 tells whether the step was short enough. Where it was
-not, it is halved, a few times; where that does not help the motion is at the edge of what its
-coordinates can describe, and ends with an error.
+not, it is halved, as often as a bounded number of trials allows; where that does not help, the
+motion is at the edge of what its coordinates can describe, and ends with an error.
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ TorqueLaw: TypeAlias = Callable[[float, float], float]
 LONGEST_STEP = 1e-3  # s
 TOLERANCE = 1e-9
 EDGE_PART = 0.25  # longest step, of the time to the edge
-_HALVINGS = 6
+_HALVINGS = 40
+_TRIALS = 400  # of steps, within one part of at most 1 ms
 _AHEAD = 1e-3  # s, for which the time left foretells the end
+_LEAST = 1e-5  # sine of the angle of a dyad that counts as none
 _NEAR = 0.05  # sine of the angle of a dyad that counts as stretched or folded
 
 _NODES = (0.2, 0.3, 0.8, 8 / 9, 1.0)
@@ -80,7 +82,10 @@ class Motion:
         count = len(phase) // 2
         q, u = phase[:count], phase[count:]
         accelerations, (sine, rate) = self.equations.forward(q, u, self.torque(time, u[0]))
-        return (*u, *accelerations), -sine / rate if rate < 0 else math.inf
+        if rate >= 0:
+            return (*u, *accelerations), math.inf
+        # Below, rounding tells no more which way it goes: the edge counts as reached.
+        return (*u, *accelerations), -sine / rate if sine > _LEAST else 0.0
 
     def sine(self, phase: Phase) -> float:
         """Of the angle at which coupler and third link meet, or coupler and guide's normal.
@@ -112,13 +117,18 @@ class Motion:
         place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
         if len(q) > 1:
             place += f', slider at {q[1]:.6g} m'
-        if sine < _NEAR:
+        if sine < _NEAR and self.equations.has_edge:
             reason = (
                 f'{words}: the motion goes on in another assembly, which these coordinates do not '
                 'describe; start slower or from elsewhere, or change torque, masses or lengths'
             )
         else:
-            reason = 'the motion is too fast for the shortest step; start slower, or add mass'
+            reason = (
+                'the motion is too fast for the shortest step; lower the speed, the torque or the '
+                'commands (torque_limit), or add mass'
+            )
+            if sine < _NEAR:
+                reason += '; the links are in line but for a hair: make it a change point, or no'
         message = f'the motion ends at t = {time:.6g} s, {place}: {reason}'
         raise MotionError(message, time=time, coordinates=q) from cause
 
@@ -139,8 +149,9 @@ class FixedSteps:
         phase: Phase,
         longest: float = LONGEST_STEP,
         tolerance: float = TOLERANCE,
+        time: float = 0.0,
     ) -> None:
-        """Begins a motion at time 0.
+        """Begins a motion.
 
         Args:
             motion: Which.
@@ -148,16 +159,17 @@ class FixedSteps:
             longest: Step, s.
             tolerance: Of the error of a step, in rad and crank lengths and, of rates, the same
                 per second or the rate itself.
+            time: Of the beginning, s.
 
         Raises:
             LinkageError: It cannot even begin, as `EquationsOfMotion.accelerations` tells.
         """
-        self.motion, self.time = motion, 0.0
+        self.motion, self.time = motion, time
         self.phase, self.pairs = wound(phase)
         self._longest, self._tolerance = longest, tolerance
         length = motion.equations.mechanism.crank.length
         self._units = (1.0, length)[: len(phase) // 2] * 2
-        self._look: tuple[Phase, float] | None = motion.look(0.0, self.phase)
+        self._look: tuple[Phase, float] | None = motion.look(time, self.phase)
 
     def changed(self) -> None:
         """Takes note that the torque is another from now on."""
@@ -175,6 +187,7 @@ class FixedSteps:
         start, span = self.time, time - self.time
         steps = math.ceil(span / self._longest * (1 - 1e-9))
         for i in range(1, steps + 1):
+            self._trials = _TRIALS
             self._step((time if i == steps else start + span * (i / steps)) - self.time, _HALVINGS)
         self.time = time
         self.phase, pairs = wound(self.phase)
@@ -182,13 +195,14 @@ class FixedSteps:
 
     def _step(self, h: float, halvings: int) -> None:
         cause = None
+        self._trials -= 1
         try:
             phase, look, error = self._try(h)
         except LinkageError as refusal:
             cause, error = refusal, math.inf
-        if error <= self._tolerance:
+        if cause is None and error <= self._tolerance:
             self.time, self.phase, self._look = self.time + h, phase, look
-        elif halvings:
+        elif halvings and self._trials > 0:
             end = self.time + h
             self._step(h / 2, halvings - 1)
             self._step(end - self.time, halvings - 1)

@@ -19,13 +19,14 @@ from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.run.machine import Machine, Step
 from linkage_ros.run.motion import CrankState
 from linkage_ros.run.drives import TorqueDrive
-from linkage_ros.run.torque import RunMotion
+from linkage_ros.run.plant import start
+from linkage_ros.run.torque import CATCH_UP, RunMotion
 from linkage_ros.wire.messages import MECHANISM_STATE, Topic, TrajectoryCodec
 
 # How far a state may be from where the one before leads: rad and crank lengths, and of rates the
 # same per second or the rate itself. Records and live runs integrate in different ways.
 _APART = 1e-7
-# Longest time, s, over which that is asked; beyond, a live plant may have stood still.
+# Longest time, s, over which that is asked: to follow a motion takes time too.
 _LONGEST = 10.0
 _NS = 10**9
 
@@ -55,7 +56,15 @@ class Recomputation:
                 'no accelerations; log that topic'
             )
         self._codec = TrajectoryCodec(machine.joints)
+        # Tick, coordinates and torque at rest of the state before; the first follows from the start.
         self._before: tuple[int, CrankState, float] | None = None
+        if self._drive:
+            phase = start(machine.equations, self._drive)
+            count = len(phase) // 2
+            angle, _ = within_two_turns(phase[0])
+            slide = () if count == 1 else (phase[1], phase[3], 0.0)
+            begun = CrankState(angle, phase[0], phase[count], 0.0, slide)
+            self._before = 0, begun, self._drive.motor.torque
 
     def step(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> list[bytes]:
         """The messages that belong to a stamp.
@@ -121,20 +130,22 @@ class Recomputation:
         return '' if before is None else self._apart(before, tick, crank)
 
     def _apart(self, before: tuple[int, CrankState, float], tick: int, crank: CrankState) -> str:
-        past, start, held = before
-        elapsed = (self._machine.elapsed(tick) - self._machine.elapsed(past)) / _NS
+        past, origin, held = before
+        late = self._machine.elapsed(tick) - self._machine.elapsed(past)
+        stood_still = not self._recorded and late > self._machine.elapsed(1) + CATCH_UP
+        elapsed = 0.0 if stood_still else late / _NS
         if elapsed > _LONGEST or not self._drive:
             return ''
         damping, equations = self._drive.motor.damping, self._machine.equations
         motion = Motion(equations, lambda _, speed: held - damping * speed)
-        q, u = (start.angle, *start.slide[:1]), (start.speed, *start.slide[1:2])
+        q, u = (origin.angle, *origin.slide[:1]), (origin.speed, *origin.slide[1:2])
         try:
             steps = FixedSteps(motion, (*q, *u))
             steps.advance(elapsed)
         except LinkageError as error:
             return f'does not follow from the one before: {error}'
         due = (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
-        turned = crank.unwrapped - (start.unwrapped - start.angle)
+        turned = crank.unwrapped - (origin.unwrapped - origin.angle)
         found = (turned, *crank.slide[:1], crank.speed, *crank.slide[1:2])
         units = (1.0, equations.mechanism.crank.length)[: len(q)]
         sizes = (*units, *map(max, units, map(abs, due[len(q) :])))

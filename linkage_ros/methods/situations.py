@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import FourBar, Mechanism
+from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.solver import Solver
 from linkage_ros.methods.chain import Task
 from linkage_ros.methods.linkages import (
@@ -70,7 +70,7 @@ class Situation:
 
 
 def _case(
-    mechanism: Mechanism, cranks: tuple[float, ...], lengths: tuple[str, ...] | None = None
+    mechanism: Linkage, cranks: tuple[float, ...], lengths: tuple[str, ...] | None = None
 ) -> Case:
     """The first guess is the state at the first angle, read off a drawing to 0.1 rad."""
     position = Solver(mechanism).state(cranks[0]).position
@@ -158,7 +158,7 @@ def _denominator(random: Random, count: int) -> Iterator[Case]:
             count -= 1
 
 
-def _root(mechanism: Mechanism, angle: float, low: float, high: float) -> float:
+def _root(mechanism: Linkage, angle: float, low: float, high: float) -> float:
     """Where the rocker points against the frame, by bisection."""
     solver = Solver(mechanism)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of methods: charts, tests and docs/methods.md read this one.
+"""The tables of methods: charts, tests and docs/methods.md read these.
 
 To add a method, write its function where its stage lives, and an entry here.
 """
@@ -9,25 +9,38 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, TypeAlias, TypeVar
 
 from linkage_ros.core.numeric import SCALAR, Functions
+from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps
 from linkage_ros.methods import chain, interpolation, iteration, positions, rates, torques
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, STATE, TORQUE, Chain, Task
+from linkage_ros.methods.integrators import (
+    Begin,
+    Follower,
+    Multipliers,
+    OfPackage,
+    OfScipy,
+    RungeKutta4,
+)
 from linkage_ros.methods.loop import Loop
+from linkage_ros.methods.motions import Run
 
 Setting = dict[str, float]
+Make = TypeVar('Make')
 
 
 @dataclass(frozen=True)
-class Method:
+class Way(Generic[Make]):
     """One way to solve a stage.
 
     Attributes:
         name: As charts and docs call it.
-        stage: What it computes: 'state' (all of it), 'position', 'rates' or 'torque'.
+        stage: What it computes: 'state' (all of it), 'position', 'rates', 'torque' or 'motion'.
         needs: What it asks for beside the lengths.
         source: Where it is described, to the equation.
-        make: Builds it for a task, a setting and floats or arrays.
+        make: Builds it for a task, a setting and floats or arrays; an integrator for a motion and
+            a setting.
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best that is of practical use.
         modes: 'one at a time', 'batch' or both.
@@ -38,11 +51,15 @@ class Method:
     stage: str
     needs: str
     source: str
-    make: Callable[[Task, Setting, Functions], Chain]
+    make: Make
     settings: tuple[Setting, ...] = ({},)
     steady: Setting | None = None
     modes: tuple[str, ...] = (ONE, BATCH)
     steps: bool = False
+
+
+Method: TypeAlias = Way[Callable[[Task, Setting, Functions], Chain]]
+Integrator: TypeAlias = Way[Callable[[Run, Setting], Follower]]
 
 
 def label(setting: Setting) -> str:
@@ -148,6 +165,67 @@ METHODS = (
         lambda task, _, f: chain.of_torque(task, torques.newton_euler(task.mechanism, f), f),
     ),
 )  # fmt: skip
+
+
+MOTION = 'motion'
+# The defaults, of live runs and of records.
+LIVE, RECORDS = 'fixed steps, checked', 'DOP853, guarded'
+_SECONDS = (0.025, 0.01, 0.005, 0.0025, LONGEST_STEP, 0.0005)
+_LIVE: Setting = {'step': LONGEST_STEP, 'tolerance': TOLERANCE}
+_UNCHECKED = 1e300  # no error of a step is larger
+_DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 and II.6'
+
+
+def _fixed(run: Run, setting: Setting) -> Follower:
+    step, tolerance = setting['step'], setting.get('tolerance', _UNCHECKED)
+    return OfPackage(run, lambda motion, start: FixedSteps(motion, start, step, tolerance))
+
+
+def integrators(records: Begin) -> tuple[Integrator, ...]:
+    """The ways to follow a motion under a torque; steps are in s.
+
+    Args:
+        records: Makes the steps of records.
+
+    Returns:
+        The table; the first two are the defaults.
+    """
+    return (
+        Integrator(
+            LIVE, MOTION, 'nothing',
+            'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; core/simulation.py',
+            _fixed,
+            # Without its tolerance a step is as long as it says, which shows the order.
+            tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
+        ),
+        Integrator(
+            RECORDS, MOTION, 'SciPy; a torque that does not leap', f'{_DOP853}; run/adaptive.py',
+            lambda run, _: OfPackage(run, records),
+        ),
+        Integrator(
+            'DOP853', MOTION, 'SciPy; no edge of the coordinates on the way', _DOP853,
+            lambda run, setting: OfScipy(run, 'DOP853', setting['tolerance']),
+            tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-13},
+        ),
+        Integrator(
+            'RK4', MOTION, 'a step that is short enough everywhere',
+            'Hairer, Norsett and Wanner I, II.1, table 1.2',
+            lambda run, setting: RungeKutta4(run, setting['step']),
+            tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
+        ),
+        Integrator(
+            'Radau', MOTION, 'SciPy; no edge of the coordinates on the way',
+            'Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8',
+            lambda run, setting: OfScipy(run, 'Radau', setting['tolerance']),
+            tuple({'tolerance': 10.0**-k} for k in range(3, 9)), {'tolerance': 1e-7},
+        ),
+        Integrator(
+            'multipliers, unstabilised', MOTION, 'SciPy; no change point; a short run',
+            'Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5; then DOP853',
+            lambda run, setting: Multipliers(run, setting['tolerance']),
+            tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9},
+        ),
+    )  # fmt: skip
 
 
 def by_name(name: str) -> Method:

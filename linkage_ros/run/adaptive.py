@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from linkage_ros.core.numeric import Array
-from linkage_ros.core.simulation import EDGE_PART, Motion, Phase, wound
+from linkage_ros.core.simulation import EDGE_PART, FixedSteps, Motion, Phase, wound
 from linkage_ros.errors import ConfigurationError, LinkageError
 
 _TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
 _FIRST_STEP = 1e-4  # s
 _SHORTEST_STEP = 1e-8  # s
-# Sine of the angle of a dyad, below which steps become too short for what is left of the motion.
+# Sine of the angle of a dyad, below which this tolerance would ask for ever shorter steps.
 _EDGE = 5e-4
 _END = 1e10  # s, which no run reaches
 
@@ -54,16 +54,21 @@ class AdaptiveSteps:
             ) from error
         self.motion, self.time = motion, 0.0
         self.phase, self.pairs = wound(phase)
-        length = motion.equations.mechanism.crank.length
+        # Next to the edge of what the coordinates describe, equal steps are followed instead.
+        self._fixed: FixedSteps | None = None
+        self._solver, self._pairs_ahead = DOP853, 0
+        self._restart(0.0, self.phase)
+
+    def _restart(self, time: float, phase: Phase) -> None:
+        length = self.motion.equations.mechanism.crank.length
         units = np.array((1.0, length)[: len(phase) // 2] * 2)
-        self._steps = DOP853(
-            self._slope, 0.0, np.array(self.phase), _END,
+        self._steps = self._solver(
+            self._slope, time, np.array(phase), _END,
             rtol=_TOLERANCE, atol=_TOLERANCE * units, first_step=_FIRST_STEP,
         )  # fmt: skip
-        # The continuous solution of the last step, the pairs of turns left out of it, and of what
-        # follows.
+        # The continuous solution of the last step, and the pairs of turns left out of it.
         self._between: Any = None
-        self._pairs_between = self._pairs_ahead = self.pairs
+        self._pairs_ahead = self._pairs_between = self.pairs
 
     def changed(self) -> None:
         """Refuses: a torque that changes at once needs steps that end there.
@@ -84,11 +89,23 @@ class AdaptiveSteps:
         Raises:
             MotionError: It cannot be followed that far.
         """
-        while self._steps.t < time:
+        while self._fixed is None and self._steps.t < time:
             self._step()
-        if time > self.time:
+        if self._fixed is not None and time > self._fixed.time:
+            self._follow(self._fixed, time)
+        elif time > self.time:
             phase, pairs = wound(tuple(self._between(time).tolist()))
             self.time, self.phase, self.pairs = time, phase, self._pairs_between + pairs
+
+    def _follow(self, fixed: FixedSteps, time: float) -> None:
+        """Goes on in equal steps, and ends them where the edge is left behind."""
+        before = fixed.pairs
+        fixed.advance(time)
+        self.pairs += fixed.pairs - before
+        self.time, self.phase = time, fixed.phase
+        if self.motion.sine(fixed.phase) > 2 * _EDGE:
+            self._fixed = None
+            self._restart(time, fixed.phase)
 
     def _slope(self, time: float, phase: Array) -> Array:
         return np.array(self.motion.slope(time, tuple(phase.tolist())))
@@ -98,7 +115,9 @@ class AdaptiveSteps:
         phase = tuple(steps.y.tolist())
         _, left = self.motion.look(steps.t, phase)
         if left < math.inf and self.motion.sine(phase) < _EDGE:
-            self.motion.fail(steps.t, phase, None)
+            self.pairs = self._pairs_ahead
+            self._fixed = FixedSteps(self.motion, phase, time=steps.t)
+            return
         steps.max_step = left * EDGE_PART
         cause = self._try()
         while cause and steps.h_abs > _SHORTEST_STEP:

@@ -118,7 +118,8 @@ class Machine:
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
             plant = Plant(self.equations, drive, integrate)
-            return TorqueMotion(stamp, drive.motor.torque, plant=plant)
+            period = self.elapsed(1)
+            return TorqueMotion(stamp, drive.motor.torque, plant=plant, period=period)
         return CrankMotion.begin(drive, stamp)
 
     def elapsed(self, tick: int) -> int:

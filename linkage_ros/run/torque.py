@@ -10,8 +10,8 @@ from linkage_ros.run.motion import CrankMotion, CrankState
 from linkage_ros.run.plant import Plant
 
 _NS = 10**9
-# What a run that stood still makes up for, ns. More would only hold it up further.
-_CATCH_UP = 10 * _NS
+# What a late run makes up for beyond a tick, ns. More would only hold it up further.
+CATCH_UP = _NS // 4
 
 
 class TorqueMotion:
@@ -25,7 +25,12 @@ class TorqueMotion:
     """
 
     def __init__(
-        self, stamp: int, torque: float, before: int | None = None, plant: Plant | None = None
+        self,
+        stamp: int,
+        torque: float,
+        before: int | None = None,
+        plant: Plant | None = None,
+        period: int = 0,
     ) -> None:
         """Describes a piece of motion.
 
@@ -34,9 +39,10 @@ class TorqueMotion:
             torque: Of the motor at rest, N m.
             before: The start on the clock as it stood before a step; None: there was none.
             plant: What moves, at the start; None: a piece read from a log, which only tells.
+            period: Between states, ns.
         """
         self.stamp, self.torque, self.before = stamp, torque, before
-        self._plant = plant
+        self._plant, self._period = plant, period
         self._time = plant.time if plant else 0.0
         self._last = stamp
 
@@ -85,10 +91,10 @@ class TorqueMotion:
             torque: What the motor's torque is to be, N m.
 
         Returns:
-            This piece, or a new one: where the torque changes, and where the run stood still for
-            more than 10 s, which the plant then did too.
+            This piece, or a new one: where the torque changes, and where the run is late by more
+            than 0.25 s, for which the plant then stood still.
         """
-        if stamp - self._last > _CATCH_UP:
+        if stamp - self._last > self._period + CATCH_UP:
             return self._follow(stamp, torque, None)
         return self if torque == self.torque else self.change(stamp, torque)
 
@@ -112,7 +118,7 @@ class TorqueMotion:
     def _follow(self, stamp: int, torque: float, before: int | None) -> TorqueMotion:
         if self._plant:
             self._plant.drive(torque, self._plant.command)
-        return TorqueMotion(stamp, torque, before, self._plant)
+        return TorqueMotion(stamp, torque, before, self._plant, self._period)
 
     def words(self) -> str:
         """What moves it."""

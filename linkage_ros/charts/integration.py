@@ -1,0 +1,110 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Speed against accuracy of integrators, as one picture of all mechanisms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from linkage_ros.charts import front
+from linkage_ros.charts.front import Style, Wording, draw_panel, front_handles
+from linkage_ros.methods.accuracy import Point
+from linkage_ros.methods.motion_accuracy import ENERGY, MEAN, SLOWEST, TRAJECTORY
+from linkage_ros.methods.table import LIVE, RECORDS, Integrator, label
+
+_STYLES = {
+    LIVE: Style('o', front.VERMILION),
+    RECORDS: Style('*', front.VERMILION, filled=False, size=11, above=True),
+    'DOP853': Style('s', front.BLUE),
+    'RK4': Style('^', front.GREEN),
+    'Radau': Style('D', front.PURPLE),
+    'multipliers, unstabilised': Style('X', front.GREY, size=6),
+}
+_STAR = Style('*', front.VERMILION, size=13, above=True)
+_PANELS = (
+    (TRAJECTORY, MEAN, 'trajectory'),
+    (ENERGY, MEAN, 'energy'),
+    (TRAJECTORY, SLOWEST, 'trajectory, slowest ms'),
+)
+
+
+def draw_integration(
+    points: Sequence[Point], methods: Sequence[Integrator], title: str, paths: Iterable[Path]
+) -> None:
+    """Draws a row of panels for each mechanism.
+
+    Args:
+        points: Of all mechanisms.
+        methods: The table.
+        title: Of the picture.
+        paths: Where to write it, by ending .png or .svg; replaced if they exist.
+
+    Raises:
+        OSError: A picture cannot be written.
+    """
+    names = list(dict.fromkeys(point.mechanism for point in points))
+    figure = Figure(figsize=(12.5, 1.4 + 3.8 * len(names)), dpi=110, layout='constrained')
+    figure.suptitle(title, fontsize=12)
+    defaults = {(method.name, label(method.steady or {})) for method in methods[:2]}
+    # The settings stand in the legend: written at the points they would hide each other.
+    wording = Wording(
+        lambda point: point.method, lambda point: _STYLES[point.method], lambda _: '', (0.0, 0.0)
+    )
+    panels = figure.subplots(len(names), len(_PANELS), sharey=True, sharex='col', squeeze=False)
+    for row, name in zip(panels, names, strict=True):
+        for axes, (quantity, mode, caption) in zip(row, _PANELS, strict=True):
+            chosen = [
+                p for p in points if (p.mechanism, p.quantity, p.mode) == (name, quantity, mode)
+            ]
+            draw_panel(axes, chosen, wording)
+            for point in chosen:
+                if point.method == LIVE and (point.method, point.setting) in defaults:
+                    axes.plot([point.us_per_state], [point.max_error], zorder=6, **_STAR.look)
+            axes.set_title(f'{name.replace("_", " ")}, {caption}', fontsize=10)
+            axes.set_ylim(2e-16, 20)
+        row[0].set_ylabel('largest error: rad, crank lengths, or relative')
+    for axes in panels[-1]:
+        axes.set_xlabel('time per simulated ms, \N{MICRO SIGN}s')
+    _add_legend(figure, methods)
+    for path in paths:
+        figure.savefig(path)
+
+
+def _add_legend(figure: Figure, methods: Sequence[Integrator]) -> None:
+    handles = [
+        Line2D(
+            [], [], linewidth=0.7 if len(method.settings) > 1 else 0,
+            label=_name(method.name), **_STYLES[method.name].look,
+        )
+        for method in methods
+    ]  # fmt: skip
+    star = Line2D([], [], linewidth=0, label='its default: steps of 1 ms', **_STAR.look)
+    figure.legend(
+        handles=[handles[0], star, *handles[1:], *front_handles()], loc='outside lower center',
+        ncols=5, fontsize=8.5, frameon=False, title_fontsize=8.5,
+        title=f'From left to right: {_settings(methods)}.\n'
+        'At 1000 \N{MICRO SIGN}s a motion would be as fast as the world.',
+    )  # fmt: skip
+
+
+def _settings(methods: Sequence[Integrator]) -> str:
+    """What is set along the lines, those of a kind together."""
+    kinds: dict[str, list[str]] = {}
+    for method in methods:
+        if len(method.settings) > 1:
+            name, unit, scale = (
+                ('step', ' ms', 1e3) if 'step' in method.settings[0] else ('tolerance', '', 1.0)
+            )
+            values = ', '.join(f'{setting[name] * scale:g}' for setting in method.settings)
+            kinds.setdefault(f'{name} {values}{unit}', []).append(method.name.split(',')[0])
+    return '; '.join(f'{", ".join(names)}: {words}' for words, names in kinds.items())
+
+
+def _name(method: str) -> str:
+    return {LIVE: f'{method} (live)', RECORDS: f'{method} (default for records)'}.get(
+        method, method
+    )

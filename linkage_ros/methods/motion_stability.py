@@ -1,0 +1,150 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What comes of integrators in situations, by the rule of `stability`.
+
+A motion is asked for at one time after another. A cell is its worst outcome:
+
+    right         every value within 1e-6: of the trajectory in rad, crank lengths and the largest
+                  rates, of the energy relative to the kinetic one at first, of the loop in crank
+                  lengths
+    refused       an error that says why; beyond the end of the coordinates a right answer
+    diverged      a finite value that is wrong
+    NaN           no number, or an arithmetic error
+
+Its number is the largest error in the cases of that outcome; of refusals, how far the time that
+they tell is from the one at which coupler and third link are in line, s.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_ros.core.simulation import Phase
+from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.methods.measure import FAILURES
+from linkage_ros.methods.motion_bench import MotionBench
+from linkage_ros.methods.motion_situations import (
+    ENERGY,
+    LOOP,
+    MOTION_SITUATIONS,
+    MotionCase,
+    MotionSituation,
+)
+from linkage_ros.methods.motions import Machines
+from linkage_ros.methods.stability import DIVERGED, LIMIT, NAN, OUTCOMES, REFUSED, RIGHT, Cell
+from linkage_ros.methods.table import Integrator
+
+
+class _Followed(NamedTuple):
+    """What a method says of a motion.
+
+    Attributes:
+        phases: At the times that were asked for, as far as it came.
+        gaps: Of the loop at these times, m.
+        failure: Why it stopped: REFUSED or NAN; None: it did not.
+        told: The time that a refusal tells, s; nan: none.
+    """
+
+    phases: list[Phase]
+    gaps: list[float]
+    failure: str | None = None
+    told: float = math.nan
+
+
+def measure_motions(
+    methods: Sequence[Integrator],
+    machines: Machines,
+    *,
+    cases: int,
+    progress: Callable[[Iterable[Any], str], Iterable[Any]],
+    situations: tuple[MotionSituation, ...] = MOTION_SITUATIONS,
+) -> list[Cell]:
+    """Runs every integrator through every situation.
+
+    Args:
+        methods: From the table.
+        machines: What moves.
+        cases: Of each situation; of long motions there are fewer.
+        progress: Wraps what is gone through, with a word for it: a progress bar.
+        situations: To run through.
+
+    Returns:
+        The cells, situation by situation.
+    """
+    cells = []
+    groups = [list(group) for _, group in itertools.groupby(situations, key=lambda s: s.generate)]
+    for group in progress(groups, 'motions'):
+        found = group[0].cases(machines, cases)
+        benches = [MotionBench(case.run, case.times, case.formula) for case in found]
+        for situation, method, followed in _every(group, methods, found):
+            judged = [
+                _judge(situation, *parts) for parts in zip(found, benches, followed, strict=True)
+            ]
+            outcome = max((outcome for outcome, _ in judged), key=OUTCOMES.index)
+            errors = [error for other, error in judged if other == outcome and error is not None]
+            cells.append(Cell(method.name, situation.name, outcome, max(errors, default=None)))
+    return cells
+
+
+def _every(
+    group: list[MotionSituation], methods: Sequence[Integrator], cases: list[MotionCase]
+) -> Iterable[tuple[MotionSituation, Integrator, list[_Followed]]]:
+    """Situations that share their motions share what comes of them."""
+    followed = [[_follow(method, case) for case in cases] for method in methods]
+    for situation in group:
+        for method, found in zip(methods, followed, strict=True):
+            yield situation, method, found
+
+
+def _follow(method: Integrator, case: MotionCase) -> _Followed:
+    phases: list[Phase] = []
+    gaps: list[float] = []
+    try:
+        with np.errstate(all='ignore'):
+            follower = method.make(case.run, method.steady or method.settings[0])
+            for time in case.times:
+                phase = follower.at(time)
+                if not all(map(math.isfinite, phase)):
+                    return _Followed(phases, gaps, NAN)
+                # A phase that no position belongs to is refused here, as where it is published.
+                gaps.append(follower.gap())
+                phases.append(phase)
+    except LinkageError as error:
+        told = error.time if isinstance(error, MotionError) else math.nan
+        return _Followed(phases, gaps, REFUSED, told)
+    except FAILURES:
+        return _Followed(phases, gaps, NAN)
+    return _Followed(phases, gaps)
+
+
+def _judge(
+    situation: MotionSituation, case: MotionCase, bench: MotionBench, followed: _Followed
+) -> tuple[str, float | None]:
+    """The outcome of one motion, and its number."""
+    end = math.inf if case.end is None else case.end
+    errors: list[float] = []
+    for i, time in enumerate(case.times):
+        if (time < end) != situation.exists:
+            continue
+        if i < len(followed.phases):
+            errors.append(_error(situation.judged, bench, followed, i))
+            continue
+        if max(errors, default=0.0) <= LIMIT:
+            late = abs(followed.told - end)
+            return followed.failure or NAN, late if math.isfinite(late) else None
+        break
+    worst = max(errors)
+    return RIGHT if worst <= LIMIT else DIVERGED, worst
+
+
+def _error(judged: str, bench: MotionBench, followed: _Followed, index: int) -> float:
+    if judged == ENERGY:
+        return bench.drift(followed.phases[index])
+    if judged == LOOP:
+        return followed.gaps[index] / bench.run.mechanism.crank.length
+    return bench.error(index, followed.phases[index])

@@ -1,0 +1,362 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Integrators of motions under a torque: their reference, orders, floors, work and drift."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from decimal import Decimal
+
+import numpy as np
+import oracle_pump
+import pytest
+from mpmath import mp
+from oracle import Oracle
+
+from linkage_ros import EquationsOfMotion, FourBar
+from linkage_ros.core.numeric import with_turns
+from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.methods import linkages, motion_accuracy, table
+from linkage_ros.methods.accuracy import RIGHT
+from linkage_ros.methods.cut_loop import CutLoop, eliminate
+from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
+from linkage_ros.methods.motion_bench import MotionBench, even
+from linkage_ros.methods.motion_reference import Accuracy, MotionReference, unit
+from linkage_ros.methods.motions import Machines, Run
+from linkage_ros.run.adaptive import AdaptiveSteps
+from linkage_ros.run.configuration import load
+
+PUMP = load('wind_pump')
+QUADRILATERAL = load('quadrilateral').mechanism
+MACHINES = Machines.of(
+    QUADRILATERAL, PUMP.mechanism, PUMP.drive.motor.torque, PUMP.drive.motor.damping
+)
+INTEGRATORS = table.integrators(AdaptiveSteps)
+BY_NAME = {method.name: method for method in INTEGRATORS}
+DRIVEN, COASTING = MACHINES.driven(6.0), MACHINES.coasting(5 * math.pi)
+
+
+@pytest.fixture(scope='module')
+def benches():
+    return {'pump': MotionBench(DRIVEN, even(2.0)), 'four-bar': MotionBench(COASTING, even(0.5))}
+
+
+def worst(bench, follower):
+    return max(bench.error(i, follower.at(time)) for i, time in enumerate(bench.times))
+
+
+def slope(x, y):
+    return np.polyfit(np.log(x), np.log(y), 1)[0]
+
+
+# ---------------------------------------------------------------- the reference
+
+
+@pytest.mark.parametrize('run', [DRIVEN, COASTING, MACHINES.freed(9.0)])
+def test_the_reference_is_the_same_with_other_steps_of_another_order(run):
+    other = MotionReference(run, Accuracy(Decimal('0.03'), 9, Decimal('1e-22')))
+    mine = MotionReference(run)
+    for time in (0.3, 0.7, 1.0):
+        for x, y in zip(mine.at(time), other.at(time), strict=True):
+            assert abs(x - y) < Decimal('1e-17')
+
+
+def test_the_reference_agrees_with_the_energy_of_another_hand():
+    """The time that a free crank needs is an integral over its angle: no steps of time."""
+    angle, speed = MotionReference(COASTING).at(0.1)
+    oracle = Oracle(QUADRILATERAL)
+    with mp.workdps(30):
+        start = oracle.energy(0.0, mp.mpf(COASTING.start[1]))
+
+        def rate(x):
+            rest = oracle.energy(x, 0)
+            return mp.sqrt((start - rest) / (oracle.energy(x, 1) - rest))
+
+        angle = mp.mpf(str(angle))
+        assert abs(rate(angle) - mp.mpf(str(speed))) < 1e-17
+        taken = mp.quad(lambda x: 1 / rate(x), mp.linspace(0, angle, 4))
+        assert abs(taken - mp.mpf(0.1)) < 1e-17
+
+
+def test_the_reference_agrees_with_absolute_coordinates_of_another_hand():
+    times = [0.0, 0.5, 1.0, 1.5]
+    with np.errstate(under='ignore'):
+        other = oracle_pump.multipliers(oracle_pump.Pump(), oracle_pump.FAST, times)
+    reference = MotionReference(DRIVEN)
+    for time, row in zip(times[1:], other[1:], strict=True):
+        assert np.array(reference.at(time), float) == pytest.approx(row, rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ('velocity', 'end'),
+    # From an oracle of another hand, with the pump's other data as they are.
+    [(5.0, 0.399465563600), (6.0, 0.273729384923), (-6.0, 0.230043884145)],
+)
+def test_the_end_of_the_coordinates_is_found(velocity, end):
+    assert MotionReference(MACHINES.driven(2.0, velocity)).end(1.0) == pytest.approx(
+        end, abs=1e-11
+    )
+
+
+def test_a_motion_that_does_not_end_has_no_end():
+    assert MotionReference(DRIVEN).end(0.5) is None
+
+
+def test_the_reference_says_where_it_cannot_go_on():
+    parallelogram = replace(linkages.four_bar((0.25, 0.75, 0.25, 0.75)), gravity=(0.0, 0.0))
+    with pytest.raises(ArithmeticError, match='cannot be followed beyond'):
+        MotionReference(Run(parallelogram, (-0.5, 2.0))).at(1.0)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_the_cut_loop_accelerates_as_virtual_power_does(seed):
+    random = np.random.default_rng(seed)
+    runs = [Run(MACHINES.pump, (*random.uniform((0, 1.3), (7, 1.7)), *random.uniform(-5, 5, 2)))]
+    while len(runs) < 3:
+        mechanism = linkages.turning(random)
+        if isinstance(mechanism, FourBar):
+            runs.append(Run(mechanism, tuple(random.uniform(-5, 5, 2))))
+    for run in runs:
+        start = tuple(map(float, run.start))
+        q, u = start[: run.count], start[run.count :]
+        equations = EquationsOfMotion(run.mechanism)
+        state = equations.state(q, u, (0.0,) * run.count)
+        directions = [(math.cos(x), math.sin(x)) for x in state.position[:3]]
+        found = CutLoop(run.mechanism, float, lambda x: (math.cos(x), math.sin(x))).accelerations(
+            directions, state.velocity[:3], u[1] if len(u) > 1 else None, 3.0, eliminate
+        )
+        chosen = (found[0], found[3]) if len(u) > 1 else (found[0],)
+        assert chosen == pytest.approx(equations.accelerations(q, u, 3.0), rel=1e-10)
+
+
+def test_elimination_takes_the_largest_pivot():
+    rows, right = [[0.0, 2.0, 1.0], [1.0, 1.0, 1.0], [4.0, 0.0, -1.0]], [3.0, 2.0, 1.0]
+    assert eliminate(rows, right) == pytest.approx(np.linalg.solve(rows, right))
+    with pytest.raises(ZeroDivisionError):
+        eliminate([[1.0, 2.0], [2.0, 4.0]], [1.0, 1.0])
+
+
+def test_cosine_and_sine_have_all_digits():
+    cos, sin = unit(5.497787143782138)
+    assert abs(cos**2 + sin**2 - 1) < Decimal('1e-26')
+    assert (float(cos), float(sin)) == (math.cos(5.497787143782138), math.sin(5.497787143782138))
+
+
+# ---------------------------------------------------------------- orders
+
+
+@pytest.mark.parametrize(
+    ('name', 'run', 'steps', 'order'),
+    [
+        ('RK4', MACHINES.driven(2.0), (0.05, 0.025, 0.0125, 0.005), 4),
+        ('RK4', COASTING, (2e-3, 1e-3, 5e-4, 2.5e-4), 4),
+        (table.LIVE, MACHINES.driven(2.0), (0.05, 0.025, 0.0125, 0.01), 5),
+        (table.LIVE, DRIVEN, (0.025, 0.0125, 0.005, 0.0025), 5),
+    ],
+)
+def test_fixed_steps_are_of_their_order(name, run, steps, order):
+    bench = MotionBench(run, even(0.4 if run is COASTING else 1.0))
+    found = [worst(bench, BY_NAME[name].make(run, {'step': step})) for step in steps]
+    assert slope(steps, found) == pytest.approx(order, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ('name', 'powers', 'at_steps', 'between'),
+    # Between steps DOP853 has a polynomial of degree 7, and Radau a cubic: the eighth and the
+    # fourth power of the step are lost there, once.
+    [('DOP853', (7, 9, 11), 8, 8), ('Radau', (4, 6, 8), 5, 4)],
+)
+def test_scipys_solvers_are_of_their_order_at_their_steps_and_between(
+    name, powers, at_steps, between
+):
+    numbers, errors, errors_between = [], [], []
+    for power in powers:
+        steps, seen = OfScipy(DRIVEN, name, 10.0**-power)._steps, []
+        while steps.t < 2.0:
+            with np.errstate(under='ignore'):
+                steps.step()
+                middle = (steps.t_old + steps.t) / 2
+                seen.append((middle, steps.dense_output()(middle), steps.t, steps.y))
+        numbers.append(len(seen))
+        reference, errors_here = MotionReference(DRIVEN), []
+        for first, inside, then, at in seen[:: max(1, len(seen) // 20)]:
+            errors_here.append([apart(reference.at(first), inside), apart(reference.at(then), at)])
+        inside, at = np.max(errors_here, axis=0).tolist()
+        errors_between.append(inside)
+        errors.append(at)
+    assert slope(numbers, errors) == pytest.approx(-at_steps, abs=0.8)
+    assert slope(numbers, errors_between) == pytest.approx(-between, abs=0.8)
+    assert all(b > 3 * a for a, b in zip(errors, errors_between, strict=True))
+
+
+def apart(exact, values):
+    return max(abs(float(x - Decimal(y))) for x, y in zip(exact, values.tolist(), strict=True))
+
+
+# ---------------------------------------------------------------- work
+
+
+class Counted(Motion):
+    """A motion that counts how often it is looked at."""
+
+    def look(self, time, phase):
+        counts.append(time)
+        return super().look(time, phase)
+
+
+counts: list[float] = []
+
+
+def counted(run):
+    """The same run, with its motion counted from now on."""
+    counts.clear()
+    run = replace(run)
+    run.__dict__['motion'] = Counted(run.motion.equations, run.motion.torque)
+    return run
+
+
+def test_the_work_of_a_live_ms_is_bounded():
+    run = counted(DRIVEN)
+    follower = BY_NAME[table.LIVE].make(run, BY_NAME[table.LIVE].steady)
+    for i in range(200):
+        counts.clear()
+        follower.at((i + 1) * 1e-3)
+        assert len(counts) == 6  # the last look of a step is the first of the next
+    run = counted(DRIVEN)
+    follower = RungeKutta4(run, 1e-3)
+    follower.at(0.1)
+    assert len(counts) == 400
+
+
+def test_records_take_fewer_looks_but_many_at_once():
+    run = counted(DRIVEN)
+    follower = BY_NAME[table.RECORDS].make(run, {})
+    numbers = []
+    for i in range(1000):
+        counts.clear()
+        follower.at((i + 1) * 1e-3)
+        numbers.append(len(counts))
+    assert sum(numbers) < 2000
+    assert max(numbers) > 12
+
+
+# ---------------------------------------------------------------- the table
+
+
+def test_the_table_is_complete_and_its_names_differ():
+    names = [method.name for method in INTEGRATORS]
+    assert len(set(names)) == len(names)
+    assert names[:2] == [table.LIVE, table.RECORDS]
+    for method in INTEGRATORS:
+        assert method.stage == table.MOTION
+        assert method.needs
+        assert method.source
+        assert method.steady in (None, *method.settings) or method.name.startswith('multipliers')
+        assert len(method.settings) >= 5 or method.name == table.RECORDS
+
+
+@pytest.mark.parametrize('name', [n for n in BY_NAME if n != table.RECORDS])
+@pytest.mark.parametrize('motion', ['pump', 'four-bar'])
+def test_errors_fall_with_each_setting_down_to_a_floor(benches, motion, name):
+    bench, method = benches[motion], BY_NAME[name]
+    found = [worst(bench, method.make(bench.run, setting)) for setting in method.settings]
+    floor = found.index(min(found))
+    down = [max(error, 2e-13) for error in found[: floor + 1]]
+    assert all(b < a or b == 2e-13 for a, b in itertools.pairwise(down)), found
+    assert down[-1] < (2e-7 if name == 'Radau' else 1e-8), found
+
+
+def test_the_defaults_are_what_live_runs_and_records_take(benches):
+    bench = benches['pump']
+    for name, steps in (
+        (table.LIVE, FixedSteps(DRIVEN.motion, DRIVEN.start)),
+        (table.RECORDS, AdaptiveSteps(DRIVEN.motion, DRIVEN.start)),
+    ):
+        method = BY_NAME[name]
+        follower = method.make(DRIVEN, method.steady or {})
+        for time in bench.times:
+            steps.advance(time)
+            assert follower.at(time) == (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
+
+
+def test_the_defaults_are_right(benches):
+    for bench in benches.values():
+        for name in (table.LIVE, table.RECORDS):
+            method = BY_NAME[name]
+            assert worst(bench, method.make(bench.run, method.steady or {})) < 1e-10
+
+
+# ---------------------------------------------------------------- energy and the loop
+
+
+@pytest.mark.parametrize('name', BY_NAME)
+def test_the_energy_of_a_free_motion_stays(name):
+    run = MACHINES.freed(6.0)
+    bench, method = MotionBench(run, even(5.0)), BY_NAME[name]
+    follower = method.make(run, method.steady or {})
+    limit = 1e-7 if name in ('Radau', 'multipliers, unstabilised') else 1e-10
+    assert max(bench.drift(follower.at(time)) for time in bench.times) < limit
+    assert bench.drift((math.nan, 1.5, 6.0, 0.0)) == math.inf
+
+
+@pytest.mark.parametrize('run', [MACHINES.freed(9.0), COASTING], ids=['pump', 'four-bar'])
+def test_an_unstabilised_loop_opens_with_the_square_of_time(run):
+    follower, times, gaps = Multipliers(run, 1e-9), np.arange(1.0, 31.0), []
+    for time in times.tolist():
+        follower.at(time)
+        gaps.append(follower.gap())
+    widest = np.maximum.accumulate(gaps)
+    assert slope(times[2:], widest[2:]) == pytest.approx(2, abs=0.3)
+    assert widest[-1] > 100 * 1e-9 * run.mechanism.crank.length
+
+
+def test_a_loop_that_is_closed_from_coordinates_does_not_open():
+    for name in (table.LIVE, table.RECORDS, 'DOP853', 'RK4', 'Radau'):
+        method = BY_NAME[name]
+        follower = method.make(DRIVEN, method.steady or {})
+        follower.at(1.0)
+        assert follower.gap() < 1e-14
+
+
+# ---------------------------------------------------------------- measuring
+
+
+def test_a_method_that_fails_has_no_time_and_an_error_without_bound():
+    job = motion_accuracy._Job(
+        BY_NAME['RK4'], {'step': 0.05}, MotionBench(MACHINES.driven(2.0, 6.0), even(0.5)), []
+    )
+    job.follow()
+    point = job.point('wind_pump', 'trajectory', [])
+    assert (point.max_error, math.isnan(point.us_per_state)) == (math.inf, True)
+
+
+def test_only_steps_up_to_a_ms_have_a_slowest_ms():
+    methods = [replace(BY_NAME['RK4'], settings=({'step': 0.01}, {'step': 1e-3}))]
+    points = motion_accuracy.measure_motions(
+        methods, MACHINES, quick=True, progress=lambda items, _: items
+    )
+    assert len(points) == 2 * (2 + 1 + 2)
+    slowest = [p for p in points if p.mode == motion_accuracy.SLOWEST]
+    assert [p.setting for p in slowest] == ['step 0.001'] * 2
+    for point in points:
+        assert 0 < point.us_per_state < 1e4
+        assert point.pareto <= (point.max_error <= RIGHT)
+
+
+def test_machines_are_of_their_kinds():
+    with pytest.raises(TypeError, match='a four-bar and a wind pump'):
+        Machines.of(PUMP.mechanism, QUADRILATERAL, 1.0, 1.0)
+
+
+def test_errors_are_seen(benches):
+    bench = benches['pump']
+    exact = [float(x) for x in MotionReference(DRIVEN).at(bench.times[0])]
+    assert bench.error(0, tuple(exact)) < 1e-15
+    length = MACHINES.pump.crank.length
+    assert bench.error(0, (exact[0] + 1e-3, *exact[1:])) == pytest.approx(1e-3)
+    assert bench.error(0, (exact[0], exact[1] + 1e-3 * length, *exact[2:])) == pytest.approx(1e-3)
+    # A lost turn is an error.
+    assert bench.error(0, (exact[0] + 2 * math.pi, *exact[1:])) == pytest.approx(2 * math.pi)
+    assert bench.error(0, (math.nan, *exact[1:])) == math.inf
