@@ -226,7 +226,7 @@ def test_the_command_line_says_so_in_one_line(tmp_path, monkeypatch, capsys):
     out, errors = capsys.readouterr()
     assert out == ''
     (line,) = errors.splitlines()
-    assert line.startswith('linkage_record: the motion ends at t = 0.230044 s, crank at')
+    assert line.startswith('linkage_record: the motion ends at t = 0.230044 s, crank at 18.1')
     assert 'folded' in line
 
 

@@ -112,7 +112,9 @@ class Motion:
         q = phase[: len(phase) // 2]
         sine, words = self.equations.dyad(*q)
         with suppress(LinkageError):  # the end itself is a little later
-            _, left = self.look(time, phase)
+            u = phase[len(q) :]
+            _, (opening, rate) = self.equations.forward(q, u, self.torque(time, u[0]))
+            left = -opening / rate if rate < 0 else math.inf
             time += left if left < _AHEAD else 0.0
         place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
         if len(q) > 1:
