@@ -38,11 +38,11 @@ def motion(options: argparse.Namespace) -> None:
     configuration = load(options.params)
     mechanism, kind = _linkage(configuration), configuration.kind.mechanism
     drive = configuration.drive
-    rpm = options.rpm if options.rpm is not None else getattr(drive, 'rpm', None)
-    if rpm is None:
+    if options.rpm is None and isinstance(drive, TorqueDrive):
         raise ConfigurationError(
             f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
         )
+    rpm = drive.target if options.rpm is None else options.rpm
     for name, value in (('--rpm', rpm), ('--acceleration', options.acceleration)):
         if not abs(value) <= 1e9:
             raise ConfigurationError(f'{name} {value:g}: must be a number from -1e+09 to 1e+09')

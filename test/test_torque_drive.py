@@ -328,6 +328,20 @@ def test_what_stood_still_for_long_goes_on_from_where_it_was():
     assert motion.next(START + 10**9 + 200_000_000, motion.target) is motion
 
 
+def forge(path, claimed, real):
+    """A record of one run under the configuration of another."""
+    machine, motion = Machine(real), Machine(real).begin(0, AdaptiveSteps)
+    with LogWriter(path, claimed, overwrite=False) as log:
+        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
+        log.write_motion(Machine(claimed).begin(0))
+        for tick in range(20):
+            stamp = machine.elapsed(tick)
+            for channel, message in zip(
+                channels, machine.step(motion, stamp).messages, strict=True
+            ):
+                log.write(channel, stamp, message)
+
+
 def test_below_a_hertz_the_plant_moves_too():
     machine = Machine(changed(QUADRILATERAL, session={'rate_hz': 0.5}))
     motion = machine.begin(START)
@@ -347,16 +361,7 @@ def test_below_a_hertz_the_plant_moves_too():
     ],
 )  # fmt: skip
 def test_a_log_that_began_elsewhere_than_its_configuration_says_is_found(tmp_path, part):
-    machine, motion = Machine(PUMP), Machine(PUMP).begin(0, AdaptiveSteps)
-    with LogWriter(tmp_path / 'run.mcap', changed(**part), overwrite=False) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
-        log.write_motion(motion)
-        for tick in range(3):
-            stamp = machine.elapsed(tick)
-            for channel, message in zip(
-                channels, machine.step(motion, stamp).messages, strict=True
-            ):
-                log.write(channel, stamp, message)
+    forge(tmp_path / 'run.mcap', changed(**part), PUMP)
     with LogReader(tmp_path / 'run.mcap') as log:
         report = verify(log)
     assert 'of state 1 does not follow from the one before' in report.difference
@@ -435,16 +440,7 @@ def test_a_record_with_a_torque_that_no_motor_gives_is_found(tmp_path):
     ) as log:
         assert verify(log).difference == ''
     other = changed(drive={'motor': replace(PUMP.drive.motor, torque=8.5)})
-    machine, motion = Machine(PUMP), Machine(other).begin(0, AdaptiveSteps)
-    with LogWriter(tmp_path / 'b.mcap', PUMP, overwrite=False) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
-        log.write_motion(machine.begin(0))
-        for tick in range(20):
-            stamp = machine.elapsed(tick)
-            for channel, message in zip(
-                channels, machine.step(motion, stamp).messages, strict=True
-            ):
-                log.write(channel, stamp, message)
+    forge(tmp_path / 'b.mcap', PUMP, other)
     with LogReader(tmp_path / 'b.mcap') as log:
         assert 'has the torque 6.1 N m, the motor line gives 6' in verify(log).difference
 

@@ -50,9 +50,9 @@ class MassDistribution:
             weight[2] = self._output.mass * complex(-gravity[1], gravity[0])
             if self._output.damping or self._output.force:
                 self._resistance = self._output.damping, self._output.force
-        # A slider that is a coordinate by itself, along x, and the force that draws it.
+        # A slider that is a coordinate by itself, along x, and the share of its weight there.
         self._free = slider if slider and slider.link == 3 else None
-        self._pull = slider.force + slider.mass * gravity[0] if slider else 0.0
+        self._free_weight = slider.mass * gravity[0] if slider else 0.0
         self._diagonal = tuple(diagonal)
         self._weight = tuple((w.real, w.imag) if w else None for w in weight)
 
@@ -107,9 +107,8 @@ class MassDistribution:
         powers = [k1 * t1 + k2 * t2 + k3 * t3 for k1, k2, k3 in partial]
         if slide and self._free:
             velocity, acceleration = slide
-            powers[-1] = powers[-1] + (
-                self._free.mass * acceleration + self._free.damping * velocity - self._pull
-            )
+            push = self._free.force + self._free_weight - self._free.damping * velocity
+            powers[-1] = powers[-1] + (self._free.mass * acceleration - push)
         return tuple(powers)
 
     def potential(self, links: Links) -> Real:
@@ -131,7 +130,7 @@ class MassDistribution:
                 else:
                     energy = energy - (x * cosines[j] + y * sines[j])
         if self._free:
-            energy = energy - self._pull * position[3]
+            energy = energy - self._free_weight * position[3]
         return energy
 
     def matrix(self, links: Links) -> tuple[tuple[Real, ...], ...]:

@@ -88,10 +88,10 @@ class Recomputation:
             return self._machine.step(motion, stamp)
         if self._told is None or self._told >= len(logged):
             raise LogError('has no mechanism_state')
-        return self._machine.describe(stamp, self._read(logged[self._told]))
+        return self._machine.describe(stamp, self._read(logged[self._told])[0])
 
-    def _read(self, data: bytes) -> CrankState:
-        """The coordinates that a mechanism_state tells.
+    def _read(self, data: bytes) -> tuple[CrankState, float]:
+        """The coordinates and the torque, N m, that a mechanism_state tells.
 
         Raises:
             LogError: It tells none.
@@ -101,10 +101,11 @@ class Recomputation:
         except ValueError as error:
             raise LogError(f'has a mechanism_state that is {error}') from error
         count = len(self._codec.names)
-        position, velocity, acceleration = (values[i * count :][:count] for i in range(3))
+        position, velocity, acceleration, effort = (values[i * count :][:count] for i in range(4))
         angle, _ = within_two_turns(position[0])
         slide = () if self._machine.solver else (position[-1], velocity[-1], acceleration[-1])
-        return CrankState(angle, position[0], velocity[0], acceleration[0], slide)
+        crank = CrankState(angle, position[0], velocity[0], acceleration[0], slide)
+        return crank, effort[0]
 
     def follow(self, motion: RunMotion, tick: int, logged: Sequence[bytes]) -> str:
         """Goes on to a state whose messages are right.
@@ -119,8 +120,7 @@ class Recomputation:
         """
         if not self._drive or self._told is None or self._told >= len(logged):
             return ''
-        crank = self._read(logged[self._told])
-        torque = self._machine.describe(0, crank).state.torque
+        crank, torque = self._read(logged[self._told])
         damping = self._drive.motor.damping
         before, self._before = self._before, (tick, crank, torque + damping * crank.speed)
         if self._recorded:
