@@ -135,7 +135,8 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
         difference = verify(log).difference
         assert not difference, difference
         codec = JointStateCodec(Machine(log.configuration).joints)
-        rows = [codec.decode(m.data) for m in log.messages() if m.topic == '/joint_states']
+        rows = [codec.decode(m.data) for m in log.messages(['/joint_states'])]
+        commands = list(log.messages(['/joint_commands']))
     stamps = np.array([stamp for stamp, _ in rows]) * 1e-9
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])
     half = len(rows) // 2
@@ -147,8 +148,34 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
         'rms_ripple': float(np.sqrt(np.mean(ripple[half:] ** 2))),
         'peak_effort': float(np.abs(effort[half:]).max()),
         'states': len(rows),
+        **respond(rows, commands),
     }
     return figures, np.array([stamps[last] - stamps[last][0], ripple[last], effort[last]])
+
+
+def respond(rows, commands) -> dict[str, float]:
+    """How long the loop takes: from the stamp of a state to its command, and until it acts."""
+    from rclpy.serialization import deserialize_message
+    from sensor_msgs.msg import JointState
+
+    answers, ages = {}, []
+    for command in commands:
+        message = deserialize_message(command.data, JointState)
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        answers[message.effort[0]] = stamp
+        ages.append((command.time - stamp) * 1e-6)
+    efforts = np.array(sorted(answers))
+    ticks = []
+    for stamp, values in rows[len(rows) // 2 :]:
+        near = efforts[np.abs(efforts - values[6]).argmin()]  # the motor line may round it
+        ticks.append(round((stamp - answers[near]) * 1e-9 / TICK))
+    p50, p99 = np.quantile(ages, (0.5, 0.99))
+    return {
+        'command_age_p50_ms': float(p50),
+        'command_age_p99_ms': float(p99),
+        'acts_after_ticks': float(np.median(ticks)),
+        'acts_then': float(np.mean(np.array(ticks) == np.median(ticks))),
+    }
 
 
 def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
@@ -173,7 +200,8 @@ def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     for row in range(0, rows, 2):
         axes[row, 0].set_ylabel('speed error, %')
         axes[row + 1, 0].set_ylabel('applied torque, N m')
-    axes[0, 0].legend(frameon=False, fontsize=9)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside upper center', ncols=2, frameon=False)
     for one in axes.flat:
         one.grid(color='0.9')
         one.spines[['top', 'right']].set_visible(False)
@@ -207,7 +235,10 @@ def main() -> None:
                 print(
                     f'{rpm:5g} rpm, {name:17}: PI alone {100 * without["peak_ripple"]:8.4f} %, '
                     f'with feed-forward {100 * with_["peak_ripple"]:8.4f} %, {ratio:6.1f} times '
-                    f'less (p99 {without["p99_ripple"] / with_["p99_ripple"]:.1f})',
+                    f'less (p99 {without["p99_ripple"] / with_["p99_ripple"]:.1f}); '
+                    f'commands {with_["command_age_p50_ms"]:.2f} ms after the stamp '
+                    f'(p99 {with_["command_age_p99_ms"]:.2f}), act {with_["acts_after_ticks"]:g} '
+                    f'tick later in {100 * with_["acts_then"]:.1f} %',
                     flush=True,
                 )
     (options.out / 'controller.json').write_text(json.dumps(records, indent=1) + '\n')

@@ -5,55 +5,43 @@
 ros2 launch linkage_ros controller.launch.py rpm:=600.0 feed_forward:=false log:=run.mcap
 """
 
-from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
-
-def start(context: LaunchContext) -> list[Node]:
-    """Starts both."""
-    rpm, feed_forward, log, viewer = (
-        LaunchConfiguration(name).perform(context)
-        for name in ('rpm', 'feed_forward', 'log', 'viewer')
-    )
-    speed = float(rpm)
-    return [
-        Node(
-            package='linkage_ros',
-            executable='linkage_controller',
-            parameters=[{'rpm': speed, 'feed_forward': feed_forward == 'true'}],
-            output='screen',
-        ),
-        Node(
-            package='linkage_ros',
-            executable='linkage_node',
-            parameters=[
-                {
-                    'drive': 'torque',
-                    'start_rpm': speed,
-                    'rate_hz': 1000.0,
-                    'log': log,
-                    'viewer': viewer,
-                }
-            ],
-            output='screen',
-        ),
-    ]
+_ARGUMENTS = (
+    ('rpm', float, '150.0', 'speed to keep'),
+    ('feed_forward', bool, 'true', 'add the exact torque'),
+    ('log', str, '', '.mcap file to write'),
+    ('viewer', str, '', 'spawn, web, URL or .rrd'),
+)
 
 
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` asks for."""
+    given = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+        for name, kind, _, _ in _ARGUMENTS
+    }
+    plant = {
+        'drive': 'torque',
+        'rate_hz': 1000.0,
+        'start_rpm': given['rpm'],
+        'log': given['log'],
+        'viewer': given['viewer'],
+    }
+    controller = {name: given[name] for name in ('rpm', 'feed_forward')}
     return LaunchDescription(
         [
-            DeclareLaunchArgument('rpm', default_value='150.0', description='speed to keep'),
-            DeclareLaunchArgument(
-                'feed_forward', default_value='true', description='add the exact torque'
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=meaning)
+                for name, _, default, meaning in _ARGUMENTS
             ),
-            DeclareLaunchArgument('log', default_value='', description='.mcap file to write'),
-            DeclareLaunchArgument(
-                'viewer', default_value='', description='spawn, web, URL or .rrd'
+            *(
+                Node(package='linkage_ros', executable=name, parameters=[values], output='screen')
+                for name, values in (('linkage_controller', controller), ('linkage_node', plant))
             ),
-            OpaqueFunction(function=start),
         ]
     )
