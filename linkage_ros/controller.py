@@ -24,7 +24,7 @@ from linkage_ros.run.configuration import load
 
 _NAME = 'linkage_controller'
 # What the user may set: a default, and what it means.
-_PARAMETERS = {
+PARAMETERS = {
     'plant': ('quadrilateral', 'parameter file, or preset, of the mechanism that is controlled'),
     'rpm': (150.0, 'crank speed to keep'),
     'bandwidth': (15.0, 'of the speed loop, Hz'),
@@ -87,7 +87,7 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
     def __init__(self) -> None:
         super().__init__(_NAME)
         plant, rpm, bandwidth, feed_forward, lead = (
-            self.declare_parameter(name, value).value for name, (value, _) in _PARAMETERS.items()
+            self.declare_parameter(name, value).value for name, (value, _) in PARAMETERS.items()
         )
         self._controller = SpeedController(
             load(plant).mechanism, rpm, bandwidth, lead if feed_forward else None
@@ -110,7 +110,7 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
 
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
-    names = '; '.join(f'{name}: {meaning}' for name, (_, meaning) in _PARAMETERS.items())
+    names = '; '.join(f'{name}: {meaning}' for name, (_, meaning) in PARAMETERS.items())
     parser = cli.make_parser(
         _NAME,
         f'Keep a torque-driven crank at a speed. ROS parameters: {names}.',

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import itertools
 import os
 import sys
@@ -16,7 +15,7 @@ from contextlib import ExitStack, contextmanager
 from tqdm import tqdm
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.errors import ConfigurationError, LogError, ViewerError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.playback.feed import Item, Piece, cut, feed
 from linkage_ros.playback.keyboard import Keyboard
@@ -59,11 +58,17 @@ def _status(log: LogReader, piece: Piece, pace: Pace) -> Iterator[Show]:
 
 @contextmanager
 def _viewing(log: LogReader, target: str) -> Iterator[Sink]:
-    """Shows the joint states of a log in Rerun."""
+    """Shows the joint states of a log in Rerun.
+
+    Raises:
+        ViewerError: No viewer answers, or the view cannot be opened.
+    """
     machine = Machine(log.configuration)
     codec, joints = JointStateCodec(machine.joints), len(machine.joints)
     failed: list[Exception] = []
     view = View(log.configuration, target)  # on this machine alone, whatever the run's was
+    if view.trouble:
+        raise ViewerError(f'no viewer answers at {target}: start one there first, with `rerun`')
     if view.page:
         print(f'watch it in a browser: {view.page}', flush=True)
     worker: Worker[Sample] = Worker(
@@ -92,6 +97,8 @@ def _viewing(log: LogReader, target: str) -> Iterator[Sink]:
         worker.close(timeout=10.0)
         if failed:
             cli.print_error(_NAME, f'the view ended early: {failed[0]}')
+        elif lost := worker.dropped + view.dropped:
+            cli.print_error(_NAME, f'{lost} states were not shown: the viewer lagged or ended')
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -200,10 +207,7 @@ def _run(arguments: list[str]) -> int:
         pace = Pace(piece.start, options.rate)
         sinks = _sinks(stack, options, of_ros, log, piece, pace)
         keyboard = stack.enter_context(Keyboard())
-        # A message must not wait for the reading thread's turn in the interpreter to end, nor
-        # for a search through all objects that were made so far.
-        sys.setswitchinterval(0.0001)
-        gc.freeze()
+        cli.prepare_for_deadlines()
         stop.wait(options.delay)
         items = stack.enter_context(feed(log, piece, loop=options.loop))
         show = stack.enter_context(_status(log, piece, pace))

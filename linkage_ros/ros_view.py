@@ -7,33 +7,61 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from linkage_ros.run.configuration import Configuration
-from linkage_ros.view.stream import View
+from linkage_ros.run.diagnostics import Health
+from linkage_ros.run.worker import Worker
+from linkage_ros.view.stream import Sample, View
+
+# States that wait for the viewer, 4 s at 1 kHz, and s between batches.
+_CAPACITY, _PERIOD = 4_000, 0.03
 
 
-def open_view(node: Node, configuration: Configuration) -> View | None:
-    """Opens the view that a configuration asks for.
+class LiveView:
+    """Shows the states of a node in a thread of its own."""
 
-    Args:
-        node: Says where a page is, and who can see it.
-        configuration: Of the run.
+    def __init__(self, node: Node, configuration: Configuration) -> None:
+        """Opens the view that a configuration asks for.
 
-    Returns:
-        The view; None: none is asked for.
+        Args:
+            node: Says where a page is, who can see it and how it ends.
+            configuration: Of the run.
 
-    Raises:
-        ViewerError: It cannot be opened.
-    """
-    session = configuration.session
-    if not session.viewer:
-        return None
-    view = View(
-        configuration, session.viewer, session.viewer_bind, overwrite=session.log_overwrite
-    )
-    if view.page:
-        node.get_logger().info(f'watch it in a browser: {view.page}')
-    if view.exposed:
-        node.get_logger().warning(
-            f'the view is served at {view.url} to whoever reaches it; viewer_bind = 127.0.0.1 '
-            'keeps it on this machine'
+        Raises:
+            ViewerError: It cannot be opened.
+        """
+        session, self._logger = configuration.session, node.get_logger()
+        self._target = session.viewer
+        self._view = view = View(
+            configuration, session.viewer, session.viewer_bind, overwrite=session.log_overwrite
         )
-    return view
+        if view.page:
+            self._logger.info(f'watch it in a browser: {view.page}')
+        if view.exposed:
+            self._logger.warning(
+                f'the view is served at {view.url} to whoever reaches it; viewer_bind = '
+                '127.0.0.1 keeps it on this machine'
+            )
+        self._worker: Worker[Sample] = Worker(
+            'view', view, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
+        )
+
+    def offer(self, sample: Sample) -> None:
+        """Shows a state, whenever the viewer is ready for it; from one thread alone."""
+        self._worker.offer(sample)
+
+    def health(self) -> Health:
+        """What has become of it so far."""
+        # Dropped on the way to the view, and by the view for a viewer that lags.
+        lost = self._worker.dropped + self._view.dropped
+        return Health(self._target, lost, self._worker.error, self._view.trouble)
+
+    def close(self) -> None:
+        """Lets the viewer go."""
+        self._worker.close(timeout=5.0)
+
+    def discard(self) -> None:
+        """Closes the view and removes the file that it has made, if any."""
+        self.close()
+        self._view.discard()
+
+    def _fail(self, error: Exception) -> None:
+        self._logger.error(f'the view ends here, the motion goes on: {error}')

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import ast
 import os
-import re
 import signal
 import subprocess
 import sys
-import textwrap
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
@@ -22,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from pages import block, read, run_python
 from rosbags import rosbag2
 from rosbags.highlevel import AnyReader
 from solved_messages import TYPES, plain, solved_messages, time_of
@@ -35,7 +34,7 @@ from linkage_ros.run.presets import preset_names
 from linkage_ros.wire.interfaces import DIAGNOSTIC_ARRAY
 from linkage_ros.wire.messages import JointStateCodec
 
-DOCUMENT = (Path(__file__).parents[1] / 'docs' / 'mcap.md').read_text()
+DOCUMENT = read('docs/mcap.md')
 DIAGNOSTICS = {'/diagnostics': DIAGNOSTIC_ARRAY.name}
 DURATION = 0.4  # s
 
@@ -252,21 +251,11 @@ def test_rerun_converts_every_value(log, tmp_path):
 # ---------------------------------------------------------------- what the document shows
 
 
-def blocks():
-    found = re.findall(r'\n\n((?: {4}.*\n|\n)+)', DOCUMENT)
-    return [textwrap.dedent(block) for block in found]
-
-
-def block_with(word):
-    (block,) = [block for block in blocks() if word in block]
-    return block
-
-
 def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypatch):
     monkeypatch.chdir(log.path.parent)
-    block = block_with('iter_metadata')
-    assert len(block.strip().splitlines()) <= 5
-    exec(compile(block, 'mcap.md', 'exec'), {})
+    lines = block(DOCUMENT, 'iter_metadata')
+    assert len(lines.splitlines()) <= 5
+    run_python(lines, 'mcap.md')
     about, motion = capsys.readouterr().out.splitlines()
     assert about.startswith('linkage_ros {')
     assert f"'crank.length': '{log.configuration.mechanism.crank.length}'" in about
@@ -279,12 +268,12 @@ def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypat
 def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch):
     """pandas itself need not be there: then all lines run but those that name it."""
     monkeypatch.chdir(log.path.parent)
-    tree = ast.parse(block_with('pandas'))
+    tree = ast.parse(block(DOCUMENT, 'pandas'))
     if find_spec('pandas') is None:
         tree.body = [line for line in tree.body if 'pandas' not in ast.unparse(line)]
-        assert len(tree.body) == len(ast.parse(block_with('pandas')).body) - 2
+        assert len(tree.body) == len(ast.parse(block(DOCUMENT, 'pandas')).body) - 2
     names = {}
-    exec(compile(tree, 'mcap.md', 'exec'), names)
+    run_python(tree, 'mcap.md', names)
     rows = log.messages['/mechanism_state']
     quantities = ('positions', 'velocities', 'accelerations', 'effort')
     joints = Machine(log.configuration).joints

@@ -33,14 +33,16 @@ MODULES = {name_of(path) for path in FILES} - {'__init__'}
 ROS = {
     'ros',
     'ros_commands',
+    'ros_log',
     'ros_parameters',
     'ros_view',
     'playback.republish',
     'node',
     'controller',
 }
-MCAP = {'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
-RERUN = {'view.stream', 'view.layout'}
+MCAP = {'log.chunks', 'log.mcap_file', 'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
+UNPACKING = {'log.chunks', 'log.salvage'}
+RERUN = {'view.stream', 'view.layout', 'view.recording'}
 CHARTS = {
     'charts.front',
     'charts.integration',
@@ -64,7 +66,8 @@ ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'record', 'replay', 'log_tool', 'chart_output'}
 ROOMS = {
     'mcap': (MCAP, MCAP),
-    'zstandard': ({'log.salvage'}, {'log.salvage'}),
+    'lz4': ({'log.chunks'}, {'log.chunks'}),
+    'zstandard': (UNPACKING, UNPACKING),
     'rerun': (RERUN, RERUN),
     'matplotlib': (CHARTS, CHARTS),
     'scipy': (SCIPY, SCIPY),

@@ -5,18 +5,16 @@
 from __future__ import annotations
 
 import re
-import textwrap
 from dataclasses import MISSING
-from pathlib import Path
 
 import pytest
+from pages import ROOT, block, read, run_python
 
 from linkage_ros.core.mechanism import MECHANISMS
 from linkage_ros.run.configuration import Kind, parameter_leaves
 from linkage_ros.wire.messages import TOPICS
 
-ROOT = Path(__file__).parents[1]
-README = (ROOT / 'README.md').read_text()
+README = read('README.md')
 
 
 def rows_of(mechanism):
@@ -54,16 +52,10 @@ def test_every_topic_and_executable_is_listed():
 
 
 def test_the_python_lines_run(capsys):
-    (block,) = re.findall(r'## In Python\n\n((?:    .*\n|\n)+)', README)
-    exec(compile(textwrap.dedent(block), 'README.md', 'exec'), {})
+    run_python(block(README, 'import numpy'), 'README.md')
     first, second, third = capsys.readouterr().out.splitlines()
     assert first.startswith("crank-rocker ['swing 27.307 deg (82.445 to 109.752 deg)'")
     torque, acceleration = map(float, second.split())
     assert 8.4 < torque < 8.5
     assert 0 < acceleration < 100
     assert 0 < float(third.split()[0]) < 1000
-
-
-@pytest.mark.parametrize('link', re.findall(r'\]\(([^)#]+)\)', README))
-def test_links_lead_somewhere(link):
-    assert link.startswith('https://') or (ROOT / link).exists()

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import shlex
@@ -18,6 +19,8 @@ import pytest
 from mcap.writer import Writer
 from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
 from shell_harness import Shell, held
+from test_stream import free_port
+from test_stream import running as viewing
 
 from linkage_ros import replay
 from linkage_ros.log.reader import LogReader
@@ -288,7 +291,7 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
     shown = []
 
     class View:
-        page = None
+        page, trouble, dropped = None, '', 0
 
         def __init__(self, *_):
             pass
@@ -310,6 +313,36 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
                 sink(next(items))
     stamps = [sample.stamp for sample in shown]
     assert stamps == [n * 5_000_000 for n in range(len(stamps))]
+
+
+def test_a_viewer_that_does_not_answer_is_one_line_before_anything_is_played(log):
+    url = f'rerun+http://127.0.0.1:{free_port()}/proxy'
+    result = subprocess.run(
+        command('replay', log, '--no-ros', '--viewer', url), capture_output=True, text=True
+    )
+    assert (result.returncode, result.stdout) == (2, '')
+    words = f'no viewer answers at {url}: start one there first, with `rerun`'
+    assert result.stderr == f'linkage_replay: {words}\n'
+
+
+def test_what_a_viewer_that_ended_was_not_shown_is_said(log, capsys):
+    with (
+        viewing('--serve-grpc') as (viewer, url),
+        LogReader(log) as reader,
+        feed(reader, cut(reader, 0, 0.5, None), loop=True) as items,
+        replay._viewing(reader, url) as sink,
+    ):
+        sink(next(items))
+        viewer.kill()
+        viewer.wait()
+        shown = 1
+        for item in itertools.islice(items, 300):
+            sink(item)
+            shown += item.message.topic == STATES
+            time.sleep(0.001)
+    (line,) = capsys.readouterr().err.splitlines()
+    lost = re.fullmatch(r'linkage_replay: (\d+) states were not shown: the viewer .*ended', line)
+    assert 0 < int(lost[1]) <= shown
 
 
 # ---------------------------------------------------------------- memory

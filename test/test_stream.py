@@ -34,7 +34,7 @@ from linkage_ros.palette import COLORS
 from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.joints import joint_values
 from linkage_ros.run.motion import CrankMotion
-from linkage_ros.view import viewer
+from linkage_ros.view import recording, viewer
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.stream import Sample, View
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
@@ -327,7 +327,15 @@ def test_y_is_up_and_a_link_has_the_colour_of_its_curves(tmp_path):
 
 @pytest.mark.parametrize(
     'target',
-    ['foo', '', 'http://x', 'http://x/run.rrd', 'rerun+http://127.0.0.1:9876', 'run.mcap'],
+    [
+        'foo',
+        '',
+        'http://x',
+        'http://x/run.rrd',
+        'rerun+http://127.0.0.1:9876',
+        'run.mcap',
+        'rerun+http://127.0.0.1:65536/proxy',
+    ],
 )
 def test_other_targets_are_refused_in_a_line_that_names_the_right_ones(target):
     valid = r'spawn, web, rerun\+http://HOST:PORT/proxy or the path of an \.rrd file'
@@ -362,10 +370,10 @@ def test_a_full_disk_is_one_error(tmp_path):
     code = """
 import resource, sys
 from linkage_ros import ViewerError
-from linkage_ros.view import stream
+from linkage_ros.view import recording, stream
 from linkage_ros.run.configuration import load
 from linkage_ros.view.stream import Sample, View
-stream._WRITE_SECONDS, stream._FILE_SECONDS = 0.5, 0.0
+recording._WRITE_SECONDS, stream._FILE_SECONDS = 0.5, 0.0
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 view = View(load('quadrilateral'), sys.argv[1])
 try:
@@ -424,10 +432,10 @@ def opened(*arguments, **options):
             process.wait()
 
 
-def listening():
-    """Addresses at which this process takes connections, as the kernel has them."""
+def listening(*processes):
+    """Addresses at which processes, or this one, take connections, as the kernel has them."""
     mine = set()
-    for entry in Path('/proc/self/fd').iterdir():
+    for entry in (e for p in processes or ['self'] for e in Path(f'/proc/{p}/fd').iterdir()):
         with suppress(OSError):
             mine.add(str(entry.readlink()))
     found = set()
@@ -452,6 +460,17 @@ def stamps_in(path):
         return read(path)['/joint_states/effort']['ros2_timestamp']
     except (ValueError, OSError, KeyError, RuntimeError):
         return ()
+
+
+@contextmanager
+def running_at(url, saved):
+    """Another viewer of what is served."""
+    command = [PROGRAM, url, '--save', saved, '--bind', '127.0.0.1', '--port', 'auto']
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
+        try:
+            yield
+        finally:
+            process.kill()
 
 
 SAVE = f'exec {PROGRAM} "$1" --save "{{}}" --bind 127.0.0.1 --port auto'
@@ -513,6 +532,27 @@ def test_closing_the_window_does_not_disturb_the_run(window, end):
         for sample in run_of(CONFIGURATION, 20)[0]:
             view.consume([sample])
         assert view.dropped == 0
+
+
+def test_a_window_that_lost_its_connection_is_told_from_one_that_was_closed(tmp_path, window):
+    """As Rerun's server cuts off one that is stopped for half a minute."""
+    window(f'{PROGRAM} "$1" --save {tmp_path}/0.rrd --bind 127.0.0.1 --port auto & echo $! '
+           f'>{tmp_path}/pid; exec sleep 60')  # fmt: skip
+    with opened('spawn') as (view, process):
+        # Before it has connected, it is on its way.
+        assert view.trouble == ''
+        view.consume(run_of(CONFIGURATION, 20)[0])
+        wait_until(lambda: view.trouble == '' and view._was_connected)
+        os.kill(int((tmp_path / 'pid').read_text()), signal.SIGKILL)
+        wait_until(lambda: view.trouble)
+        assert view.trouble.startswith('the viewer window has lost its connection')
+        assert f'`rerun {view.url}` opens another' in view.trouble
+        with running_at(view.url, tmp_path / '1.rrd'):
+            wait_until(lambda: view.trouble == '' and stamps_in(tmp_path / '1.rrd'))
+        process.kill()
+        process.wait()
+        assert view.trouble == ''
+    assert len(stamps_in(tmp_path / '1.rrd')) == 20
 
 
 def test_a_window_outlives_the_run_and_its_terminal(window):
@@ -621,9 +661,9 @@ def free_port():
 
 
 @contextmanager
-def running(*arguments):
+def running(*arguments, port=None):
     """A viewer without a window, and its URL."""
-    port = free_port()
+    port = port or free_port()
     command = [PROGRAM, *arguments, '--bind', '127.0.0.1', '--port', str(port)]
     with subprocess.Popen(
         command, stderr=subprocess.DEVNULL, env={**os.environ, 'CI': '1'}
@@ -643,25 +683,41 @@ def test_a_viewer_at_a_url_gets_all_there_is(tmp_path):
     assert stamps_in(saved) == [sample.stamp for sample in samples]
 
 
-def test_an_absent_viewer_is_an_error_at_once(monkeypatch):
-    monkeypatch.setattr(viewer, '_ANSWER_SECONDS', 0.3)
-    url = f'rerun+http://127.0.0.1:{free_port()}/proxy'
-    with pytest.raises(ViewerError, match=r'^no viewer answers at rerun.*: start one there first'):
-        View(CONFIGURATION, url)
+def test_a_viewer_that_comes_late_ends_and_comes_again_gets_what_is_shown_while_it_is_there(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(recording, '_ANSWER_SECONDS', 0.0)
+    monkeypatch.setattr(recording, '_RETRY_SECONDS', 0.05)
+    samples, _ = run_of(CONFIGURATION, 300)
+    port = free_port()
+    url = f'rerun+http://127.0.0.1:{port}/proxy'
+    view = View(CONFIGURATION, url)
+    for n in range(2):
+        assert view.trouble.startswith(f'no viewer answers at {url}: states are left out')
+        before = view.dropped
+        view.consume(samples[:100])
+        assert view.dropped == before + 100
+        saved = tmp_path / f'{n}.rrd'
+        with running('--save', str(saved), port=port) as (process, _):
 
+            def is_taken():
+                before = view.dropped
+                view.consume(samples[:1])
+                return view.dropped == before
 
-def test_a_viewer_that_ends_is_one_error():
-    samples, _ = run_of(CONFIGURATION, 100)
-    with running('--serve-grpc') as (process, url):
-        view = View(CONFIGURATION, url)
-        view.consume(samples)
-        process.kill()
-        process.wait()
-        with pytest.raises(ViewerError, match=r'^the viewer at rerun.* has ended, or something'):
-            wait_until(lambda: view.consume(samples[:1]))
-        start = time.monotonic()
-        view.close()
-        assert time.monotonic() - start < 3
+            wait_until(is_taken)
+            assert view.trouble == ''
+            view.consume(samples[100:])
+            wait_until(lambda saved=saved: len(stamps_in(saved)) == 201)
+            process.kill()
+            process.wait()
+        # What never changes came again as well.
+        assert read(saved)['/joint_states/effort']['SeriesLines:names'] == [list(JOINTS)]
+        assert stamps_in(saved) == [s.stamp for s in (samples[0], *samples[100:])]
+        wait_until(lambda: view.consume(samples[:1]) or view.trouble)
+    start = time.monotonic()
+    view.close()
+    assert time.monotonic() - start < 3
 
 
 def test_a_viewer_that_stops_reading_is_left_out_until_it_reads_again():
@@ -725,7 +781,6 @@ print(longest, time.monotonic() - start, view.dropped, errors)
 
 @pytest.mark.parametrize('server', ['accept', 'ignore'])
 def test_a_process_ends_though_its_viewer_never_reads(server):
-    start = time.monotonic()
     done = subprocess.run(
         [sys.executable, '-c', STUCK, server],
         capture_output=True, text=True, check=False, timeout=PATIENCE,
@@ -736,7 +791,6 @@ def test_a_process_ends_though_its_viewer_never_reads(server):
     assert float(longest) < 0.2
     assert float(closing) < 3
     assert int(dropped) > 0
-    assert time.monotonic() - start < 10
 
 
 @pytest.mark.parametrize('bind', ['0.0.0.0', '127.0.0.1'])

@@ -154,7 +154,7 @@ def test_a_command_beyond_the_limit_is_cut_and_counted():
         (['crank'], [math.nan], 'effort nan: must be a finite number'),
         (['crank'], [math.inf], 'effort inf: must be a finite number'),
         (['crank'], [], '1 names and 0 efforts'),
-        ([], [], 'it names none: must name crank once'),
+        ([], [], 'it names nothing: must name crank once'),
         (['Crank'], [1.0], 'it names Crank: must name crank once'),
         (['crank', 'crank'], [1.0, 1.0], 'must name crank once'),
         (['x' * 500], [1.0], f'it names {"x" * 80}: must'),

@@ -7,10 +7,11 @@ from __future__ import annotations
 import math
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
 from sensor_msgs.msg import JointState
 from test_node import logged, set_parameter, stop
@@ -116,6 +117,47 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
     heard = [deserialize_message(m.data, JointState).effort for m in messages['/joint_commands']]
     assert heard[0].tolist() == [1.5]
     assert heard[-1].tolist() == [1.0, 2.0]  # bad ones too
+
+
+def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = [
+        '--ros-args', '-p', 'drive:=torque', '-p', 'rate_hz:=1000.0', '-p', f'log:={path}',
+        '-p', 'motor.damping:=0.5',
+    ]  # fmt: skip
+    good = serialize_message(JointState(name=['crank'], effort=[1.0]))
+    with Listener(domain, STATES) as listener, running('node', *arguments, domain=domain) as node:
+        publisher = listener.node.create_publisher(JointState, 'joint_commands', 10)
+        wait_for(lambda: publisher.get_subscription_count() and listener.received['/joint_states'])
+
+        def memory():
+            return int(Path(f'/proc/{node.pid}/statm').read_text().split()[1]) * 4096 / 2**20
+
+        def flood(seconds):
+            begin, sent = time.monotonic(), 0
+            while (passed := time.monotonic() - begin) < seconds:
+                for _ in range(sent, int(passed * 10_000)):
+                    publisher.publish(good)
+                    sent += 1
+                time.sleep(2e-5)
+            return sent
+
+        sent = flood(1.0)
+        before = memory()
+        sent += flood(3.0)
+        grown = memory() - before
+        publisher.publish(b'\0\1\0\0' + b'\xff' * 40)  # no message at all
+        time.sleep(1.5)
+        code, output = stop(node)
+    assert code == 0, output
+    assert grown < 8.0
+    assert 'is refused: its bytes are no JointState' in output
+    log, messages = logged(path)
+    assert 0.5 * sent < len(messages['/joint_commands']) <= sent + 1
+    # When each command woke a thread of the node, five of six ticks were missed.
+    machine, states = Machine(log.configuration), messages['/joint_states']
+    first, last = (FOUR_BAR.decode(states[i].data)[0] for i in (0, -1))
+    assert len(states) > 0.75 * machine.tick_at(last - first)
 
 
 def test_a_stretched_dyad_ends_the_node_with_a_complete_log(tmp_path):

@@ -50,21 +50,25 @@ class Commands:
         if len(efforts) != len(names):
             wrong = f'{len(names)} names and {len(efforts)} efforts: must be one for each'
         elif list(names).count(_CRANK) != 1:
-            shown = ', '.join(names) or 'none'
+            shown = ascii(', '.join(names))[1:-1] or 'nothing'
             wrong = f'it names {shown:.80}: must name {_CRANK} once'
         else:
             torque = float(efforts[list(names).index(_CRANK)])
             if not math.isfinite(torque):
                 wrong = f'effort {torque}: must be a finite number, N m'
         if wrong:
-            self.refused += 1
-            return wrong
+            return self.refuse(wrong)
         if abs(torque) > self._limit:
             self.cut += 1
             torque = math.copysign(self._limit, torque)
         self.taken += 1
         self._last = torque, self._clock() + self._timeout
         return ''
+
+    def refuse(self, wrong: str) -> str:
+        """Counts a command that is not followed; returns why, as it was given."""
+        self.refused += 1
+        return wrong
 
     @property
     def timed_out(self) -> bool:

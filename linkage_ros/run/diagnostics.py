@@ -60,11 +60,13 @@ class Health(NamedTuple):
         target: Its path or URL; empty: there is none.
         dropped: Items lost so far.
         error: What it failed with; None: it works.
+        trouble: Why it takes nothing now, in words; empty: it does.
     """
 
     target: str
     dropped: int = 0
     error: Exception | None = None
+    trouble: str = ''
 
 
 class Watch:
@@ -78,7 +80,8 @@ class Watch:
         """
         self._node = node
         self._before, self._time = Timekeeping(), time.monotonic()
-        self._lost: dict[str, int] = {}
+        self._health: dict[str, Health] = {}
+        self._told: dict[str, Status] = {}
 
     def report(
         self,
@@ -104,6 +107,24 @@ class Watch:
         self._before, self._time = counts, now
         return statuses
 
+    def news(self, statuses: Sequence[Status]) -> list[Status]:
+        """What of a report is worth a line: other warnings than last time, and their end.
+
+        Args:
+            statuses: Of the report.
+
+        Returns:
+            Those; what has failed was said when it did.
+        """
+        told, nothing = [], Status(OK, '', '', {})
+        for status in statuses:
+            before = self._told.get(status.name, nothing)
+            is_other = status.level == WARN and status.message != before.message
+            if is_other or status.level < before.level:
+                told.append(status)
+        self._told = {status.name: status for status in statuses}
+        return told
+
     def _motion(
         self, counts: Timekeeping, seconds: float, figures: dict[str, str], troubles: list[str]
     ) -> Status:
@@ -123,7 +144,9 @@ class Watch:
             'rate kept, Hz': f'{rate:.2f}',
             'states': str(counts.kept),
             'ticks missed': str(counts.missed),
-            'latest tick, ms late': f'{counts.latest * 1e-6:.3f}',
+            'lateness p50, ms': f'{counts.late.quantile(0.5) * 1e-6:.3f}',
+            'lateness p99, ms': f'{counts.late.quantile(0.99) * 1e-6:.3f}',
+            'lateness max, ms': f'{counts.late.greatest * 1e-6:.3f}',
             'clock steps': str(counts.clock_steps),
             **figures,
         }
@@ -133,11 +156,15 @@ class Watch:
     def _part(self, part: str, health: Health) -> Status:
         values = {'target': health.target, 'lost': str(health.dropped)}
         name = f'{self._node}: {part}'
-        lost = health.dropped - self._lost.get(part, 0)
-        self._lost[part] = health.dropped
+        before = self._health.get(part, Health(''))
+        self._health[part] = health
         if health.error is not None:
-            return Status(ERROR, name, f'ended: {health.error}', values)
-        if lost > 0:
-            words = f'the {part} lags: {health.dropped} of its items are lost so far'
+            return Status(ERROR, name, f'failed: {health.error}', values)
+        if health.trouble:
+            return Status(WARN, name, health.trouble, values)
+        # What was lost up to the end of a trouble was said when that began.
+        if health.dropped > before.dropped and not before.trouble:
+            words = f'the {part} lags: what comes is left out'
             return Status(WARN, name, words, values)
-        return Status(OK, name, 'well' if health.target else 'off', values)
+        well = f'well, but {health.dropped} items were left out' if health.dropped else 'well'
+        return Status(OK, name, well if health.target else 'off', values)

@@ -12,8 +12,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
+
+from linkage_ros.run.lateness import Lateness
 
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
@@ -42,13 +44,13 @@ class Timekeeping:
         kept: Ticks that were carried out.
         missed: Ticks that were skipped because the thread was late by a period or more.
         clock_steps: How often the wall clock was stepped.
-        latest: Greatest lateness of a tick since the start, ns.
+        late: How late the ticks began.
     """
 
     kept: int = 0
     missed: int = 0
     clock_steps: int = 0
-    latest: int = 0
+    late: Lateness = field(default_factory=Lateness)
 
 
 class Stepping:
@@ -134,7 +136,7 @@ class Stepper(Stepping):
             else:
                 time.sleep(left * 1e-9)
         due = self._ticks.tick_at(time.monotonic_ns() - self._origin)
-        self.counts.latest = max(self.counts.latest, -left)
+        self.counts.late.add(-left)
         self.counts.missed += due - tick
         return due
 

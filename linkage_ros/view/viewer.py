@@ -26,8 +26,9 @@ TARGETS = 'spawn, web, rerun+http://HOST:PORT/proxy or the path of an .rrd file'
 
 _URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
 _LOOPBACK = '127.0.0.1'
+_LAST_PORT = 65535
+_CONNECTIONS = '/proc/net/tcp', '/proc/net/tcp6'
 _MEMORY = '1GB'  # beyond which the window forgets the oldest
-_ANSWER_SECONDS = 3.0  # a viewer that was started a moment ago needs about one
 
 
 class Program:
@@ -75,6 +76,11 @@ class Program:
             *_, cause = [b'no reason given', *self._errors.read().splitlines()]
             words = cause.decode(errors='replace').removeprefix('Error: ')
             raise ViewerError(f'the viewer could not be opened: {words[:300]}')
+
+    @property
+    def runs(self) -> bool:
+        """Whether it has not ended."""
+        return self.process.poll() is None
 
     def let_go(self) -> None:
         """Leaves it to itself, or ends it if it is not to outlive us."""
@@ -186,29 +192,54 @@ def free_address(bind: str) -> tuple[str, int, bool]:
     return host, port, not address.is_loopback
 
 
-def viewer_url(target: str) -> str | None:
+def viewer_address(target: str) -> tuple[str, int] | None:
     """Reads the URL of a viewer.
 
     Args:
         target: What was typed.
 
     Returns:
-        The URL, or None if it is none.
-
-    Raises:
-        ViewerError: No viewer answers there.
+        Its host and port; None: it is no such URL.
     """
     match = _URL.fullmatch(target)
-    if match is None:
+    if match is None or int(match[2]) > _LAST_PORT:
         return None
-    deadline = time.monotonic() + _ANSWER_SECONDS
-    while time.monotonic() < deadline:
-        # Ports beyond 65535 are an OverflowError.
-        with contextlib.suppress(OSError, OverflowError):
-            socket.create_connection((match[1].strip('[]'), int(match[2])), timeout=1).close()
-            return target
+    return match[1].strip('[]'), int(match[2])
+
+
+def answers(address: tuple[str, int], patience: float) -> bool:
+    """Whether something takes connections where a viewer should.
+
+    Args:
+        address: Of the viewer.
+        patience: How long to go on asking, s; it is asked at least once.
+
+    Returns:
+        Whether it does.
+    """
+    deadline = time.monotonic() + patience
+    while True:
+        with contextlib.suppress(OSError):
+            socket.create_connection(address, timeout=1).close()
+            return True
+        if time.monotonic() > deadline:
+            return False
         time.sleep(0.1)
-    raise ViewerError(f'no viewer answers at {target}: start one there first, with `rerun`')
+
+
+def is_connected(port: int) -> bool:
+    """Whether anybody is connected to a port of this machine; true where Linux does not tell.
+
+    Args:
+        port: The port.
+
+    Returns:
+        Whether there is a connection.
+    """
+    tables = [path for path in map(Path, _CONNECTIONS) if path.exists()]
+    lines = (line.split() for path in tables for line in path.read_text().splitlines()[1:])
+    there = any(own.endswith(f':{port:04X}') and state == '01' for _, own, _, state, *_ in lines)
+    return there or not tables
 
 
 def reachable(host: str) -> str:

@@ -1,0 +1,108 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The log of a node: what it publishes and hears, from whichever thread that comes."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Iterable
+
+from rclpy.node import Node
+
+from linkage_ros import cli
+from linkage_ros.log.writer import LogItem, LogWriter
+from linkage_ros.run.configuration import Configuration
+from linkage_ros.run.diagnostics import Health
+from linkage_ros.run.torque import RunMotion
+from linkage_ros.run.worker import Worker
+from linkage_ros.wire.messages import Topic
+
+# Items that wait for a stalled disk: half a minute's at 1 kHz with four topics.
+_CAPACITY = 120_000
+# s between batches. With the log's flush period this bounds what a killed run loses.
+_PERIOD = 0.05
+# s between orders to bring them to the disk itself, which bounds what a power cut costs.
+_SYNC_PERIOD = 1.0
+_CLOSE_SECONDS = 30.0
+
+
+class RunLog:
+    """Writes a log in threads of its own; all but `note` is for one thread at a time."""
+
+    def __init__(
+        self, node: Node, configuration: Configuration, topics: Iterable[tuple[Topic, str]]
+    ) -> None:
+        """Creates the log.
+
+        Args:
+            node: Says how it ends.
+            configuration: Of the run.
+            topics: What is logged, with fully qualified names.
+
+        Raises:
+            LogError: The file cannot be created.
+        """
+        session = configuration.session
+        self._node, self._path = node, session.log
+        log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
+        self._channels = {topic.name: log.add_topic(topic, name) for topic, name in topics}
+        # What other threads have for the log: a queue of a worker asks for one thread.
+        self._notes: queue.SimpleQueue[LogItem] = queue.SimpleQueue()
+        # A disk that is slow to keep things must not hold up the flushes.
+        self._sync: Worker[None] = Worker(
+            'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._fail_to_keep
+        )
+        self._worker: Worker[LogItem] = Worker(
+            'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
+        )
+
+    def write(self, topic: Topic, stamp: int, data: bytes) -> None:
+        """Logs a message.
+
+        Args:
+            topic: One of those given.
+            stamp: Of publishing or receiving it, ns.
+            data: CDR bytes.
+        """
+        self._worker.offer((self._channels[topic.name], stamp, data))
+
+    def move(self, motion: RunMotion) -> None:
+        """Logs a change of motion."""
+        self._worker.offer(motion)
+
+    def note(self, topic: Topic, data: bytes) -> None:
+        """Keeps a message of now, from any thread, until `take_notes`."""
+        self._notes.put((self._channels[topic.name], time.time_ns(), data))
+
+    def take_notes(self) -> None:
+        """Logs what was noted."""
+        while not self._notes.empty():
+            self._worker.offer(self._notes.get())
+
+    def health(self) -> Health:
+        """What has become of it so far."""
+        return Health(self._path, self._worker.dropped, self.error)
+
+    @property
+    def error(self) -> Exception | None:
+        """What it failed with; None: it works."""
+        return self._worker.error or self._sync.error
+
+    def close(self) -> bool:
+        """Completes the log; returns whether all of it is well."""
+        self.take_notes()
+        # The disk last: what it is to keep comes first.
+        closed = self._worker.close(_CLOSE_SECONDS) and self._sync.close(_CLOSE_SECONDS)
+        if not closed:
+            words = f'the log could not be completed within {_CLOSE_SECONDS:g} s: the disk hangs'
+            cli.print_error(self._node.get_name(), words)
+        return closed and self.error is None
+
+    def _fail(self, error: Exception) -> None:
+        self._node.get_logger().error(f'the log ends here, the motion goes on: {error}')
+
+    def _fail_to_keep(self, error: Exception) -> None:
+        if self._worker.error is None:  # else it was said that the log has ended
+            words = f'the log goes on, but may not outlive a power cut: {error}'
+            self._node.get_logger().error(words)

@@ -1,0 +1,115 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""docs/controllers.md: its ways in, run as they stand there; the third is in test_docs.py."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+import time
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from pages import block, read
+from ros_harness import Listener, environment, fresh_domain, running, wait_for
+from sensor_msgs.msg import JointState
+from test_node import stop
+
+from linkage_ros.controller import PARAMETERS
+from linkage_ros.wire.messages import JointStateCodec
+
+PAGE = read('docs/controllers.md')
+CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))
+STATES = {'/joint_states': 'sensor_msgs/msg/JointState'}
+
+
+def test_way_1_the_subscriber_turns_the_crank(tmp_path):
+    script = tmp_path / 'prototype.py'
+    script.write_text(block(PAGE, 'import rclpy'))
+    assert len(script.read_text().splitlines()) <= 15
+    (plant,) = re.findall(r'`linkage_node (--ros-args [^`]+)`', PAGE)
+    domain = fresh_domain()
+    with (
+        Listener(domain, STATES) as listener,
+        running('node', *shlex.split(plant), domain=domain) as node,
+    ):
+        prototype = subprocess.Popen([sys.executable, script], env=environment(domain))
+        try:
+
+            def speed():
+                last = listener.received['/joint_states'][-500:]
+                return np.mean([CODEC.decode(data)[1][3] for data in last]) if last else 0.0
+
+            # It asks for 15.7 rad/s; gravity makes a proportional law swing about it.
+            wait_for(lambda: speed() > 10.0)
+            assert speed() < 20.0
+        finally:
+            prototype.kill()
+            prototype.wait()
+        code, output = stop(node)
+    assert code == 0, output
+
+
+def test_way_1_the_table_is_the_controller_s():
+    rows = [
+        f'| `{name}` | `{value!r}` | {meaning} |' for name, (value, meaning) in PARAMETERS.items()
+    ]
+    assert '\n'.join(rows).replace('`True`', '`true`') in PAGE
+
+
+def test_way_2_the_parameters_send_the_torque_to_the_controller(tmp_path):
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(block(PAGE, 'controller_manager:'))
+    topic, domain = '/effort_controller/commands', fresh_domain()
+    with (
+        Listener(domain, {topic: 'std_msgs/msg/Float64MultiArray'}) as listener,
+        running('node', '--ros-args', '--params-file', path, domain=domain) as node,
+    ):
+        wait_for(lambda: len(listener.received[topic]) > 20)
+        code, output = stop(node)
+    assert code == 0, output
+    values = np.array([np.frombuffer(data[-8:], '<f8') for data in listener.received[topic]])
+    assert np.all(np.isfinite(values))
+    assert np.ptp(values) > 0.0
+
+
+def test_way_2_the_tag_names_what_the_node_has():
+    tag = ET.fromstring(block(PAGE, '<ros2_control'))
+    parameters = {element.get('name'): element.text for element in tag.iter('param')}
+    assert parameters['joint_commands_topic'] == '/joint_commands'
+    assert parameters['joint_states_topic'] == '/joint_states'
+    # JointStateTopicSystem names every joint of the tag in its commands, and gives an effort for
+    # those alone that have the interface: with one more joint each command would be refused.
+    (joint,) = tag.iter('joint')
+    assert joint.get('name') == 'crank'
+    assert [i.get('name') for i in joint.iter('command_interface')] == ['effort']
+
+
+def test_way_2_commands_as_joint_state_topic_system_sends_them_move_the_plant(tmp_path):
+    domain = fresh_domain()
+    arguments = ['--ros-args', '-p', 'drive:=torque', '-p', 'rate_hz:=1000.0']
+    with Listener(domain, STATES) as listener, running('node', *arguments, domain=domain) as node:
+        publisher = listener.node.create_publisher(JointState, '/joint_commands', 1)
+        wait_for(lambda: publisher.get_subscription_count() and listener.received['/joint_states'])
+
+        def efforts():
+            return {CODEC.decode(data)[1][6] for data in listener.received['/joint_states'][-5:]}
+
+        def send(effort):
+            message = JointState(name=['crank'], effort=[effort])
+            message.header.stamp = listener.node.get_clock().now().to_msg()
+            publisher.publish(message)
+            time.sleep(0.001)
+
+        def acts(effort):
+            send(effort)
+            return any(abs(one - effort) < 1e-12 for one in efforts())
+
+        send(float('nan'))  # what it sends before a controller is active
+        wait_for(lambda: acts(0.75))
+        wait_for(lambda: acts(-0.25))
+        code, output = stop(node)
+    assert code == 0, output
+    assert 'is refused: effort nan' in output

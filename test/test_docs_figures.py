@@ -1,0 +1,176 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The drawings of the pages are those that the code makes; numbers quoted were measured."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import sys
+from fractions import Fraction
+from importlib import import_module
+from xml.etree import ElementTree as ET
+
+import pytest
+from pages import ROOT, read
+
+DOCS = ROOT / 'docs'
+
+
+@pytest.fixture(scope='module')
+def drawings():
+    sys.path.insert(0, str(DOCS))
+    try:
+        yield {f'mechanism_{d.__name__}': d().svg() for d in import_module('drawings').DRAWINGS}
+    finally:
+        sys.path.remove(str(DOCS))
+
+
+def test_the_drawings_are_those_that_the_code_makes(drawings):
+    assert {path.stem for path in DOCS.glob('mechanism_*.svg')} == set(drawings)
+    for name, text in drawings.items():
+        assert (DOCS / f'{name}.svg').read_text() == text, 'run python docs/drawings.py'
+        assert f']({name}.svg)' in read('docs/mechanisms.md')
+
+
+def test_a_drawing_keeps_within_its_edges_and_its_words_apart(drawings):
+    """In the widest font that it asks for, 0.6 of its size for a letter."""
+    for text in drawings.values():
+        root = ET.fromstring(text)
+        width, height, size = (float(root.get(key)) for key in ('width', 'height', 'font-size'))
+        level = []
+        for element in root:
+            for x, y in re.findall(r'(-?[\d.]+),(-?[\d.]+)', element.get('points', '')):
+                assert 0 < float(x) < width
+                assert 0 < float(y) < height
+            if element.tag.endswith('text') and not element.get('transform'):
+                x, y = float(element.get('x')), float(element.get('y'))
+                long = 0.6 * size * len(element.text)
+                left = x - {'start': 0, 'middle': 0.5, 'end': 1}[element.get('text-anchor')] * long
+                assert left > 0, element.text
+                assert left + long < width, element.text
+                assert size / 2 < y < height - size / 2
+                level.append((left, left + long, y, element.text))
+        for one, other in itertools.combinations(level, 2):
+            beside = one[1] < other[0] or other[1] < one[0]
+            assert beside or abs(one[2] - other[2]) >= size, (one, other)
+
+
+# ---------------------------------------------------------------- numbers
+
+
+def measured(name):
+    content = json.loads((DOCS / f'{name}.json').read_text())
+    return content['records'] if isinstance(content, dict) else content
+
+
+def agrees(shown, value):
+    """Whether a number is what was measured, rounded to the digits that are shown."""
+    least = Fraction(10) ** -len(shown.partition('.')[2])
+    if '.' not in shown:
+        least = Fraction(10) ** (len(shown) - len(shown.rstrip('0')))
+    return abs(Fraction(shown) - Fraction(value)) <= least * Fraction(51, 100)
+
+
+def check_quote(page, words, *values):
+    """That a sentence, {} for each number, is there and its numbers are these."""
+    pattern = r'\s+'.join(map(re.escape, words.split())).replace(r'\{\}', r'(\d+(?:\.\d+)?)')
+    found = re.search(pattern, read(page))
+    assert found, f'{page} has not: {words}'
+    for shown, value in zip(found.groups(), values, strict=True):
+        assert agrees(shown, value), f'{page}, {words}: {shown} for {value}'
+
+
+def test_what_controllers_quotes_was_measured():
+    cases = {
+        'as it is': 'as it is',
+        '5 % mass error': 'masses 5 % larger in the controller',
+        '2 ms extra delay': 'commands 2 ms later, lead 2 ms more',
+    }
+    records = measured('controller')
+    closer = []
+    for alone, fed in zip(records[::2], records[1::2], strict=True):
+        assert (alone['rpm'], alone['case']) == (fed['rpm'], fed['case'])
+        row = f'| {alone["rpm"]:.0f} rpm | {cases[alone["case"]]} | {{}} % | {{}} % | {{}} |'
+        peaks = [100 * one['peak_ripple'] for one in (alone, fed)]
+        check_quote('docs/controllers.md', row, *peaks, peaks[0] / peaks[1])
+        closer.append(alone['p99_ripple'] / fed['p99_ripple'])
+    words = '99 % of the states are {} to {} times closer'
+    check_quote('docs/controllers.md', words, min(closer), max(closer))
+
+
+def test_what_dynamics_quotes_was_measured():
+    late = {r['delay_ticks']: 100 * r['largest_deviation'] for r in measured('delay')}
+    check_quote('docs/dynamics.md', 'within {} % where it is that of the middle', late[0.0])
+    words = "It is {} % off where it is that of the tick's start, and {} % one tick later"
+    check_quote('docs/dynamics.md', words, late[0.5], late[1.5])
+
+
+def test_what_methods_quotes_was_measured():
+    records = measured('accuracy')
+
+    def time(method, mechanism, mode, quantity='trajectory', setting=''):
+        (found,) = [
+            r['us_per_state'] for r in records
+            if (r['method'], r['mechanism'], r['mode']) == (method, mechanism, mode)
+            and r['quantity'] == quantity and r['setting'].startswith(setting)
+        ]  # fmt: skip
+        return found
+
+    live, kept, plain = ('fixed steps, checked', 'DOP853, guarded', 'DOP853')
+    shares, peaks, guard = [], [], []
+    for mechanism in ('wind_pump', 'quadrilateral'):
+        each = time(kept, mechanism, 'motion')
+        shares.append(each / time(live, mechanism, 'motion', setting='step 0.001,'))
+        slowest = 'motion, slowest ms'
+        peaks.append(
+            time(kept, mechanism, slowest) / time(live, mechanism, slowest, setting='step 0.001,')
+        )
+        guard.append(
+            100 * each / time(plain, mechanism, 'motion', setting='tolerance 1e-13') - 100
+        )
+    words = 'a sixth of the time of the live default on the pump, four fifths on the quick'
+    check_quote('docs/methods.md', words)
+    assert shares == pytest.approx([1 / 6, 4 / 5], rel=0.1)
+    check_quote('docs/methods.md', 'takes four to eight times as long as the slowest tick')
+    assert sorted(map(round, peaks)) == [4, 8]
+    check_quote('docs/methods.md', 'its guard alone, which costs {} to {} %', *sorted(guard))
+
+
+def test_what_the_front_of_methods_says_was_measured():
+    ours, fast = (
+        next(
+            r['us_per_state'] for r in measured('accuracy')
+            if (r['method'], r['mechanism'], r['quantity'], r['mode'])
+            == (method, 'quadrilateral', 'position', 'one at a time')
+        )
+        for method in ('factored closed form', 'inverse cosine')
+    )  # fmt: skip
+    check_quote('docs/methods.md', 'about a third of its time for one position')
+    assert fast / ours == pytest.approx(1 / 3, rel=0.1)
+    check_quote('docs/methods.md', 'Vectorised C takes a sixth of our time for an array')
+    (ratio,) = (r['ratio'] for r in measured('peers') if r['peer'] == 'C, vector math')
+    assert ratio == pytest.approx(1 / 6, rel=0.1)
+
+
+def test_what_the_preset_of_the_pump_says_was_measured():
+    slow, fast = (state for state in measured('wind_pump_settled')[0]['states'] if state['stable'])
+    words = 'it settles at {} rad/s with a stroke of {} m;'
+    check_quote('config/wind_pump.yaml', words, slow['speed'], slow['stroke'])
+    check_quote('config/wind_pump.yaml', '# {} rad/s with {} m.', fast['speed'], fast['stroke'])
+
+
+def test_the_page_of_peers_is_what_its_run_makes_of_the_numbers(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / 'benchmarks' / 'peers')
+    results = json.loads((DOCS / 'peers.json').read_text())
+    assert import_module('report').markdown(results) == read('docs/peers.md')
+
+
+def test_a_wrong_number_is_found():
+    assert agrees('0.110', 0.11017)
+    assert agrees('690', 693.5)
+    assert not agrees('0.110', 0.1107)
+    assert not agrees('151', 151.6)
+    with pytest.raises(AssertionError, match='5000 for 2'):
+        check_quote('docs/dynamics.md', 'a second at {}', 2.6)

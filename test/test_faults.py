@@ -1,0 +1,301 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The real node while its disk, its log or its viewer fails, or while it is killed.
+
+What these cost in seconds and megabytes is measured in benchmarks/reliability.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
+from ros_harness import Listener, command, fresh_domain, node_arguments, running, wait_for
+from test_node import TYPES, decoded, logged, stop
+from test_stream import free_port, listening
+from test_stream import running as viewing
+
+from linkage_ros import LogError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.run.configuration import load
+from linkage_ros.run.diagnostics import ERROR, OK, WARN, Health, Watch
+from linkage_ros.run.stepper import Timekeeping
+from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
+
+HEARD = {
+    '/joint_states': TYPES['/joint_states'],
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+}
+
+
+def health(listener, number):
+    """Level and words of the log (1) or the viewer (2), as last published."""
+    if not listener.received['/diagnostics']:
+        return None, ''
+    message = deserialize_message(listener.received['/diagnostics'][-1], DiagnosticArray)
+    return message.status[number].level[0], message.status[number].message
+
+
+def more_states(listener, count=200):
+    before = len(listener.received['/joint_states'])
+    wait_for(lambda: len(listener.received['/joint_states']) > before + count)
+
+
+def last_stamp(listener):
+    ((stamp, _),) = decoded(listener.received['/joint_states'][-1:])
+    return stamp
+
+
+def flushed(listener, path):
+    """Waits until the log has all that was heard so far; returns the last stamp of that."""
+    due = last_stamp(listener)
+    for _ in range(3):  # what is flushed first may have been on its way before
+        size = path.stat().st_size
+        wait_for(lambda size=size: path.stat().st_size > size)
+    return due
+
+
+def tool(*arguments):
+    words = command('log_tool', *arguments)
+    return subprocess.run(words, capture_output=True, text=True, check=False)
+
+
+# ---------------------------------------------------------------- killed
+
+
+def test_of_a_killed_run_all_is_recovered_but_what_came_after_the_last_flush(tmp_path):
+    path, saved, domain = tmp_path / 'run.mcap', tmp_path / 'saved.mcap', fresh_domain()
+    with (
+        Listener(domain, HEARD) as listener,
+        running('node', *node_arguments(log=path, rate_hz=1000.0), domain=domain) as process,
+    ):
+        more_states(listener, 1000)
+        due = flushed(listener, path)
+        process.kill()
+        process.wait()
+    assert tool('info', path).returncode == 2
+    assert tool('recover', path, saved).returncode == 0
+    assert tool('verify', saved).returncode == 0
+    states = [message.data for message in logged(saved)[1]['/joint_states']]
+    stamps = [stamp for stamp, _ in decoded(states)]
+    assert stamps[-1] >= due
+    # The log begins before a subscriber is matched; from there on both have the same.
+    begin = states.index(listener.received['/joint_states'][0])
+    heard = listener.received['/joint_states'][: len(states) - begin]
+    assert states[begin:] == heard
+
+
+# ---------------------------------------------------------------- the log
+
+
+def test_a_full_disk_ends_the_log_and_nothing_else(tmp_path):
+    path, saved, domain = tmp_path / 'run.mcap', tmp_path / 'saved.mcap', fresh_domain()
+    with (
+        Listener(domain, HEARD) as listener,
+        running('node', *node_arguments(log=path), domain=domain) as process,
+    ):
+        more_states(listener)
+        due = flushed(listener, path)
+        # As a full disk would: no file of the node may grow beyond this.
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 5000,) * 2)
+        wait_for(lambda: health(listener, 1)[0] == ERROR)
+        more_states(listener)
+        code, output = stop(process)
+    assert code == 1
+    words = f'{path} cannot be written: File too large; linkage_log recover saves what it holds'
+    assert health(listener, 1) == (ERROR, f'failed: {words}')
+    assert re.findall(r'\[ERROR\].*', output) == re.findall(
+        rf'\[ERROR\].*the log ends here, the motion goes on: {re.escape(words)}', output
+    )
+    assert output.count('the log ends here') == 1
+    assert tool('recover', path, saved).returncode == 0
+    assert tool('verify', saved).returncode == 0
+    (*_, last) = logged(saved)[1]['/joint_states']
+    assert decoded([last.data])[0][0] >= due
+
+
+@pytest.mark.parametrize('whole_folder', [False, True])
+def test_a_removed_log_is_put_back_and_the_states_go_on(tmp_path, whole_folder):
+    path, domain = tmp_path / 'logs' / 'run.mcap', fresh_domain()
+    path.parent.mkdir()
+    with (
+        Listener(domain, HEARD) as listener,
+        running('node', *node_arguments(log=path), domain=domain) as process,
+    ):
+        more_states(listener)
+        due = last_stamp(listener)
+        shutil.rmtree(path.parent) if whole_folder else path.unlink()
+        wait_for(lambda: health(listener, 1)[0] == ERROR)
+        more_states(listener)
+        code, output = stop(process)
+    assert code == 1
+    assert len(re.findall(r'\[ERROR\].*the log ends here.* was removed while', output)) == 1
+    assert output.count('[ERROR]') == 1
+    # Complete, so that there is nothing to recover.
+    assert tool('verify', path).returncode == 0
+    (*_, last) = logged(path)[1]['/joint_states']
+    assert decoded([last.data])[0][0] >= due
+
+
+def begun(path):
+    """A log with one message."""
+    log = LogWriter(path, load('quadrilateral'), overwrite=False)
+    log.write(log.add_topic(DRIVING_TORQUE, '/driving_torque'), 5, encode_float64(1.5))
+    return log
+
+
+def values(path):
+    with LogReader(path) as log:
+        return [(message.time, message.data) for message in log.messages()]
+
+
+@pytest.mark.parametrize('end', [LogWriter.flush, LogWriter.close])
+def test_what_a_removed_log_holds_can_be_copied_where_its_place_is_taken(tmp_path, end):
+    path = tmp_path / 'run.mcap'
+    log = begun(path)
+    path.unlink()
+    path.write_text('of somebody else')
+    with pytest.raises(LogError, match=r'^.*/run\.mcap was removed .*\(File exists\)') as caught:
+        end(log)
+    assert path.read_text() == 'of somebody else'
+    shutil.copyfile(re.search(r'/proc/\d+/fd/\d+', str(caught.value))[0], tmp_path / 'copy.mcap')
+    assert values(tmp_path / 'copy.mcap') == [(5, encode_float64(1.5))]
+    log.close()  # does nothing any more
+
+
+def test_where_the_disk_has_no_room_for_a_removed_log_no_part_of_it_is_left(tmp_path, monkeypatch):
+    path = tmp_path / 'run.mcap'
+    log = begun(path)
+    path.unlink()
+
+    def full(source, target, _):
+        target.write(source.read(100))
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(shutil, 'copyfileobj', full)
+    with pytest.raises(LogError, match=r'No space left on device\): copy it from /proc/\d+'):
+        log.flush()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_that_is_renamed_goes_on_there(tmp_path):
+    log = begun(tmp_path / 'run.mcap')
+    (tmp_path / 'run.mcap').rename(tmp_path / 'kept.mcap')
+    log.flush()
+    log.close()
+    assert values(tmp_path / 'kept.mcap') == [(5, encode_float64(1.5))]
+    assert not (tmp_path / 'run.mcap').exists()
+
+
+def test_a_log_is_brought_to_the_disk_as_long_as_there_is_one(tmp_path, monkeypatch):
+    log, synced = begun(tmp_path / 'run.mcap'), []
+    sync = log.disk_sync()
+    monkeypatch.setattr(os, 'fdatasync', lambda number: synced.append(os.fstat(number).st_ino))
+    sync.consume([])
+    log.close()
+    sync.consume([])
+    assert synced == [(tmp_path / 'run.mcap').stat().st_ino] * 2
+
+    def failing(number):
+        def fail(_):
+            raise OSError(number, os.strerror(number))
+
+        monkeypatch.setattr(os, 'fdatasync', fail)
+        sync.consume([])
+
+    failing(errno.EINVAL)  # a pipe
+    with pytest.raises(LogError, match=r'run\.mcap does not reach the disk: Input/output error$'):
+        failing(errno.EIO)
+    sync.close()
+
+
+# ---------------------------------------------------------------- the viewer
+
+
+def test_a_viewer_may_come_stop_go_on_and_end_and_each_is_said_once(tmp_path):
+    domain, port = fresh_domain(), free_port()
+    url = f'rerun+http://127.0.0.1:{port}/proxy'
+    arguments = node_arguments(viewer=url, rate_hz=1000.0)
+    absent = f'no viewer answers at {url}: states are left out until one does'
+    stopped = f'the viewer at {url} does not read: states are left out until it does'
+
+    with (
+        Listener(domain, HEARD) as listener,
+        running('node', *arguments, domain=domain) as process,
+    ):
+        wait_for(lambda: health(listener, 2) == (WARN, absent))
+        with viewing('--serve-grpc', port=port) as (viewer, _):
+            wait_for(lambda: health(listener, 2)[0] == OK)
+            viewer.send_signal(signal.SIGSTOP)
+            wait_for(lambda: health(listener, 2) == (WARN, stopped))
+            more_states(listener)
+            viewer.send_signal(signal.SIGCONT)
+            wait_for(lambda: health(listener, 2)[0] == OK)
+            viewer.kill()
+            viewer.wait()
+            wait_for(lambda: health(listener, 2) == (WARN, absent))
+        more_states(listener)
+        code, output = stop(process)
+    assert code == 0
+    said = re.findall(r'\[WARN\].*\]: (.*viewer.*)', output)
+    assert said == [absent, stopped, absent]
+    assert len(re.findall(r'\[INFO\].*well, but \d+ items were left out', output)) == 2
+    assert re.search(r' states published.*, \d+ lost to the viewer$', output, re.MULTILINE)
+    # Nothing but what the node says of it: the SDK has been told to be quiet.
+    assert all(re.match(r'\[(INFO|WARN)\] \[', line) for line in output.splitlines())
+
+
+def report(watch, *parts):
+    """The lines that reports of a viewer's health are worth, one after the other."""
+    lines = []
+    for part in parts:
+        statuses = watch.report(Timekeeping(), {}, {'viewer': part})
+        lines.append([status.message for status in watch.news(statuses)])
+    return lines
+
+
+def test_a_part_that_lags_is_said_to_do_so_and_to_be_well_again_and_not_each_second():
+    lags, well = 'the viewer lags: what comes is left out', 'well, but 7 items were left out'
+    parts = Health('x'), Health('x', 3), Health('x', 7), Health('x', 7), Health('x', 7)
+    assert report(Watch('node'), *parts) == [[], [lags], [], [well], []]
+    # What is lost until a trouble ends belongs to it.
+    parts = Health('x', 3, trouble='gone'), Health('x', 7), Health('x', 9)
+    assert report(Watch('node'), *parts) == [['gone'], [well], [lags]]
+    # A failure is said by what fails, when it does.
+    assert report(Watch('node'), Health('x', 1, OSError('gone'))) == [[]]
+
+
+@pytest.mark.parametrize(
+    ('given', 'address'), [({}, '0100007F'), ({'viewer_bind': '0.0.0.0'}, '00000000')]
+)
+def test_a_view_is_served_elsewhere_only_if_asked_and_with_a_warning(given, address):
+    domain = fresh_domain()
+
+    def served():
+        tasks = Path(f'/proc/{process.pid}/task').iterdir()
+        children = [pid for task in tasks for pid in (task / 'children').read_text().split()]
+        return [host for _, host, _ in listening(process.pid, *children)]
+
+    with (
+        Listener(domain, HEARD) as listener,
+        running('node', *node_arguments(viewer='web', **given), domain=domain) as process,
+    ):
+        more_states(listener, 1)
+        wait_for(lambda: len(served()) >= 2)  # the data and the page
+        found = served()
+        code, output = stop(process)
+    assert code == 0
+    assert address in found
+    assert set(found) <= {address, '0100007F'}
+    warned = re.findall(r'\[WARN\].*is served at .* viewer_bind = 127.0.0.1 keeps it on', output)
+    assert len(warned) == len(given)
