@@ -42,7 +42,7 @@ ROS = {
 }
 MCAP = {'log.chunks', 'log.mcap_file', 'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
 UNPACKING = {'log.chunks', 'log.salvage'}
-RERUN = {'view.stream', 'view.layout', 'view.recording'}
+RERUN = {'view.stream', 'view.fixed', 'view.layout', 'view.recording'}
 CHARTS = {
     'charts.front',
     'charts.integration',

@@ -377,7 +377,7 @@ def test_a_limited_slider_crank_is_drawn_over_its_arc():
 # ---------------------------------------------------------------- layouts and files
 
 TITLES = {'Linkage, m', 'Crank speed, rad/s', 'Joint rates, rad/s', 'Applied torque, N m',
-          'Joint angles, rad', 'Crank angle, rad',
+          'Joint angles, rad, each from its parent', 'Crank angle, rad',
           'Energies, J (potential: from the start)'}  # fmt: skip
 SLIDING = {'Slider position, m', 'Slider velocity, m/s'}
 PHASE = 'Phase plane of the slider: velocity, m/s, over position, m'

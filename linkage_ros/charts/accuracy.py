@@ -11,7 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from linkage_ros.charts import front
-from linkage_ros.charts.front import CEILING, Style, Wording, draw_panel, front_handles
+from linkage_ros.charts.front import (
+    CEILING,
+    Style,
+    Wording,
+    draw_panel,
+    front_handles,
+    write_words,
+)
 from linkage_ros.methods.accuracy import Point
 from linkage_ros.methods.chain import BATCH, ONE, QUANTITIES
 from linkage_ros.methods.table import DEFAULT, METHODS
@@ -47,18 +54,23 @@ def draw_accuracy(points: Sequence[Point], title: str, paths: Iterable[Path]) ->
     Raises:
         OSError: A picture cannot be written.
     """
-    figure = Figure(figsize=(16, 9.6), dpi=110, layout='constrained')
+    figure = Figure(figsize=(13.5, 8.4), dpi=130, layout='constrained')
     figure.suptitle(title, fontsize=12)
     wording = Wording(_series, _style, _words, _SPAN)
     panels = figure.subplots(2, 4, sharey=True, sharex='row')
+    drawn = []
     for row, mode in zip(panels, (ONE, BATCH), strict=True):
         for axes, quantity in zip(row, QUANTITIES, strict=True):
             chosen = [p for p in points if p.mode == mode and p.quantity == quantity]
             draw_panel(axes, chosen, wording)
+            drawn.append((axes, chosen))
             axes.set_title(f'{quantity}, {mode}', fontsize=10)
             axes.set_xlabel('time per state, \N{MICRO SIGN}s')
         row[0].set_ylabel('largest error, relative (angles: rad)')
     _add_legend(figure)
+    figure.draw_without_rendering()  # places the panels
+    for axes, chosen in drawn:
+        write_words(axes, chosen, wording)
     for path in paths:
         figure.savefig(path)
 

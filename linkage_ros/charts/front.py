@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.transforms import Bbox
 
 from linkage_ros.methods.accuracy import RIGHT, Point
 
@@ -93,8 +94,8 @@ def draw_panel(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
     failed = dict.fromkeys(p.method for p in points if p not in drawn)
     if failed:
         axes.text(
-            0.98, 0.5, 'no answer at some angle,\nin some setting:\n' + '\n'.join(failed),
-            fontsize=6.5, ha='right', va='center', transform=axes.transAxes, color='0.3',
+            0.98, 0.55, 'no answer at some angle,\nin some setting:\n' + '\n'.join(failed),
+            fontsize=7.5, ha='right', va='top', transform=axes.transAxes, color='0.3',
         )  # fmt: skip
     axes.set_ylim(2e-17, 2 * CEILING)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -109,13 +110,32 @@ def _draw_series(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
         [min(max(p.max_error, _LEAST), CEILING) for p in points],
         linewidth=0.7, zorder=5 if style.above else 3, **style.look,
     )  # fmt: skip
+
+
+def write_words(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
+    """Writes at the points of a panel, where there is room.
+
+    Args:
+        axes: With its points drawn, and placed for good.
+        points: As drawn.
+        wording: What to write.
+    """
     least, most = wording.span
-    for point in points:
-        if (words := wording.words(point)) and least < point.max_error < most:
-            axes.annotate(
-                words, (point.us_per_state, point.max_error), fontsize=5.5, color=style.color,
-                xytext=(3, 2), textcoords='offset points', annotation_clip=True,
-            )  # fmt: skip
+    drawn = [p for p in points if math.isfinite(p.max_error) and math.isfinite(p.us_per_state)]
+    places = axes.transData.transform([(p.us_per_state, p.max_error) for p in drawn])
+    taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in places]
+    for point in drawn:
+        if not ((words := wording.words(point)) and least < point.max_error < most):
+            continue
+        text = axes.annotate(
+            words, (point.us_per_state, point.max_error), fontsize=7, xytext=(5, 1),
+            color=wording.style(point).color, textcoords='offset points', annotation_clip=True,
+        )  # fmt: skip
+        box = text.get_window_extent()
+        if any(box.overlaps(other) for other in taken):
+            text.remove()
+        else:
+            taken.append(box)
 
 
 def front_handles() -> list[Line2D]:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -47,7 +48,7 @@ def draw_integration(
         OSError: A picture cannot be written.
     """
     names = list(dict.fromkeys(point.mechanism for point in points))
-    figure = Figure(figsize=(12.5, 1.4 + 3.8 * len(names)), dpi=110, layout='constrained')
+    figure = Figure(figsize=(10.8, 1.5 + 3.3 * len(names)), dpi=130, layout='constrained')
     figure.suptitle(title, fontsize=12)
     defaults = {(method.name, label(method.steady or {})) for method in methods[:2]}
     # The settings stand in the legend: written at the points they would hide each other.
@@ -86,7 +87,7 @@ def _add_legend(figure: Figure, methods: Sequence[Integrator]) -> None:
     figure.legend(
         handles=[handles[0], star, *handles[1:], *front_handles()], loc='outside lower center',
         ncols=5, fontsize=8.5, frameon=False, title_fontsize=8.5,
-        title=f'From left to right: {_settings(methods)}.\n'
+        title=textwrap.fill(f'From left to right: {_settings(methods)}.', 110) + '\n'
         'At 1000 \N{MICRO SIGN}s a motion would be as fast as the world.',
     )  # fmt: skip
 

@@ -7,46 +7,57 @@ from __future__ import annotations
 import itertools
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from linkage_ros.core.curves import Curves, extent
 from linkage_ros.core.numeric import Array
 from linkage_ros.palette import COLORS, GREY, Color
 from linkage_ros.view.drawing import Drawing
 
+# As matplotlib has them: a line that is solid or dashed, and a colour.
+_Line: TypeAlias = Literal['-'] | tuple[int, tuple[int, ...]]
+_Shade: TypeAlias = tuple[float, float, float]
+
 # Inches: the picture, its parts from top to bottom, the numbers on the right.
-_WIDTH, _MARGIN, _HEADER, _ROW, _FOOT = 11.0, 3.5, 2.4, 1.75, 0.45
-_LEFT = 0.75  # for the labels of each diagram
+_WIDTH, _MARGIN, _HEADER, _ROW, _FOOT = 12.0, 4.6, 2.4, 1.85, 0.5
+_LEFT, _GAP = 0.95, 0.5  # for the labels of each diagram, and for those below it
+_SAMPLE = 0.28  # of a curve's line, before its numbers
+# The picture is read at half its size too: no letters of less than 8 pixels there.
+_DPI, _TEXT, _NUMBERS, _LABELS = 140, 10.0, 8.5, 9.0
 _TORQUE = 'Driving torque'
 _SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel.'}
-_STYLES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
+_STYLES: tuple[_Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
+_BLACK: Color = (25, 25, 25)
+# That of the link which turns about the pin; what belongs to no link has none's.
 _FORCES: dict[str, Color] = {
-    'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': (204, 121, 167),
-    'guide': (86, 180, 233), 'x': COLORS['coupler'], 'y': COLORS['crank'],
-    'moment': COLORS['crank'],
+    'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': COLORS['rod'],
+    'guide': _BLACK, 'x': _BLACK, 'y': COLORS['rod'], 'moment': _BLACK, 'power, W': _BLACK,
 }  # fmt: skip
 
 
 class _Words(NamedTuple):
-    """A line of text beside the diagrams."""
+    """A line of text beside the diagrams, in a table behind a sample of a curve's line."""
 
     text: str
-    color: tuple[float, ...] | str = '0.1'
+    color: _Shade | str = '0.1'
     weight: str = 'normal'
     family: str = 'sans-serif'
+    style: _Line | None = None
 
 
 class _Page:
     """A picture whose parts are placed in inches from its upper left corner."""
 
     def __init__(self, height: float) -> None:
-        self.figure = Figure(figsize=(_WIDTH, height), dpi=120)
+        self.figure = Figure(figsize=(_WIDTH, height), dpi=_DPI)
         self._height = height
 
     def axes(self, left: float, top: float, width: float, height: float) -> Axes:
@@ -55,13 +66,19 @@ class _Page:
 
     def write(self, top: float, size: float, lines: Sequence[_Words]) -> None:
         """Writes lines into the margin."""
-        left, step = 1 - (_MARGIN - 0.15) / _WIDTH, 1.45 * size / 72
+        left, step = _WIDTH - _MARGIN + 0.15, 1.45 * size / 72
         for number, line in enumerate(lines):
+            indent = _SAMPLE + 0.08 if line.family == 'monospace' else 0.0
+            y = 1 - (top + number * step) / self._height
             self.figure.text(
-                left, 1 - (top + number * step) / self._height, line.text, fontsize=size,
-                family=line.family, color=line.color, weight=line.weight, va='top',
-                parse_math=False,
+                (left + indent) / _WIDTH, y, line.text, fontsize=size, family=line.family,
+                color=line.color, weight=line.weight, va='top', parse_math=False,
             )  # fmt: skip
+            if line.style is not None:
+                x = left / _WIDTH, (left + _SAMPLE) / _WIDTH
+                middle = y - 0.3 * step / self._height
+                look: dict[str, Any] = {'linestyle': line.style, 'color': line.color}
+                self.figure.add_artist(Line2D(x, (middle, middle), linewidth=1.6, **look))
 
 
 class _Panel(NamedTuple):
@@ -85,17 +102,17 @@ def draw_motion(curves: Curves, title: Sequence[str], path: Path) -> None:
     width = _WIDTH - _MARGIN - _LEFT
     _draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves)
     first, *others = title
-    words = [_Words(line) for text in others for line in textwrap.wrap(text, 46)]
-    page.write(0.15, 9.0, [_Words(textwrap.shorten(first, 40), weight='bold'), *words])
+    words = [_Words(line) for text in others for line in textwrap.wrap(text, 48)]
+    page.write(0.15, _TEXT, [_Words(textwrap.shorten(first, 40), weight='bold'), *words])
     for number, row in enumerate(rows):
         top = _HEADER + _ROW * number
         share = (width + _LEFT) / len(row)
         for place, panel in enumerate(row):
-            axes = page.axes(_LEFT + place * share, top, share - _LEFT, _ROW - 0.38)
+            axes = page.axes(_LEFT + place * share, top, share - _LEFT, _ROW - _GAP)
             # Numbers where the panel below has another width, or there is none.
             below = rows[number + 1] if number + 1 < len(rows) else []
             _draw(axes, curves, panel, numbered=len(below) != len(row))
-        page.write(top, 7.0, [line for panel in row for line in _margin(curves, panel)])
+        page.write(top, _NUMBERS, [line for panel in row for line in _margin(curves, panel)])
     page.figure.savefig(path)
 
 
@@ -149,7 +166,7 @@ def _reaction_rows(curves: Curves) -> list[list[_Panel]]:
         forces['guide'] = columns['guide_force']
     shaking = {axis: columns[f'shaking_force.{axis}'] for axis in 'xy'}
     return [
-        [_Panel('Pin forces (guide signed)' if 'guide' in forces else 'Pin forces', 'N', forces)],
+        [_Panel('Joint forces', 'N', forces)],
         [_Panel('Shaking force', 'N', shaking)],
         [_Panel('Shaking moment', 'N m', {'moment': columns['shaking_moment']})],
     ]
@@ -157,19 +174,23 @@ def _reaction_rows(curves: Curves) -> list[list[_Panel]]:
 
 def _draw(axes: Axes, curves: Curves, panel: _Panel, *, numbered: bool) -> None:
     degrees = np.degrees(curves.crank)
-    # Forces may coincide: dashed, they show what lies below.
-    styles = _STYLES if panel.unit == 'N' else _STYLES[:1]
-    for (name, values), style in zip(panel.curves.items(), itertools.cycle(styles), strict=False):
+    for (name, values), style in zip(panel.curves.items(), _styles(panel), strict=False):
         axes.plot(degrees, values, linestyle=style, color=_color(name), linewidth=1.6)
     axes.set_xlim(0, degrees[-1])
     axes.set_xticks(np.linspace(0, degrees[-1], 9))
     axes.grid(color='0.88', linewidth=0.6)
     axes.axhline(0, color='0.6', linewidth=0.8, zorder=0) if _spans_zero(panel) else None
-    axes.set_ylabel(f'{panel.title}, {panel.unit}', fontsize=8)
-    axes.tick_params(labelsize=7.5, labelbottom=numbered)
+    axes.set_ylabel(f'{panel.title}, {panel.unit}', fontsize=_LABELS)
+    axes.tick_params(labelsize=_NUMBERS, labelbottom=numbered)
+    axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
     axes.yaxis.set_major_formatter(lambda value, _: f'{value:.4g}')
     if numbered:
-        axes.set_xlabel('Crank angle, deg', fontsize=8, labelpad=1)
+        axes.set_xlabel('Crank angle, deg', fontsize=_LABELS, labelpad=1)
+
+
+def _styles(panel: _Panel) -> Iterator[_Line]:
+    # Forces may coincide: dashed, they show what lies below.
+    return itertools.cycle(_STYLES if panel.unit == 'N' else _STYLES[:1])
 
 
 def _spans_zero(panel: _Panel) -> bool:
@@ -178,27 +199,26 @@ def _spans_zero(panel: _Panel) -> bool:
 
 def _margin(curves: Curves, panel: _Panel) -> list[_Words]:
     """Peaks, where they are, and rms of every curve of a panel, in the curve's colour."""
-    heading = f'{panel.unit:<9}{"min":>10} {"at deg":>6} {"max":>10} {"at deg":>6} {"rms":>9}'
+    heading = f'{panel.unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     lines = [_Words(heading, '0.4', family='monospace')]
-    rows = [(_short(name), values, _color(name)) for name, values in panel.curves.items()]
+    rows: list[tuple[str, Array, _Shade, _Line | None]] = [
+        (name, values, _color(name), style)
+        for (name, values), style in zip(panel.curves.items(), _styles(panel), strict=False)
+    ]
     if panel.title == _TORQUE:
         power = curves.columns['driving_power'].values
-        rows = [('torque', rows[0][1], rows[0][2]), ('power, W', power, (0.1, 0.1, 0.1))]
-    for name, values, color in rows:
+        rows = [('torque', *rows[0][1:]), ('power, W', power, _color('power, W'), None)]
+    for name, values, color, style in rows:
         found = extent(curves.crank, values)
         low_at, high_at = math.degrees(found.low_at), math.degrees(found.high_at)
         words = (
-            f'{name:<9}{found.low:>10.4g} {low_at:>6.1f} {found.high:>10.4g} {high_at:>6.1f} '
-            f'{found.rms:>9.4g}'
+            f'{name:<8}{found.low:>11.4g}{low_at:>7.1f}{found.high:>11.4g}{high_at:>7.1f}'
+            f'{found.rms:>10.4g}'
         )
-        lines.append(_Words(words, color, family='monospace'))
+        lines.append(_Words(words, color, family='monospace', style=style))
     if panel.title == _TORQUE:
         lines.append(_Words(f'mean power {curves.mean_power():.4g} W', family='monospace'))
     return [*lines, _Words('')]
-
-
-def _short(name: str) -> str:
-    return name if len(name) < 8 else name[:7]
 
 
 def _draw_linkage(axes: Axes, curves: Curves) -> None:
@@ -219,9 +239,10 @@ def _draw_linkage(axes: Axes, curves: Curves) -> None:
     axes.set_axis_off()
 
 
-def _color(name: str) -> tuple[float, ...]:
+def _color(name: str) -> _Shade:
     return _rgb(COLORS[name] if name in COLORS else _FORCES[name])
 
 
-def _rgb(color: Color) -> tuple[float, ...]:
-    return tuple(part / 255 for part in color)
+def _rgb(color: Color) -> _Shade:
+    red, green, blue = color
+    return red / 255, green / 255, blue / 255

@@ -39,7 +39,7 @@ _WORDS = {
 _DEFAULTS = {DEFAULT: 'default', LIVE: 'default, live', RECORDS: 'default for records'}
 # Sizes in inches: a cell; the names to the left; those above, aslant; what is above and below all.
 _WIDE, _HIGH = 0.92, 0.38
-_LEFT, _ABOVE, _RIGHT = 2.6, 1.25, 1.25
+_LEFT, _ABOVE, _RIGHT = 2.1, 1.25, 0.8
 _TOP, _FOOT = 0.45, 0.45
 
 
@@ -89,7 +89,7 @@ def draw_stability(
     ]
     width = _LEFT + _WIDE * len(METHODS) + _RIGHT
     height = _TOP + sum(grid.height for grid, _ in grids) + _FOOT
-    figure = Figure(figsize=(width, height), dpi=110)
+    figure = Figure(figsize=(width, height), dpi=125)
     y = height - _TOP
     for grid, chosen in grids:
         y -= grid.height
@@ -140,7 +140,7 @@ def _draw_grid(axes: Axes, grid: _Grid, cells: Sequence[Cell]) -> None:
         )  # fmt: skip
         if cell.worst_error is not None:
             words = f'{cell.worst_error:.0e}' + (' s' if cell.outcome == REFUSED else '')
-            axes.text(x + 0.5, y + 0.72, words, ha='center', va='center', color=ink, fontsize=6.5)
+            axes.text(x + 0.5, y + 0.72, words, ha='center', va='center', color=ink, fontsize=7.5)
     for name, words in grid.words.items():
         axes.text(
             len(grid.columns) + 0.15, rows.index(name) + 0.5, words, va='center', fontsize=8.5,
@@ -158,4 +158,4 @@ def _draw_grid(axes: Axes, grid: _Grid, cells: Sequence[Cell]) -> None:
 def _name(method: str) -> str:
     if method in _DEFAULTS:
         return f'{method}\n({_DEFAULTS[method]})'
-    return method.replace(', ', ',\n')
+    return method.replace(', ', ',\n').replace('constrained ', 'constrained\n')

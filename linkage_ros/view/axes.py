@@ -13,6 +13,7 @@ import numpy as np
 from linkage_ros.core.numeric import Array
 
 MARKS = 5  # on each axis
+ASPECT = 1.6  # width of the diagram over its height
 _INTERVALS = MARKS - 1
 _ROUND = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0)
 _HEADROOM = 0.05  # of the range, at each growth

@@ -1,17 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How the live view looks: what it shows where, and all that never changes during a run.
-
-The only file beside `stream` that knows Rerun.
-"""
+"""What the live view shows where: the linkage beside its curves."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from linkage_ros.core.curves import extent
 from linkage_ros.core.kinematics import structure_of
@@ -22,9 +17,8 @@ from linkage_ros.core.structure import Structure
 from linkage_ros.palette import COLORS, GREY, Color
 from linkage_ros.run.configuration import Configuration
 from linkage_ros.run.drives import TorqueDrive
-from linkage_ros.view.axes import MARKS
-from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.scene import PHASE_PLANE, QUANTITIES
+from linkage_ros.view.axes import ASPECT
+from linkage_ros.view.scene import PHASE_PLANE
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
@@ -35,83 +29,13 @@ if TYPE_CHECKING:
 # view, a replay and a log that is opened directly.
 TIMELINE = 'ros2_timestamp'
 
-_PLOTTED_TURNS = 4
+# Turns plotted: no fewer than the first, no more than the second if that is enough for the eye.
+_FEW_TURNS, _MANY_TURNS, _FOR_THE_EYE, _FOR_PATIENCE = 4, 10, 2.0, 60.0  # s the last two
 _STANDING_SECONDS = 10.0  # plotted where the crank stands still,
 _DRIVEN_SECONDS = 5.0  # and under a torque: of a longer time axis Rerun leaves out the numbers
 _TRAIL_SECONDS = 10.0  # in the phase plane
-_FRONT = 32.0  # drawing order of the pins, above all lines
-_THIN, _THICK, _PIN = -1.0, -3.5, -5.0  # radii; negative: points on the screen
 # Those of the palette of Okabe and Ito that no link has.
 _ENERGY_COLORS: tuple[Color, ...] = ((230, 159, 0), (86, 180, 233), GREY)
-_GRID: Color = (70, 70, 70)
-_ASPECT = 1.6  # width of the phase plane over its height
-
-
-def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str, rr.AsComponents]:
-    """What is sent once: colours, names, the paths and the ground.
-
-    Args:
-        configuration: Of the run.
-        drawing: The picture.
-
-    Returns:
-        Components by entity.
-    """
-    import rerun as rr
-
-    lines = rr.LineStrips2D
-    fixed: dict[str, rr.AsComponents] = {
-        'linkage': rr.Transform3D(scale=[1, -1, 1]),  # y is down in Rerun's 2-D views
-        'linkage/ground': lines(drawing.ground, colors=GREY, radii=_THIN),
-        'linkage/pivots': rr.Points2D(drawing.pivots, colors=GREY, radii=_PIN, draw_order=_FRONT),
-        'linkage/pins': rr.Points2D.from_fields(colors=GREY, radii=_PIN, draw_order=_FRONT),
-    }
-    for link, path in drawing.paths.items():
-        strip = path.astype(np.float32)
-        fixed[f'linkage/paths/{link}'] = lines(strip, colors=COLORS[link], radii=_THIN)
-    for joint in drawing.joints:
-        # The crank above the others: a coupler's triangle would hide it.
-        order = _FRONT - 1 if joint == 'crank' else _FRONT - 2
-        fixed[f'linkage/{joint}'] = lines.from_fields(
-            colors=COLORS[joint], radii=_THICK, draw_order=order
-        )
-    for quantity in QUANTITIES:
-        fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=list(drawing.joints))
-    if isinstance(configuration.drive, TorqueDrive):
-        fixed['energies'] = rr.SeriesLines(names=list(ENERGIES))
-    if isinstance(configuration.mechanism, WindPump):
-        fixed['flow'] = rr.SeriesLines(names='flow')
-        fixed.update(_phase_plane())
-    return fixed
-
-
-def _phase_plane() -> dict[str, rr.AsComponents]:
-    """The frame of the phase plane, 1 high, and the place of its marks."""
-    import rerun as rr
-
-    marks = np.linspace(0.0, 1.0, MARKS)
-    across, up = ([[[x, 0], [x, 1]] for x in marks], [[[0, y], [1, y]] for y in marks])
-    names = [(0.5, -0.1), (0.0, 1.13)]
-    color = COLORS['slider']
-    return {
-        PHASE_PLANE: rr.Transform3D(scale=[_ASPECT, -1, 1]),
-        f'{PHASE_PLANE}/grid': rr.LineStrips2D(across + up, colors=_GRID, radii=_THIN / 2),
-        f'{PHASE_PLANE}/x': _texts([(x, -0.02) for x in marks]),
-        f'{PHASE_PLANE}/y': _texts([(-0.06, y + 0.04) for y in marks]),
-        f'{PHASE_PLANE}/names': _texts(names, 'position, m', 'velocity, m/s'),
-        f'{PHASE_PLANE}/curve/trail': rr.LineStrips2D.from_fields(colors=color, radii=_THIN),
-        f'{PHASE_PLANE}/curve/now': rr.Points2D.from_fields(
-            colors=color, radii=_PIN, draw_order=_FRONT
-        ),
-    }
-
-
-def _texts(places: Sequence[tuple[float, float]], *texts: str) -> rr.Points2D:
-    """Texts in a diagram; without any, they come later."""
-    import rerun as rr
-
-    labels = texts or None
-    return rr.Points2D(places, radii=0.0, colors=GREY, labels=labels, show_labels=True)
 
 
 def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
@@ -155,19 +79,31 @@ def _curves_of_speed(solver: Solver, rpm: float) -> rrb.Container:
     """Angles, rates, and the torque that the speed takes."""
     import rerun.blueprint as rrb
 
-    # A few turns, but no less than eyes can follow and no more than anyone waits for.
-    seconds = min(max(2.0, _PLOTTED_TURNS * 60 / abs(rpm)), 60.0) if rpm else _STANDING_SECONDS
-    joints = _JointPlots(solver.structure, seconds)
-    # Passive joints have none. In a small window the axis may show no number but 0.
     turns = solver.kinematics.map.samples()
-    torque = extent(turns, solver.state(turns, rpm * math.pi / 30).torque)
-    title = f'Driving torque, N m ({torque.low:.3g} to {torque.high:.3g} at {rpm:g} rpm)'
+    state = solver.state(turns, rpm * math.pi / 30)
+
+    def span(values: Array) -> str:
+        # In a small window an axis may show no number but 0.
+        found = extent(turns, values)
+        return f' ({found.low:.3g} to {found.high:.3g}'
+
+    sliding = f'{span(state.position[-1])})', f'{span(state.velocity[-1])} at {rpm:g} rpm)'
+    joints = _JointPlots(solver.structure, _plotted_seconds(rpm), sliding)
+    title = f'Driving torque, N m{span(state.torque)} at {rpm:g} rpm)'  # passive joints have none
     return rrb.Vertical(
         rrb.Tabs(*joints.angles()),
         rrb.Tabs(*joints.rates()),
         joints.plot(title, 'effort', ['crank']),
         row_shares=[1, 1, 2],
     )
+
+
+def _plotted_seconds(rpm: float) -> float:
+    """How much of the past is plotted at a speed, s."""
+    if not rpm:
+        return _STANDING_SECONDS
+    turn = 60 / abs(rpm)
+    return min(max(min(_FOR_THE_EYE, _MANY_TURNS * turn), _FEW_TURNS * turn), _FOR_PATIENCE)
 
 
 def _curves_of_torque(mechanism: Mechanism) -> rrb.Container:
@@ -195,8 +131,12 @@ def _curves_of_torque(mechanism: Mechanism) -> rrb.Container:
 class _JointPlots:
     """Curves of the joints of one mechanism over the last seconds."""
 
-    def __init__(self, structure: Structure, seconds: float) -> None:
+    def __init__(
+        self, structure: Structure, seconds: float, sliding: tuple[str, str] = ('', '')
+    ) -> None:
+        """Takes what is told of a slider's position and velocity as well."""
         self._seconds = seconds
+        self._of_position, self._of_velocity = sliding
         self._colors = {joint.name: COLORS[joint.name] for joint in structure.joints}
         _, *others = structure.joints
         self._turning = [joint.name for joint in others if not joint.slides]
@@ -210,18 +150,20 @@ class _JointPlots:
         """Where the joints are."""
         # The crank's angle is unwrapped: beside it the others would soon be straight lines.
         plots = [
-            self.plot('Joint angles, rad', 'position', self._turning),
+            self.plot('Joint angles, rad, each from its parent', 'position', self._turning),
             self.plot('Crank angle, rad', 'position', ['crank']),
         ]
         if self._sliding:
-            plots.insert(0, self.plot('Slider position, m', 'position', self._sliding))
+            title = f'Slider position, m{self._of_position}'
+            plots.insert(0, self.plot(title, 'position', self._sliding))
         return plots
 
     def rates(self) -> list[rrb.TimeSeriesView]:
         """How fast they are."""
         plots = [self.plot('Joint rates, rad/s', 'velocity', ['crank', *self._turning])]
         if self._sliding:
-            plots.insert(0, self.plot('Slider velocity, m/s', 'velocity', self._sliding))
+            title = f'Slider velocity, m/s{self._of_velocity}'
+            plots.insert(0, self.plot(title, 'velocity', self._sliding))
         return plots
 
 
@@ -273,5 +215,5 @@ def _phase_view() -> rrb.Spatial2DView:
         name='Phase plane of the slider: velocity, m/s, over position, m',
         contents=f'/{PHASE_PLANE}/**',
         overrides={f'/{PHASE_PLANE}/curve/trail': trail},
-        visual_bounds=rrb.VisualBounds2D(x_range=(-0.2, _ASPECT + 0.1), y_range=(-1.15, 0.22)),
+        visual_bounds=rrb.VisualBounds2D(x_range=(-0.2, ASPECT + 0.1), y_range=(-1.15, 0.22)),
     )

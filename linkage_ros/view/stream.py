@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from linkage_ros.run.configuration import Configuration
-from linkage_ros.view.layout import fixed_components, layout
+from linkage_ros.view.fixed import fixed_components
+from linkage_ros.view.layout import layout
 from linkage_ros.view.recording import Recording
 from linkage_ros.view.scene import Scene
 from linkage_ros.view.viewer import (
