@@ -1,11 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-.PHONY: help demo controller test clean
+.PHONY: help demo controller check reliability clean
 help:
-	@echo 'make demo   set up a virtual environment and show a linkage move'
-	@echo 'make controller  let a controller keep the speed of a torque-driven linkage, and compare'
-	@echo 'make test   set up a virtual environment and run every check'
-	@echo 'make clean  remove what these made'
+	@echo 'make demo         set up a virtual environment and show a linkage move'
+	@echo 'make controller   let a controller keep the speed of a torque-driven linkage, and compare'
+	@echo 'make check        set up a virtual environment and run every check, as CI does'
+	@echo 'make reliability  kill, fill, cut, soak and fuzz: two hours, as root'
+	@echo 'make clean        remove what these made'
 	@echo 'PYTHON=python3.12 make ...  uses that Python; any from 3.10 to 3.13 will do'
 
 # The first Python that fits; one that can also make virtual environments, if there is any.
@@ -34,7 +35,7 @@ RUN := $(VENV)/bin/python
 SETUP := setup.py setup.cfg constraints.txt
 
 # An environment whose Python has gone, say by an upgrade, is made again.
-$(if $(BASE),$(shell $(RUN) -c '' 2>/dev/null || rm -f $(VENV)/demo-ready $(VENV)/test-ready))
+$(if $(BASE),$(shell $(RUN) -c '' 2>/dev/null || rm -f $(VENV)/demo-ready $(VENV)/check-ready))
 
 # No build isolation: it would fetch whatever setuptools is newest, beside the constraints.
 install = $(RUN) -m pip install --quiet --disable-pip-version-check --no-build-isolation \
@@ -50,8 +51,11 @@ demo: $(VENV)/demo-ready
 controller: $(VENV)/demo-ready
 	@$(RUN) benchmarks/controller.py --quick --out controller
 
+reliability: $(VENV)/check-ready
+	@$(RUN) benchmarks/reliability/run.py --out reliability
+
 # Plugins of a sourced ROS break today's pytest, so that only those named here are loaded.
-test: $(VENV)/test-ready
+check: $(VENV)/check-ready
 	@$(RUN) -m ruff check --quiet
 	@$(RUN) -m ruff format --check --quiet
 	@$(RUN) -m mypy --no-error-summary
@@ -69,10 +73,10 @@ $(VENV)/demo-ready: $(SETUP)
 	@$(call install,--editable '.[$(EXTRAS)]')
 	@touch $@
 
-$(VENV)/test-ready: $(VENV)/demo-ready
+$(VENV)/check-ready: $(VENV)/demo-ready
 	@$(call install,--editable '.[test]')
 	@touch $@
 
 clean:
-	@rm -rf .venv-* build install log demo controller *.egg-info .hypothesis .mypy_cache .pytest_cache \
+	@rm -rf .venv-* build install log demo controller reliability *.egg-info .hypothesis .mypy_cache .pytest_cache \
 		.ruff_cache

@@ -5,9 +5,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import ctypes
-import gc
 import io
 import os
 import signal
@@ -20,7 +17,6 @@ from linkage_ros import __version__
 from linkage_ros.errors import LinkageError, one_line
 
 STOPPED_BY_USER = 130
-_PR_SET_TIMERSLACK = 29  # of prctl
 
 
 class Parser(argparse.ArgumentParser):
@@ -130,16 +126,3 @@ def _close_output() -> None:
 def print_error(name: str, error: object) -> None:
     """Prints one line."""
     print(f'{name}: {one_line(str(error))}', file=sys.stderr)
-
-
-def prepare_for_deadlines() -> None:
-    """Lets this thread, and those that it starts, be on time; call it when all has been set up.
-
-    By default Linux wakes a thread 50 us late, to wake several at once; another thread may keep
-    the interpreter for 5 ms; and each search for garbage walks through everything made so far.
-    """
-    with contextlib.suppress(AttributeError, OSError):  # it is not Linux
-        ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    sys.setswitchinterval(1e-5)
-    gc.collect()
-    gc.freeze()

@@ -17,9 +17,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from linkage_ros import cli
-from linkage_ros.errors import LinkageError
+from linkage_ros.errors import LinkageError, ViewerError
 from linkage_ros.record import record
 from linkage_ros.run.configuration import load
+from linkage_ros.view.viewer import SPAWN, require_screen
 
 _NAME = 'demo'
 _FOLDER = Path('demo')
@@ -91,9 +92,9 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
     return heard
 
 
-def _live() -> None:
+def _live(viewer: str | Path) -> None:
     settings = {
-        'rpm': _RPM, 'rate_hz': _RATE, 'log': _LOG, 'log_overwrite': 'true', 'viewer': _VIEW,
+        'rpm': _RPM, 'rate_hz': _RATE, 'log': _LOG, 'log_overwrite': 'true', 'viewer': viewer,
     }  # fmt: skip
     arguments = [word for name, value in settings.items() for word in ('-p', f'{name}:={value}')]
     command = [sys.executable, '-m', 'linkage_ros.node', '--ros-args', *arguments]
@@ -108,29 +109,43 @@ def _live() -> None:
     print(heard.report())
 
 
-def _recorded() -> None:
+def _recorded(viewer: str | Path) -> None:
     print('rclpy is not installed here: recording the run without ROS')
     configuration = load('quadrilateral')
     session = replace(configuration.session, rate_hz=_RATE)
     record(replace(configuration, session=session), _LOG, duration=_SECONDS, overwrite=True)
-    command = [sys.executable, '-m', 'linkage_ros.replay', str(_LOG), '--no-ros', '--rate', '1000']
-    subprocess.run([*command, '--viewer', str(_VIEW)], check=True)  # noqa: S603
+    command = [sys.executable, '-m', 'linkage_ros.replay', str(_LOG), '--no-ros']
+    rate = '1000' if viewer == _VIEW else '1'  # nobody watches a file
+    subprocess.run([*command, '--viewer', str(viewer), '--rate', rate], check=True)  # noqa: S603
+
+
+def _viewer() -> str | Path:
+    """A window where there is a screen, else a file."""
+    try:
+        require_screen()
+    except ViewerError:
+        _VIEW.unlink(missing_ok=True)
+        return _VIEW
+    return SPAWN
 
 
 def _run() -> None:
     _FOLDER.mkdir(exist_ok=True)
-    _VIEW.unlink(missing_ok=True)
+    viewer = _viewer()
     try:
         import rclpy  # noqa: F401
     except ModuleNotFoundError:
-        _recorded()
+        _recorded(viewer)
     else:
-        _live()
+        _live(viewer)
     python = Path(sys.executable).parent
     shown = python.relative_to(Path.cwd()) if python.is_relative_to(Path.cwd()) else python
     print(f'look inside:      {shown}/linkage_log info {_LOG}')
     print(f'replay on topics: {shown}/linkage_replay {_LOG}')
-    print(f'watch it in 2-D:  {shown}/rerun {_VIEW}')
+    if viewer == SPAWN:
+        print(f'watch it again:   {shown}/linkage_replay {_LOG} --viewer spawn')
+    else:
+        print(f'watch it in 2-D:  {shown}/rerun {_VIEW}')
 
 
 if __name__ == '__main__':

@@ -8,9 +8,48 @@ valid range and what to do.
 
 from __future__ import annotations
 
+_LONGEST = 600  # characters of an error
+
+
+def printable(text: str) -> str:
+    """A text without what would steer a terminal or lie about its order: that is spelled out.
+
+    Args:
+        text: Names and values in it may be anybody's.
+
+    Returns:
+        One line, which any terminal takes.
+    """
+    if text.isprintable():
+        return text
+    parts = (c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
+    return ''.join(parts)
+
+
+def one_line(text: str) -> str:
+    """A text as an error message shows it: on one line, printable, and not endless.
+
+    Args:
+        text: Names and values in it may be anybody's.
+
+    Returns:
+        At most 600 characters; the middle of a longer text is left out.
+    """
+    words = _shortened(' '.join(text.split()))
+    return _shortened(printable(words))
+
+
+def _shortened(text: str) -> str:
+    if len(text) <= _LONGEST:
+        return text
+    return f'{text[: _LONGEST // 2]} ... {text[5 - _LONGEST // 2 :]}'
+
 
 class LinkageError(Exception):
-    """Base of all errors of this package."""
+    """Base of all errors of this package; as text one line, whatever is in it."""
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class ConfigurationError(LinkageError, ValueError):

@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import NoReturn
@@ -14,7 +15,7 @@ from typing import NoReturn
 from tqdm import tqdm
 
 from linkage_ros import __version__, cli
-from linkage_ros.errors import LogError
+from linkage_ros.errors import LogError, printable
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.verify import Report, verify
@@ -24,6 +25,7 @@ _NAME = 'linkage_log'
 _NS = 10**9
 # Stamps below are times since the start of a record, not dates (s).
 _EPOCH_OF_DATES = 10**9
+_WIDEST = 60  # column of topics, characters
 
 
 def info(log: LogReader) -> Iterator[str]:
@@ -47,7 +49,7 @@ def info(log: LogReader) -> Iterator[str]:
         for words in (machine.solver.mobility.equalities if machine.solver else ())
     )
     yield 'topics:'
-    width = max((len(topic.name) for topic in log.topics), default=0)
+    width = min(max((len(topic.name) for topic in log.topics), default=0), _WIDEST)
     for topic in log.topics:
         yield f'  {topic.name:{width}}  {topic.messages:9d}  {topic.type}'
     yield 'motion:'
@@ -108,7 +110,7 @@ def _verify(options: argparse.Namespace) -> int:
         if not report.states and not report.difference:
             raise LogError(f'{options.log} has no states: there is nothing to verify')
         for line in verdict(log, report):
-            print(line)
+            print(printable(line))
     return 1 if report.difference else 0
 
 
@@ -131,17 +133,19 @@ def saved(path: Path, done: Recovered) -> str:
 
 
 def _recover(options: argparse.Namespace) -> int:
-    size = options.log.stat().st_size if options.log.is_file() else 0
+    size = 0
+    with suppress(OSError):  # recover says what is wrong
+        size = options.log.stat().st_size
     with _bar(size, 'B') as bar:
         done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
-    print(saved(options.out, done))
+    print(printable(saved(options.out, done)))
     return 0
 
 
 def _info(options: argparse.Namespace) -> int:
     with LogReader(options.log) as log:
         for line in info(log):
-            print(line)
+            print(printable(line))
     return 0
 
 

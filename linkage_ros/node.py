@@ -25,6 +25,7 @@ from linkage_ros.run.configuration import Configuration, configure, preset_note
 from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
 from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
+from linkage_ros.run.punctual import prepare_process
 from linkage_ros.run.stepper import Stepper
 from linkage_ros.run.torque import RunMotion, TorqueMotion
 from linkage_ros.view.stream import Sample
@@ -72,7 +73,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     def start(self) -> None:
         """Starts turning."""
         ros.await_listeners(self._outputs)
-        cli.prepare_for_deadlines()
+        prepare_process()
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._stepper.start(self._begin)
         # Simulated time may stand still; whether all goes well is asked in real time.

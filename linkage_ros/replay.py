@@ -22,6 +22,7 @@ from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.run.machine import Machine
+from linkage_ros.run.punctual import prepare_process, wake_on_time
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.stream import Sample, View
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
@@ -207,7 +208,8 @@ def _run(arguments: list[str]) -> int:
         pace = Pace(piece.start, options.rate)
         sinks = _sinks(stack, options, of_ros, log, piece, pace)
         keyboard = stack.enter_context(Keyboard())
-        cli.prepare_for_deadlines()
+        prepare_process()
+        wake_on_time()
         stop.wait(options.delay)
         items = stack.enter_context(feed(log, piece, loop=options.loop))
         show = stack.enter_context(_status(log, piece, pace))

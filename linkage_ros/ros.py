@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import re
 import sys
@@ -13,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from pathlib import Path
 
 import rclpy
 from rclpy.exceptions import (
@@ -21,22 +23,24 @@ from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidTopicNameException,
 )
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, one_line
 from linkage_ros.wire.messages import Topic
 
 # s given to subscribers to find a node, and to be matched with it.
 _DISCOVERY, _MATCH = 0.8, 0.2
+# s after which a node that does not end never will.
+_STUCK = 10.0
 
 # What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
 # which has no public name, is a RuntimeError.
-_USER_ERRORS = (
+USER_ERRORS = (
     RuntimeError,
     ValueError,
     InvalidParameterTypeException,
@@ -109,7 +113,7 @@ def reported_as_configuration() -> Iterator[None]:
     """
     try:
         yield
-    except _USER_ERRORS as error:
+    except USER_ERRORS as error:
         text = ' '.join(str(error).split())
         if text.startswith('['):  # UnknownROSArgsError names them and nothing else
             text = f'unknown ROS arguments {text}'
@@ -170,6 +174,25 @@ def await_listeners(
     return any(before)
 
 
+def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
+    """Spins until the end: a request that rclpy trips over must not end the service of others."""
+    while _tripped(executor, node):
+        pass
+
+
+def _tripped(executor: SingleThreadedExecutor, node: Node) -> bool:
+    """Spins; whether that ended with a request such as for a parameter of a type that is none."""
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return False
+    except Exception as error:  # noqa: BLE001, nothing bounds what others send
+        words = one_line(f'{type(error).__name__}: {error}')
+        node.get_logger().error(f'a callback failed: {words}', throttle_duration_sec=1.0)
+        return bool(node.context.ok())
+    return False
+
+
 @contextmanager
 def served(node: Node) -> Iterator[None]:
     """Serves a node's callbacks in a thread of their own; destroys the node at the end.
@@ -182,11 +205,27 @@ def served(node: Node) -> Iterator[None]:
     """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    thread = threading.Thread(target=executor.spin, name='executor', daemon=True)
+    words = executor, node
+    thread = threading.Thread(target=_spin, args=words, name='executor', daemon=True)
     thread.start()
     try:
         yield
     finally:
         executor.shutdown(timeout_sec=2.0)
         thread.join(2.0)
-        node.destroy_node()
+        with _ended_if_stuck():
+            node.destroy_node()
+
+
+@contextmanager
+def _ended_if_stuck() -> Iterator[None]:
+    """Ends the process, with code 1, if Fast DDS never returns (eProsima/Fast-DDS#6513).
+
+    It spins in C code that keeps the interpreter, so that no thread of Python's could do it.
+    """
+    with Path(os.devnull).open('w') as nowhere:
+        faulthandler.dump_traceback_later(_STUCK, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()

@@ -21,7 +21,7 @@ from linkage_ros.wire.messages import Topic
 # Items that wait for a stalled disk: half a minute's at 1 kHz with four topics.
 _CAPACITY = 120_000
 # s between batches. With the log's flush period this bounds what a killed run loses.
-_PERIOD = 0.05
+_PERIOD = 0.02
 # s between orders to bring them to the disk itself, which bounds what a power cut costs.
 _SYNC_PERIOD = 1.0
 _CLOSE_SECONDS = 30.0

@@ -115,9 +115,7 @@ def parsers_raise(monkeypatch):
 @pytest.mark.parametrize('page', PAGES)
 def test_commands_are_understood_or_said_to_be_not_tried(page):
     for words, is_block, near in commands(read(page)):
-        # What ROS's own tools do with the package is for test_packaging.py to see.
-        if page != 'README.md' or words[0] not in ('colcon', 'rosdep', 'ros2', 'source'):
-            check_command(words, is_block=is_block, near=near)
+        check_command(words, is_block=is_block, near=near)
 
 
 def quick(words):

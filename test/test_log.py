@@ -307,7 +307,7 @@ def test_topics_and_start_pick_what_a_filter_picks(path, topics, start):
 
 def test_chunks_share_one_table_of_their_channels(path):
     with LogReader(path) as log:
-        tables = [chunk.message_index_offsets for chunk in log._reader.get_summary().chunk_indexes]
+        tables = [chunk.message_index_offsets for chunk in log._summary.chunks]
     assert len(tables) > 2
     assert len({id(table) for table in tables}) == len({tuple(table) for table in tables})
 

@@ -53,9 +53,8 @@ def test_every_topic_and_executable_is_listed():
 
 def test_the_python_lines_run(capsys):
     run_python(block(README, 'import numpy'), 'README.md')
-    first, second, third = capsys.readouterr().out.splitlines()
+    first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("crank-rocker ['swing 27.307 deg (82.445 to 109.752 deg)'")
-    torque, acceleration = map(float, second.split())
-    assert 8.4 < torque < 8.5
-    assert 0 < acceleration < 100
-    assert 0 < float(third.split()[0]) < 1000
+    assert 8.4 < float(first.split()[-3]) < 8.5
+    assert 0 < float(second.split()[0]) < 1000
+    assert len([line for line in block(README, 'import numpy').splitlines() if line]) <= 12

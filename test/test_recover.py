@@ -414,7 +414,7 @@ for tick in itertools.count():
 
 @pytest.mark.parametrize('delay', [0.0, 0.07, 0.13])
 def test_a_killed_run_at_1_khz_is_recovered_up_to_its_last_flush(tmp_path, delay):
-    """A flush comes at least every 0.2 s (FLUSH_PERIOD) and a batch of the worker, 0.05 s."""
+    """A flush comes every 0.15 s (FLUSH_PERIOD) at least, a batch of the worker 0.05 s here."""
     path = tmp_path / 'run.mcap'
     with subprocess.Popen(
         [sys.executable, '-c', KILLED, path], stdout=subprocess.PIPE, text=True

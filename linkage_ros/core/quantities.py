@@ -108,6 +108,8 @@ def shown(value: object) -> str:
         words = ' '.join(repr(value).split())
     except ValueError:  # Python writes no whole number of thousands of digits
         return 'a number of thousands of digits'
+    except RecursionError:
+        return 'lists nested deeper than Python goes'
     return words if len(words) <= 80 else words[:77] + '...'
 
 

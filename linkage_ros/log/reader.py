@@ -5,27 +5,30 @@
 from __future__ import annotations
 
 import os
-import struct
 import textwrap
-import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
-from mcap.reader import McapReader, NonSeekingReader, make_reader
 from mcap.records import Channel, ChunkIndex, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.log import mcap_file
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     read_configuration,
     read_motion,
 )
+from linkage_ros.run.files import open_file
 
-_MAGIC_SIZE, _FOOTER_SIZE = 8, 9 + 20
+_MAGIC_SIZE = len(MCAP0_MAGIC)
+# ns at which ROS's time ends: its seconds are signed, of 32 bits.
+_TIME_END = 2**31 * 10**9
+_NO_SCHEMA = Schema(0, b'', '', '')
 _CUT = 'it is not complete: its run was killed; linkage_log recover saves what is there'
 
 
@@ -89,7 +92,7 @@ class LogReader(AbstractContextManager['LogReader']):
         """
         self.path = Path(path)
         try:
-            self._stream = self.path.open('rb')
+            self._stream = open_file(self.path)
         except OSError as error:
             raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
         try:
@@ -100,19 +103,10 @@ class LogReader(AbstractContextManager['LogReader']):
             raise
 
     def _open(self) -> None:
-        if self._is_cut():
-            raise LogError(_CUT)
-        self._reader: McapReader = make_reader(self._stream, validate_crcs=True)
-        summary = self._reader.get_summary()
-        if summary is None or summary.statistics is None:
-            raise LogError(_CUT)
-        _check_summary(self._stream)
-        if summary.statistics.chunk_count != len(summary.chunk_indexes):
-            raise LogError('it is damaged: its index leaves out parts of it')
-        _share_offsets(summary.chunk_indexes)
-        records = list(self._reader.iter_metadata())
+        self._summary = summary = self._read_summary()
+        records = [mcap_file.read_metadata(self._stream, i.offset) for i in summary.metadata]
         # The index is under the summary's checksum, the records' names are under none.
-        if [record.name for record in records] != [i.name for i in summary.metadata_indexes]:
+        if [record.name for record in records] != [i.name for i in summary.metadata]:
             raise LogError('it is damaged: its metadata records are not those of its index')
         about, motions = [], []
         for record in records:
@@ -126,21 +120,37 @@ class LogReader(AbstractContextManager['LogReader']):
             raise LogError(f'it has {len(about)} configuration records: which one explains it?')
         self.version, self.configuration = about[0]
         self.motions = tuple(motions)
-        statistics: Statistics = summary.statistics
+        statistics = summary.statistics
         self.topics = tuple(
             _topic(channel, summary.schemas, statistics) for channel in summary.channels.values()
         )
         self.start, self.end = statistics.message_start_time, statistics.message_end_time
+        if not self.start <= self.end < _TIME_END:
+            raise LogError(f'its times, {self.start} to {self.end} ns, are none of ROS')
 
-    def _is_cut(self) -> bool:
-        """Whether it begins as an MCAP file but does not end as one."""
+    def _read_summary(self) -> mcap_file.Summary:
+        """What stands at the end of the file, if that is whole and the file an MCAP file.
+
+        Raises:
+            LogError: The file is cut off, or its index is damaged.
+            ValueError: It is no MCAP file.
+        """
         begin = self._stream.read(_MAGIC_SIZE)
-        if self._stream.seek(0, os.SEEK_END) < _MAGIC_SIZE:
-            return False
-        self._stream.seek(-_MAGIC_SIZE, os.SEEK_END)
-        end = self._stream.read(_MAGIC_SIZE)
-        self._stream.seek(0)
-        return begin == MCAP0_MAGIC != end
+        if begin != MCAP0_MAGIC:
+            raise ValueError(f'it begins with {begin!r}')
+        self._stream.seek(self._stream.seek(0, os.SEEK_END) - _MAGIC_SIZE)
+        if self._stream.read(_MAGIC_SIZE) != MCAP0_MAGIC:
+            raise LogError(_CUT)
+        summary = mcap_file.read_summary(self._stream)
+        if summary is None:
+            raise LogError(_CUT)
+        if summary.statistics.chunk_count != len(summary.chunks):
+            raise LogError('it is damaged: its index leaves out parts of it')
+        places = [chunk.chunk_start_offset for chunk in summary.chunks]
+        if any(later <= earlier for earlier, later in pairwise(places)):
+            raise LogError('it is damaged: its chunks are not in the order of its index')
+        _share_offsets(summary.chunks)
+        return summary
 
     def messages(
         self,
@@ -161,11 +171,19 @@ class LogReader(AbstractContextManager['LogReader']):
         Raises:
             LogError: The file is damaged.
         """
-        wanted = None if topics is None else list(topics)
-        stored = self._reader.iter_messages(topics=wanted, starting_at=start, ending_before=end)
+        names = None if topics is None else set(topics)
+        summary = self._summary
+        wanted = {
+            number: channel
+            for number, channel in summary.channels.items()
+            if names is None or channel.topic in names
+        }
+        last = _TIME_END if end is None else end
         with _damage_reported(self.path):
-            for schema, channel, message in stored:
-                yield _logged(schema, channel, message)
+            for message in mcap_file.in_order(
+                self._stream, summary, set(wanted), start or 0, last
+            ):
+                yield _logged(summary.schemas, wanted[message.channel_id], message)
 
     def written(self) -> Iterator[LoggedMessage]:
         """Reads all messages in the order of writing, whatever their log times.
@@ -178,11 +196,20 @@ class LogReader(AbstractContextManager['LogReader']):
         """
         expected = {topic.name: topic.messages for topic in self.topics}
         found = dict.fromkeys(expected, 0)
-        with _damage_reported(self.path), self.path.open('rb') as stream:
-            reader = NonSeekingReader(stream, validate_crcs=True)
-            for schema, channel, message in reader.iter_messages(log_time_order=False):
-                found[channel.topic] = found.get(channel.topic, 0) + 1
-                yield _logged(schema, channel, message)
+        with _damage_reported(self.path), open_file(self.path) as stream:
+            schemas: dict[int, Schema] = {}
+            channels: dict[int, Channel] = {}
+            for record in mcap_file.read_data(stream):
+                if isinstance(record, Message):
+                    channel = channels[record.channel_id]
+                    found[channel.topic] = count = found.get(channel.topic, 0) + 1
+                    if count > expected.get(channel.topic, 0):
+                        break
+                    yield _logged(schemas, channel, record)
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                else:
+                    schemas[record.id] = record
             # A damaged opcode hides its record: no checksum covers it.
             if found != expected:
                 raise LogError('it is damaged: its messages are not as many as its summary says')
@@ -195,13 +222,13 @@ class LogReader(AbstractContextManager['LogReader']):
         self.close()
 
 
-def _logged(schema: Schema | None, channel: Channel, message: Message) -> LoggedMessage:
-    kind = '' if schema is None else schema.name
+def _logged(schemas: dict[int, Schema], channel: Channel, message: Message) -> LoggedMessage:
+    kind = schemas[channel.schema_id].name if channel.schema_id else ''
     return LoggedMessage(channel.topic, kind, message.log_time, message.data, message.publish_time)
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
-    schema = schemas[channel.schema_id]
+    schema = schemas[channel.schema_id] if channel.schema_id else _NO_SCHEMA
     text = schema.data.decode(errors='replace')
     return LoggedTopic(
         channel.topic,
@@ -210,23 +237,6 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
         'transient_local' in channel.metadata.get('offered_qos_profiles', ''),
         (channel.message_encoding, schema.encoding, text),
     )
-
-
-def _check_summary(stream: BinaryIO) -> None:
-    """Compares the summary's checksum, which the mcap reader does not look at.
-
-    Args:
-        stream: The file; its position is moved.
-
-    Raises:
-        LogError: The summary is damaged.
-    """
-    footer = stream.seek(-(_FOOTER_SIZE + _MAGIC_SIZE), os.SEEK_END)
-    _, _, start, _, expected = struct.unpack('<BQQQI', stream.read(_FOOTER_SIZE))
-    stream.seek(start)
-    # The checksum covers the summary and the footer up to the checksum itself.
-    if expected and zlib.crc32(stream.read(footer + _FOOTER_SIZE - 4 - start)) != expected:
-        raise LogError('it is damaged: the checksum of its summary is wrong')
 
 
 def _share_offsets(chunks: Iterable[ChunkIndex]) -> None:

@@ -9,9 +9,11 @@ setting must not pass for another setting.
 from __future__ import annotations
 
 import json
+import math
 import zlib
 from collections.abc import Mapping
 from fractions import Fraction
+from typing import Any
 
 from linkage_ros import __version__
 from linkage_ros.run.configuration import Configuration, from_strings, to_strings
@@ -23,6 +25,7 @@ CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
 
 _CHECKSUM = 'crc32'
+_LONGEST_FIELD = 1000  # characters; the longest fraction of a motion has 150
 
 
 def write_configuration(configuration: Configuration) -> dict[str, str]:
@@ -79,21 +82,51 @@ def read_motion(record: Mapping[str, str]) -> RunMotion:
         LogError: The record is damaged.
     """
     fields = _unseal(record, 'motion')
+    if max(map(len, fields.values()), default=0) > _LONGEST_FIELD:
+        raise LogError('a motion record is damaged: it is endless')
     try:
-        stamp = int(fields['stamp'])
-        before = int(fields['before']) if 'before' in fields else None
+        stamp = _time(fields['stamp'])
+        before = _time(fields['before']) if 'before' in fields else None
         if 'torque' in fields:
-            return TorqueMotion(stamp, float(json.loads(fields['torque'])), before)
+            return TorqueMotion(stamp, _finite(json.loads(fields['torque'])), before)
         return CrankMotion(
             stamp,
-            Fraction(fields['phase']),
-            Fraction(fields['speed']),
+            _fraction(fields['phase']),
+            _fraction(fields['speed']),
             float(json.loads(fields['rpm'])),
             float(json.loads(fields['acceleration'])),
             before,
         )
-    except (KeyError, ValueError, TypeError, ArithmeticError) as error:
+    except (KeyError, ValueError, TypeError, ArithmeticError, RecursionError) as error:
         raise LogError(f'a motion record is damaged ({type(error).__name__})') from error
+
+
+def _time(text: str) -> int:
+    """A stamp, which has 64 bits.
+
+    Raises:
+        ValueError: This one has more.
+    """
+    time = int(text)
+    if abs(time) >= 2**63:
+        raise ValueError(f'{time} ns')
+    return time
+
+
+def _finite(value: Any) -> float:
+    """A number as json has it.
+
+    Raises:
+        ValueError: It is not finite.
+    """
+    if not math.isfinite(number := float(value)):
+        raise ValueError(f'{number}')
+    return number
+
+
+def _fraction(text: str) -> Fraction:
+    """What str made of a fraction; Fraction itself would compute 1e999999999 to the last digit."""
+    return Fraction(*map(int, text.split('/')))
 
 
 def _checksum(fields: Mapping[str, str]) -> str:

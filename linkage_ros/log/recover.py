@@ -22,9 +22,11 @@ from linkage_ros.log.records import (
     read_motion,
 )
 from linkage_ros.log.salvage import Losses, is_mcap, read_summary, walk
+from linkage_ros.run.files import is_there, open_file
 
 # No chunk of ours is as large: the chunks stay as they were.
 _CHUNK_SIZE = 1 << 23
+_MOST_CHANNELS = 2**16 - 1  # their numbers have 16 bits, and the writer begins with 1
 
 
 class Recovered(NamedTuple):
@@ -69,7 +71,7 @@ def recover(
             raise LogError(f'{source} is no MCAP file: nothing in it can be recovered')
         if not _has_configuration(data):
             raise LogError(f'{source} has no configuration record: it cannot be recovered')
-        if target.exists() and target.samefile(source):
+        if is_there(target) and target.samefile(source):
             raise LogError(f'{target} is the broken log itself: choose another name')
         with _replaced(target, overwrite=overwrite) as part:
             return _copy(data, part, progress)
@@ -78,8 +80,8 @@ def recover(
 @contextmanager
 def _opened(path: Path) -> Iterator[bytes | mmap]:
     try:
-        with path.open('rb') as stream:
-            if not path.stat().st_size:
+        with open_file(path) as stream:
+            if not os.fstat(stream.fileno()).st_size:
                 yield b''
                 return
             with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
@@ -106,8 +108,9 @@ def _replaced(target: Path, *, overwrite: bool) -> Iterator[Path]:
     part = target.with_name(f'{target.name}.{os.getpid()}.part')
     try:
         part.open('xb').close()
-    except OSError as error:
-        raise LogError(f'{target} cannot be written: {error.strerror or error}') from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise LogError(f'{target} cannot be written: {reason}') from error
     try:
         yield part
         part.replace(target)
@@ -205,7 +208,8 @@ class _Copy:
 
     def _channel(self, channel: Channel) -> None:
         schema = self._schema(channel.schema_id)
-        if channel.id not in self._channels and schema is not None:
+        is_new = channel.id not in self._channels and len(self._channels) < _MOST_CHANNELS
+        if is_new and schema is not None:
             self._channels[channel.id] = self._writer.register_channel(
                 channel.topic, channel.message_encoding, schema, channel.metadata
             )

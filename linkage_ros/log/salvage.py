@@ -12,6 +12,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from mmap import mmap
@@ -30,8 +31,9 @@ from mcap.records import (
     Metadata,
     Schema,
 )
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
+
+from linkage_ros.log.chunks import LARGEST, unpack, unpacked_records
 
 _HEAD = 9  # bytes of opcode and length
 _KEPT: dict[int, type[Header | Schema | Channel | Metadata | Attachment]] = {
@@ -44,6 +46,9 @@ _KEPT: dict[int, type[Header | Schema | Channel | Metadata | Attachment]] = {
 # What else a data section holds; another opcode is damage. The lengths of what ends it.
 _OTHERS = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX)
 _ENDS: dict[int, int] = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
+# Bytes, beside a multiple of the file size, that damaged records may cost before it gives up:
+# thousands of places that look like the beginning of a long record would else be tried in turn.
+_PATIENCE = 1 << 30
 # The beginning of a chunk or of a metadata record of linkage_ros, wherever it is.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
 
@@ -90,7 +95,7 @@ def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
     Yields:
         Stretches of the file, in order.
     """
-    at, hurt = len(MCAP0_MAGIC), False
+    at, hurt, patience = len(MCAP0_MAGIC), False, _PATIENCE + 16 * len(data)
     while at < len(data):
         opcode, end = _frame(data, at)
         if _is_the_end(data, at):
@@ -108,7 +113,8 @@ def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
         # within what the damaged length claims.
         is_framed = hurt and _is_whole(data, at) and _is_whole(data, end)
         after = end if is_framed else _next_landmark(data, at + 1)
-        if after is None:
+        patience -= _effort(data, at)
+        if after is None or patience < 0:
             losses.tail = len(data) - at
             yield Stretch(len(data), _begun(data, at), is_chunk=True)
             return
@@ -172,6 +178,15 @@ def _is_whole(data: bytes | mmap, at: int) -> bool:
     return True
 
 
+def _effort(data: bytes | mmap, at: int) -> int:
+    """Bytes that were copied and unpacked to find out that a record is damaged."""
+    if not _is_whole(data, at):
+        return 0
+    opcode, end = _frame(data, at)
+    unpacked = _number(data, at + _HEAD + 16, 8) if opcode == Opcode.CHUNK else 0
+    return end - at + min(unpacked, LARGEST)
+
+
 def _number(data: bytes | mmap, at: int, size: int) -> int:
     return int.from_bytes(data[at : at + size], 'little')
 
@@ -187,8 +202,7 @@ def _read(data: bytes | mmap, at: int, opcode: int, end: int) -> list[McapRecord
     stream = ReadDataStream(BytesIO(body))
     try:
         if opcode == Opcode.CHUNK:
-            unpacked, size = get_chunk_data_stream(Chunk.read(stream), validate_crc=True)
-            return _unpack(unpacked.read(size))
+            return _unpacked(unpack(Chunk.read(stream)))
         if opcode == Opcode.MESSAGE:
             return [Message.read(stream, len(body))]
         kind = _KEPT.get(opcode)
@@ -199,16 +213,11 @@ def _read(data: bytes | mmap, at: int, opcode: int, end: int) -> list[McapRecord
         return None
 
 
-def _unpack(data: bytes) -> list[McapRecord]:
+def _unpacked(data: bytes) -> list[McapRecord]:
     """The whole records at the beginning of a chunk's data."""
     records: list[McapRecord] = []
-    at = 0
-    while at < len(data):
-        opcode, end = _frame(data, at)
-        if end > len(data) or (found := _read(data, at, opcode, end)) is None:
-            break
-        records += found
-        at = end
+    with suppress(Exception):  # as above
+        records.extend(unpacked_records(data))
     return records
 
 
@@ -219,11 +228,12 @@ def _begun(data: bytes | mmap, at: int) -> list[McapRecord]:
         return []
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(data[at + _HEAD :])))
-        unpacked = zstandard.ZstdDecompressor().decompressobj().decompress(chunk.data)
+        unpacking = zstandard.ZstdDecompressor(max_window_size=LARGEST)
+        unpacked = unpacking.stream_reader(chunk.data).read(LARGEST)
     except Exception:  # noqa: BLE001, as above
         return []
     # All of it is there where only the length is damaged, and then it has to be right.
     size, expected = chunk.uncompressed_size, chunk.uncompressed_crc
     if len(unpacked) >= size and zlib.crc32(unpacked) != expected:
         return []
-    return _unpack(unpacked)
+    return _unpacked(unpacked)

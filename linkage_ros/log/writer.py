@@ -28,8 +28,8 @@ from linkage_ros.log.records import (
 )
 
 # s. What a killed run loses is at most this and the worker's period, and what a busy machine adds
-# to both; 0.3 s are promised.
-FLUSH_PERIOD = 0.1
+# to both; 0.3 s are promised. Each flush costs 0.8 kB of memory, for mcap's index of chunks.
+FLUSH_PERIOD = 0.15
 
 # Arguments of `LogWriter.write`, or a change of motion.
 LogItem: TypeAlias = tuple[int, int, bytes] | RunMotion

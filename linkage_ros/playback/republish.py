@@ -55,7 +55,7 @@ def republishing(
         Takes the messages.
 
     Raises:
-        LogError: A topic has a type that linkage_ros does not write.
+        LogError: A topic has a type that linkage_ros does not write, or a name that is none.
     """
     ros.start(arguments)
     try:
@@ -87,7 +87,11 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
         if channel.type not in known:
             raise LogError(f'{log.path}: {name} has the foreign type {channel.type}')
         topic = Topic(name, known[channel.type], latched, 1 if latched else 10)
-        publishers[name] = ros.create_publisher(node, topic)
+        try:
+            publishers[name] = ros.create_publisher(node, topic)
+        except ros.USER_ERRORS as error:
+            words = str(error).partition('\n')[0]
+            raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error
     return publishers
 
 

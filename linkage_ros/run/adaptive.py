@@ -20,6 +20,8 @@ from linkage_ros.errors import ConfigurationError, LinkageError
 _TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
 _FIRST_STEP = 1e-4  # s
 _SHORTEST_STEP = 1e-8  # s
+# Between two states; a turn of a four-bar takes a hundred, a second of the wind pump some twenty.
+_STEPS, _STEPS_A_SECOND = 5_000, 20_000
 # Sine of the angle of a dyad, below which this tolerance would ask for ever shorter steps.
 _EDGE = 5e-4
 _END = 1e10  # s, which no run reaches
@@ -89,8 +91,12 @@ class AdaptiveSteps:
         Raises:
             MotionError: It cannot be followed that far.
         """
+        left = _STEPS + _STEPS_A_SECOND * (time - self.time)
         while self._fixed is None and self._steps.t < time:
+            if left < 0:
+                self.motion.fail(self._steps.t, tuple(self._steps.y.tolist()), None)
             self._step()
+            left -= 1
         if self._fixed is not None and time > self._fixed.time:
             self._follow(self._fixed, time)
         elif time > self.time:

@@ -17,6 +17,7 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.run import presets
 from linkage_ros.run.drives import DRIVES, Drive, TorqueDrive
+from linkage_ros.run.files import is_there
 from linkage_ros.run.parameter_file import read_parameter_file
 from linkage_ros.run.plant import Plant
 
@@ -191,7 +192,7 @@ def find(source: str) -> Path:
         The file, which need not exist where source is a path.
     """
     path = Path(source)
-    return path if path.suffix or path.exists() else presets.preset_path(source)
+    return path if path.suffix or is_there(path) else presets.preset_path(source)
 
 
 def load(source: str) -> Configuration:

@@ -147,6 +147,7 @@ class Watch:
             'lateness p50, ms': f'{counts.late.quantile(0.5) * 1e-6:.3f}',
             'lateness p99, ms': f'{counts.late.quantile(0.99) * 1e-6:.3f}',
             'lateness max, ms': f'{counts.late.greatest * 1e-6:.3f}',
+            'real-time priority': 'yes' if counts.favoured else 'no',
             'clock steps': str(counts.clock_steps),
             **figures,
         }

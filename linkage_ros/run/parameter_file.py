@@ -17,6 +17,7 @@ from typing import TypeAlias, cast
 import yaml
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.run.files import open_file
 
 _Scalar: TypeAlias = bool | int | float | str
 ParameterValue: TypeAlias = _Scalar | list[bool] | list[int] | list[float] | list[str]
@@ -46,10 +47,10 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
     """
     file = str(path) if str(path).isprintable() else repr(str(path))
     try:
-        with Path(path).open('rb') as stream:
+        with open_file(path) as stream:
             data = stream.read(_MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
+    except OSError as error:
+        reason = error.strerror or error
         raise ConfigurationError(f'{file}: {reason}; give the path of a parameter file') from error
     if len(data) > _MAX_BYTES:
         raise ConfigurationError(f'{file}: over {_MAX_BYTES} bytes; give a parameter file')

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from linkage_ros.run.lateness import Lateness
+from linkage_ros.run.punctual import go_first, wake_on_time
 
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
@@ -45,12 +46,14 @@ class Timekeeping:
         missed: Ticks that were skipped because the thread was late by a period or more.
         clock_steps: How often the wall clock was stepped.
         late: How late the ticks began.
+        favoured: Whether the thread goes before others.
     """
 
     kept: int = 0
     missed: int = 0
     clock_steps: int = 0
     late: Lateness = field(default_factory=Lateness)
+    favoured: bool = False
 
 
 class Stepping:
@@ -113,16 +116,18 @@ class Stepper(Stepping):
             self._thread.join()
 
     def _run(self) -> None:
+        wake_on_time()
+        self.counts.favoured = go_first()
         try:
             tick = 0
             while not self._stop.is_set():
-                tick = self._await(tick)
+                due = self._await(tick)
                 if self._stop.is_set():
                     return
-                stamp = self._stamp(tick)
-                self._step(stamp)
+                self.counts.missed += due - tick
+                self._step(self._stamp(due))
                 self.counts.kept += 1
-                tick += 1
+                tick = due + 1
         except BaseException as error:  # noqa: BLE001, the node must learn of it, whatever it is
             self._fail(error)
 
@@ -135,10 +140,8 @@ class Stepper(Stepping):
                     return tick
             else:
                 time.sleep(left * 1e-9)
-        due = self._ticks.tick_at(time.monotonic_ns() - self._origin)
         self.counts.late.add(-left)
-        self.counts.missed += due - tick
-        return due
+        return self._ticks.tick_at(time.monotonic_ns() - self._origin)
 
     def _stamp(self, tick: int) -> int:
         """The stamp of a tick on the wall clock as it stands."""

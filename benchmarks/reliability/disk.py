@@ -1,0 +1,194 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a log's trouble costs: full disk, removed file, removed folder, a path that is no good.
+
+linkage_node runs at 1 kHz and logs to a disk of a few MB that exists for this benchmark alone:
+a tmpfs in a mount namespace, made as root or, with `unshare -U`, as anybody. A subscriber in
+another process counts the states. Promised are: states go on, one line of error, diagnostics in
+ERROR, and what was written stays readable. Exit code 1 if that is broken, 77 if no disk can be
+made here.
+
+    python benchmarks/reliability/disk.py --out DIR              in a minute
+    python benchmarks/reliability/disk.py --out DIR --after 0.5  in half of one
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from harness import Diagnostics, Process, finish, listening, node, options, tool, wait_for
+
+from linkage_ros.log.reader import LogReader
+
+RATE, DOMAIN = 1000.0, 10 + os.getpid() % 90
+SIZE = '3m'
+ERROR = 2
+SILENCE = 0.1  # s between two states that a subscriber notices
+INSIDE, NOT_HERE = 'LINKAGE_DISK_BENCHMARK', 77
+
+
+def enter_namespace() -> None:
+    """Begins anew in a mount namespace, which takes its disks along when it ends."""
+    if INSIDE in os.environ:
+        return
+    words = ['unshare', '-m'] if os.geteuid() == 0 else ['unshare', '-Urm']
+    tried = subprocess.run([*words, 'true'], capture_output=True, text=True, check=False)
+    if tried.returncode:
+        print(f'no disk can be made here: {tried.stderr.strip()}', file=sys.stderr)
+        sys.exit(NOT_HERE)
+    os.environ[INSIDE] = '1'
+    os.execvp(words[0], [*words, sys.executable, *sys.argv])
+
+
+@contextmanager
+def disk(path: Path) -> Iterator[Path]:
+    """A small disk, and a folder on it."""
+    path.mkdir()
+    subprocess.run(['mount', '-t', 'tmpfs', '-o', f'size={SIZE}', 'disk', path], check=True)
+    try:
+        (path / 'logs').mkdir()
+        yield path / 'logs'
+    finally:
+        subprocess.run(['umount', '--lazy', path], check=True)
+        path.rmdir()
+
+
+def fill(path: Path) -> None:
+    """Waits until the log has filled the disk."""
+    wait_for(lambda: shutil.disk_usage(path.parent).free == 0, 60.0)
+
+
+def remove(path: Path) -> None:
+    """Removes the log."""
+    path.unlink()
+
+
+def remove_folder(path: Path) -> None:
+    """Removes the log and the folder it is in."""
+    shutil.rmtree(path.parent)
+
+
+def replace(path: Path) -> None:
+    """Puts another file in the log's place."""
+    path.unlink()
+    path.write_text('of somebody else')
+
+
+CASES = {
+    'full disk': fill,
+    'file removed': remove,
+    'folder removed': remove_folder,
+    'file replaced': replace,
+}
+
+
+def errors(process: Process) -> list[str]:
+    """Its lines of error."""
+    return [text for _, text in process.lines if text.startswith('[ERROR]') or 'Trace' in text]
+
+
+def run(path: Path, spoil: Callable[[Path], None], heard: Path, after: float) -> dict[str, Any]:
+    """A run whose log is spoilt."""
+    with (
+        listening(DOMAIN, heard) as listener,
+        Diagnostics(DOMAIN) as diagnostics,
+        node(DOMAIN, rate_hz=RATE, log=path) as process,
+    ):
+        wait_for(lambda: 'heard' in listener.output and 'log' in diagnostics.parts)
+        time.sleep(after)
+        spoil(path)
+        begin = time.time_ns()
+        said = wait_for(lambda: diagnostics.parts['log'][0] == ERROR)
+        time.sleep(after)
+        # A log that cannot be put back is named by a place that ends with the process.
+        unnamed = [word for word in process.output.split() if word.startswith('/proc/')]
+        if unnamed:
+            shutil.copyfile(unnamed[0], path.with_suffix('.copy'))
+        end = time.time_ns()
+        code = process.end()
+        listener.end()
+    states, saved = np.load(heard), path.with_suffix('.copy') if unnamed else path
+    during = states[(states[:, 0] > begin) & (states[:, 0] < end), 0]
+    return {
+        'exit_code': code,
+        'errors': errors(process),
+        'diagnosis': diagnostics.parts['log'][1],
+        'in_error_after': said,
+        'states_after': len(during),
+        'longest_silence': float(np.diff(during).max()) * 1e-9,
+        'missed': 1 - len(during) / ((end - begin) * 1e-9 * RATE),
+        **saved_of(saved, begin),
+    }
+
+
+def saved_of(path: Path, begin: int) -> dict[str, Any]:
+    """What can still be read, and how long before the fault it ends, s."""
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / 'saved.mcap'
+        recovered, verified = tool('recover', path, target), tool('verify', target)
+        if recovered.returncode or verified.returncode:
+            return {'readable': False, 'said': recovered.stderr + verified.stdout}
+        with LogReader(target) as log:
+            return {
+                'readable': True,
+                'said': recovered.stdout.strip(),
+                'logged_until': (log.end - begin) * 1e-9,
+            }
+
+
+def refused(path: Path) -> dict[str, Any]:
+    """A start with a path that cannot be written."""
+    with node(DOMAIN, log=path) as process:
+        wait_for(lambda: not process.alive)
+        return {'exit_code': process.end(), 'errors': [text for _, text in process.lines]}
+
+
+def broken(name: str, one: dict[str, Any]) -> list[str]:
+    """Which promises were not kept."""
+    promises = {'one line of error': len(one['errors']) == 1}
+    if name.startswith('path'):
+        promises['exit code 2'] = one['exit_code'] == 2
+    else:
+        promises |= {
+            'states go on': one['longest_silence'] < SILENCE,
+            'exit code 1': one['exit_code'] == 1,
+            'what was written stays readable': one['readable'],
+        }
+        if name != 'full disk':
+            promises['nothing logged is lost'] = one['readable'] and one['logged_until'] > -0.3
+    return [words for words, is_kept in promises.items() if not is_kept]
+
+
+def main() -> int:
+    given = options(__doc__, after=2.0)
+    enter_namespace()
+    figures, wrong = {}, 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for case, spoil in CASES.items():
+            with disk(folder / 'disk') as logs:
+                heard = folder / 'heard.npy'
+                figures[case] = run(logs / 'run.mcap', spoil, heard, given.after)
+        figures['path in no folder'] = refused(folder / 'none' / 'run.mcap')
+        figures['path is a folder'] = refused(folder)
+    for name, one in figures.items():
+        print(f'{name}: ' + '; '.join(f'{key} {value}' for key, value in one.items()))
+        for words in broken(name, one):
+            print(f'{name}: NOT KEPT: {words}')
+            wrong += 1
+    finish('disk', given.out, figures)
+    return 1 if wrong else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,104 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""One target of the coverage-guided fuzzer; fuzz.py --coverage starts it.
+
+Files are changed where that reaches new lines. Checksums are of no help to a forger, who can
+compute them: they are made right, or not asked for. A finding is a file FOLDER/KIND-NUMBER, with
+its traceback in FOLDER/KIND-NUMBER.txt; a hang or too much memory ends the process.
+Usage: python fuzz_covered.py parameter_file|log|recover SECONDS FOLDER
+"""
+
+import sys
+import tempfile
+import traceback
+from pathlib import Path
+
+import atheris
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))
+
+with atheris.instrument_imports(include=['linkage_ros', 'mcap', 'yaml']):
+    import hostile_bombs
+    import hostile_logs
+    import hostile_outcomes
+    import numpy as np
+
+    from linkage_ros import LinkageError
+    from linkage_ros.log import records
+    from linkage_ros.log.recover import recover
+    from linkage_ros.run.presets import preset_names, preset_path
+
+KNOWN = set()  # where findings so far were raised
+
+
+def targets(scratch):
+    """What is done with some bytes, by name."""
+    path = scratch / 'case'
+
+    def parameter_file(data):
+        file = path.with_suffix('.yaml')
+        file.write_bytes(data)
+        hostile_outcomes.parameter_file(file)
+
+    def log(data):
+        path.write_bytes(hostile_bombs.resummed(data))
+        hostile_outcomes.log_file(path)
+
+    def save(data):
+        path.write_bytes(data)
+        try:
+            recover(path, scratch / 'out', overwrite=True)
+        except LinkageError as error:
+            hostile_outcomes.one_line(str(error))
+
+    return {'parameter_file': parameter_file, 'log': log, 'recover': save}
+
+
+def corpus(target, scratch):
+    """Good files to begin with; logs without checksums, and not packed."""
+    if target == 'parameter_file':
+        return [preset_path(name).read_bytes() for name in preset_names()]
+    logs = hostile_logs.good_logs(scratch)
+    return [*logs, *(hostile_logs.bare(log) for log in logs)]
+
+
+def main():
+    """Fuzzes one target."""
+    target, seconds, folder = sys.argv[1], sys.argv[2], Path(sys.argv[3])
+    begin = folder / 'corpus'
+    begin.mkdir(parents=True, exist_ok=True)
+    np.seterr(all='raise')
+    records._unseal = lambda record, _: {  # noqa: SLF001, a forger knows it as well
+        name: text for name, text in record.items() if name != 'crc32'
+    }
+    with tempfile.TemporaryDirectory() as name:
+        scratch = Path(name)
+        for number, data in enumerate(corpus(target, scratch)):
+            (begin / f'good_{number}').write_bytes(data)
+        run = targets(scratch)[target]
+
+        def once(data):
+            try:
+                run(data)
+            except Exception as error:  # noqa: BLE001, which is what is looked for
+                place = traceback.extract_tb(error.__traceback__)[-1]
+                key = type(error).__name__, place.filename, place.lineno
+                if key not in KNOWN:
+                    KNOWN.add(key)
+                    finding = folder / f'{key[0]}-{len(KNOWN)}'
+                    finding.write_bytes(data)
+                    finding.with_suffix('.txt').write_text(traceback.format_exc())
+
+        options = [f'-max_total_time={seconds}', '-timeout=20', '-rss_limit_mb=1300']
+        options += [
+            '-max_len=60000',
+            f'-artifact_prefix={folder}/',
+            '-verbosity=0',
+            '-print_final_stats=1',
+        ]
+        atheris.Setup([sys.argv[0], *options, str(begin)], once)
+        atheris.Fuzz()
+
+
+if __name__ == '__main__':
+    main()

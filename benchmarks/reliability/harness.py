@@ -1,0 +1,209 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Real processes on real DDS, and what the system says of them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def environment(domain: int) -> dict[str, str]:
+    """Of a process that meets only its own domain on this machine."""
+    own = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    return {**os.environ, **own, 'PYTHONUNBUFFERED': '1'}
+
+
+def words(parameters: dict[str, object]) -> list[str]:
+    """ROS arguments that set parameters."""
+    pairs = (('-p', f'{name}:={value}') for name, value in parameters.items())
+    return ['--ros-args', *(word for pair in pairs for word in pair)]
+
+
+class Process:
+    """A process, its lines of output with the times at which they came, and what it takes.
+
+    Attributes:
+        pid: Its number.
+        lines: Of stdout and stderr: time on the monotonic clock, s, and text.
+    """
+
+    def __init__(self, *arguments: object, domain: int, prefix: Sequence[str] = ()) -> None:
+        """Starts `python ARGUMENTS`.
+
+        Args:
+            *arguments: Such as '-m', 'linkage_ros.node'.
+            domain: ROS domain.
+            prefix: Words before the interpreter, such as 'ip netns exec NAME'.
+        """
+        command = [*prefix, sys.executable, *map(str, arguments)]
+        self._process = subprocess.Popen(
+            command, env=environment(domain), text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+        self.pid = self._process.pid
+        self.lines: list[tuple[float, str]] = []
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout
+        for line in self._process.stdout:
+            self.lines.append((time.monotonic(), line.rstrip()))
+
+    @property
+    def output(self) -> str:
+        """All lines so far."""
+        return '\n'.join(text for _, text in self.lines)
+
+    @property
+    def alive(self) -> bool:
+        """Whether it runs."""
+        return self._process.poll() is None
+
+    def send(self, number: int) -> None:
+        """Sends a signal."""
+        with suppress(ProcessLookupError):
+            self._process.send_signal(number)
+
+    def end(self, number: int = signal.SIGINT, patience: float = 60.0) -> int:
+        """Sends a signal and waits; returns the exit code."""
+        self.send(number)
+        code = self._process.wait(patience)
+        self._reader.join(5.0)
+        return code
+
+    def memory(self) -> float:
+        """What it holds, MiB."""
+        text = Path(f'/proc/{self.pid}/statm').read_text()
+        return int(text.split()[1]) * os.sysconf('SC_PAGE_SIZE') / 2**20
+
+    def computed(self) -> float:
+        """Processor time of its threads, s, as the scheduler counts it: not by sampling."""
+        total = 0
+        for thread in Path(f'/proc/{self.pid}/task').iterdir():
+            with suppress(FileNotFoundError):
+                total += int((thread / 'schedstat').read_text().split()[0])
+        return total * 1e-9
+
+
+@contextmanager
+def running(*arguments: object, domain: int, prefix: Sequence[str] = ()) -> Iterator[Process]:
+    """A process that is killed at the end if it still runs."""
+    process = Process(*arguments, domain=domain, prefix=prefix)
+    try:
+        yield process
+    finally:
+        if process.alive:
+            process.end(signal.SIGKILL)
+
+
+def node(domain: int, prefix: Sequence[str] = (), **parameters: object) -> Any:
+    """`running` for linkage_node with some parameters."""
+    arguments = '-m', 'linkage_ros.node', *words(parameters)
+    return running(*arguments, domain=domain, prefix=prefix)
+
+
+@contextmanager
+def listening(domain: int, path: Path) -> Iterator[Process]:
+    """A subscriber in another process, which leaves what it heard (see `listener.py`)."""
+    listener = Path(__file__).with_name('listener.py')
+    with running(listener, path, domain=domain) as process:
+        wait_for(lambda: 'listening' in process.output)
+        yield process
+
+
+def tool(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """`linkage_log ARGUMENTS`, in a process of its own, and what it said."""
+    command = [sys.executable, '-m', 'linkage_ros.log_tool', *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+class Diagnostics:
+    """Hears /diagnostics in this process.
+
+    Attributes:
+        parts: Of a node, such as 'log': level, message and figures as last heard.
+        history: All of `parts` that were heard.
+    """
+
+    def __init__(self, domain: int) -> None:
+        """Begins to listen; this process must not listen to anything else."""
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        import rclpy
+        from diagnostic_msgs.msg import DiagnosticArray
+        from rclpy.executors import SingleThreadedExecutor
+
+        self.parts: dict[str, tuple[int, str, dict[str, str]]] = {}
+        self.history: list[dict[str, tuple[int, str, dict[str, str]]]] = []
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        node = rclpy.create_node(f'diagnosed_{domain}', context=self._context)
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 10)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(node)
+        threading.Thread(target=self._executor.spin, daemon=True).start()
+
+    def _hear(self, message: Any) -> None:
+        self.parts = {
+            status.name.rpartition(': ')[2]: (
+                status.level[0], status.message, {v.key: v.value for v in status.values},
+            )
+            for status in message.status
+        }  # fmt: skip
+        self.history.append(self.parts)
+
+    def __enter__(self) -> Diagnostics:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._executor.shutdown()
+        self._context.shutdown()
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> float:
+    """Waits until a condition holds; returns how long that took, s.
+
+    Raises:
+        TimeoutError: It does not hold in time.
+    """
+    begin = time.monotonic()
+    while not condition():
+        if time.monotonic() > begin + seconds:
+            raise TimeoutError(f'not within {seconds} s')
+        time.sleep(0.02)
+    return time.monotonic() - begin
+
+
+def quantiles(values: Any) -> dict[str, float]:
+    """Median, 99 % and greatest of some values."""
+    values = np.asarray(values, float)
+    p50, p99 = np.quantile(values, (0.5, 0.99))
+    return {'p50': float(p50), 'p99': float(p99), 'max': float(values.max())}
+
+
+def finish(name: str, out: Path, figures: object) -> None:
+    """Leaves the figures of one benchmark as DIR/NAME.json."""
+    out.mkdir(parents=True, exist_ok=True)
+    (out / f'{name}.json').write_text(json.dumps(figures, indent=1) + '\n')
+
+
+def options(doc: str, **seconds: float) -> argparse.Namespace:
+    """The options that all of them have: --out, and a number or two of their own."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument('--out', type=Path, default=Path('reliability'), metavar='DIR')
+    for name, value in seconds.items():
+        parser.add_argument(f'--{name}', type=type(value), default=value)
+    return parser.parse_args()

@@ -1,0 +1,185 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Two hosts, and the link between them cut and restored: node there, subscriber here.
+
+The hosts are network namespaces of this machine, joined by a cable (`network.py`). linkage_node
+runs on one, driven by torque and with a log; on the other a subscriber hears its states, and
+linkage_controller answers each with a command. The cable is pulled for a short and for a long
+while, longer than the 20 s after which DDS forgets a host; then the other host is gone while the
+link stays up. Exit code 1 if a promise is broken, 77 if no hosts can be made here.
+
+    python benchmarks/reliability/hosts.py --out DIR             in three minutes
+    python benchmarks/reliability/hosts.py --out DIR --long 0    the short cut alone
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cuts import RATE, read, summary
+from harness import Process, finish, node, options, running, wait_for, words
+from network import Host, UnavailableError, two_hosts
+
+NOT_HERE = 77
+SETTLED, PATIENCE = 2.0, 40.0
+DOMAIN = 10 + os.getpid() % 90
+LISTENER = Path(__file__).with_name('listener.py')
+
+
+def heard(listener: Process) -> int:
+    """How often it heard states begin."""
+    return sum(text == 'heard' for _, text in listener.lines)
+
+
+def listening(host: Host, path: Path) -> Any:
+    """A subscriber on a host."""
+    return running(LISTENER, path, domain=DOMAIN, prefix=on(host))
+
+
+def on(host: Host, reach: str = 'SUBNET') -> tuple[str, ...]:
+    """Words that make a ROS process run on a host."""
+    return host.prefix(ROS_AUTOMATIC_DISCOVERY_RANGE=reach)
+
+
+def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict[str, Any]:
+    """Cuts and restores; returns when that was, ns on the wall clock."""
+    time.sleep(SETTLED)
+    count = heard(listener)
+    begin = time.time_ns()
+    host.unplug() if kind == 'cable' else host.vanish()
+    time.sleep(seconds)
+    restored = time.time_ns()
+    host.plug()
+    with contextlib.suppress(TimeoutError):  # the figures will tell
+        wait_for(lambda: heard(listener) > count, PATIENCE)
+    return {'kind': kind, 'seconds': seconds, 'begin': begin, 'restored': restored}
+
+
+def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -> dict[str, Any]:
+    """A run with some cuts: what is known at its end."""
+    log, times = folder / 'run.mcap', folder / 'times.npy'
+    # Tame: a controller that a busy machine keeps waiting would else drive it ever faster.
+    driven = {'drive': 'torque', 'torque_limit': 5.0, 'motor.damping': 0.3}
+    tame = words({'feed_forward': 'false', 'bandwidth': 0.5, 'rpm': 60.0})
+    with (
+        listening(here, times) as listener,
+        running('-m', 'linkage_ros.controller', *tame, domain=DOMAIN, prefix=on(here)),
+    ):
+        wait_for(lambda: 'listening' in listener.output)
+        time.sleep(1.0)
+        with node(DOMAIN, on(there), rate_hz=RATE, log=log, **driven) as turning:
+            wait_for(lambda: 'linkage_node' in turning.output)
+            discovered = wait_for(lambda: heard(listener))
+            bytes_before = here.received()
+            cuts = [cut(kind, here, seconds, listener) for kind, seconds in kinds]
+            time.sleep(SETTLED)
+            crossed = here.received() - bytes_before
+            code = turning.end()
+        listener.end()
+    if code:
+        print(f'the node ends with {code}: {turning.output[-600:]}')
+    said = re.search(r'(\d+) states published', turning.output)
+    return {
+        'discovered': discovered, 'crossed': crossed, 'cuts': cuts, 'exit_code': code,
+        'published': int(said[1]) if said else -1, 'arrived': np.load(times),
+        **read(log),
+    }  # fmt: skip
+
+
+def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = False) -> bool:
+    """Whether a node with a discovery range is heard on the other host.
+
+    Args:
+        there: Of the node.
+        here: Of the subscriber.
+        reach: The range.
+        folder: For what the subscriber leaves.
+        late: Whether the node's end of the cable is plugged in after it began.
+    """
+    if late:
+        there.unplug()
+    with listening(here, folder / 'other.npy') as listener:
+        wait_for(lambda: 'listening' in listener.output)
+        with node(DOMAIN, on(there, reach)) as turning:
+            wait_for(lambda: 'linkage_node' in turning.output)
+            there.plug()
+            time.sleep(12.0 if late else 4.0)
+            return heard(listener) > 0
+
+
+def broken(figures: dict[str, Any]) -> list[str]:
+    """Promises that were not kept."""
+    states = figures['states_logged']
+    kept = {
+        'the log verifies and is complete': figures['log_verifies'] and figures['exit_code'] == 0,
+        'every state that was published is in the log': states == figures['states_published'],
+        'what was heard crossed the cable': figures['bytes_crossed'] > 200 * figures['heard'] / 2,
+        'a node for this host alone is not heard elsewhere': not figures['local_is_heard'],
+    }
+    for one in figures['cuts']:
+        name = f'{one["kind"]}, {one["seconds"]:g} s: '
+        kept[name + 'states come again'] = one['states_back'] < PATIENCE
+        kept[name + 'commands come again'] = one['commands_back'] < PATIENCE
+        kept[name + 'it is said that commands time out'] = one['time_out_said']
+        # Sending to nobody must not hold the node up. A busy machine does, for a moment.
+        little = one['seconds'] < 20 or one['ticks_missed'] < one['logged'] / 10
+        kept[name + 'the node keeps its rate'] = little
+    return [promise for promise, well in kept.items() if not well]
+
+
+def show(figures: dict[str, Any]) -> None:
+    """Prints the figures."""
+    print(
+        f'discovered in {figures["discovered"]:.2f} s; {figures["heard"]} states heard, '
+        f'{figures["bytes_crossed"]} bytes came over the cable; log of {figures["states_logged"]} '
+        f'states verifies: {figures["log_verifies"]}'
+    )
+    for one in figures['cuts']:
+        print(
+            f'{one["kind"]:6} {one["seconds"]:4g} s: states again after '
+            f'{one["states_back"]:.2f} s, commands after {one["commands_back"]:.2f} s; of '
+            f'{one["logged"]} logged states {one["unheard"]} were never heard; '
+            f'{one["ticks_missed"]} ticks missed'
+        )
+    print(
+        f'besides: {figures["unheard_besides"]} states unheard, '
+        f'{figures["ticks_missed_besides"]} ticks missed; range LOCALHOST heard elsewhere: '
+        f'{figures["local_is_heard"]}; begun before the cable was plugged in, heard: '
+        f'{figures["late_is_heard"]}'
+    )
+
+
+def main() -> int:
+    given = options(__doc__, short=5.0, long=30.0)
+    kinds = [('cable', given.short)]
+    if given.long:
+        kinds += [('cable', given.long), ('silent', given.long)]
+    try:
+        with two_hosts() as (there, here), tempfile.TemporaryDirectory() as name:
+            for host in (there, here):
+                host.plug()
+            wait_for(lambda: there.connected() and here.connected())
+            figures = summary(run(there, here, kinds, Path(name)))
+            figures['local_is_heard'] = reaches(there, here, 'LOCALHOST', Path(name))
+            late = given.long and reaches(there, here, 'SUBNET', Path(name), late=True)
+            figures['late_is_heard'] = bool(late) if given.long else None
+    except UnavailableError as error:
+        print(f'no hosts can be made here: {error}', file=sys.stderr)
+        return NOT_HERE
+    finish('hosts', given.out, figures)
+    show(figures)
+    for promise in (wrong := broken(figures)):
+        print(f'NOT KEPT: {promise}')
+    return 1 if wrong else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,58 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A subscriber in a process of its own: leaves stamps and times of arrival of joint_states.
+
+Usage: python listener.py OUT.npy [TOPIC]; ends at SIGINT. Rows: stamp and
+arrival, ns on the wall clock. Prints 'heard' at the first message, and at each that comes after a
+silence of a second.
+"""
+
+from __future__ import annotations
+
+import array
+import gc
+import signal
+import struct
+import sys
+import threading
+import time
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+
+
+def main() -> None:
+    """Listens until SIGINT or SIGTERM."""
+    path, topic = sys.argv[1], (sys.argv[2:] or ['joint_states'])[0]
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node('listener')
+    times = array.array('q')
+    stamp = struct.Struct('<4xiI')
+
+    def hear(data: bytes) -> None:
+        now = time.time_ns()
+        seconds, nanoseconds = stamp.unpack_from(data)
+        if not times or now > times[-1] + 10**9:
+            print('heard', flush=True)
+        times.extend((seconds * 10**9 + nanoseconds, now))
+
+    node.create_subscription(JointState, topic, hear, QoSProfile(depth=2000), raw=True)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    gc.freeze()
+    threading.Thread(target=executor.spin, daemon=True).start()
+    print('listening', flush=True)
+    stop.wait()
+    executor.shutdown()
+    np.save(path, np.array(times, dtype=np.int64).reshape(-1, 2))
+
+
+if __name__ == '__main__':
+    main()

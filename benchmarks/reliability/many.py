@@ -1,0 +1,199 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""How many nodes this machine carries: ever more of them at 100 Hz, until ticks are missed.
+
+Each is a process in a namespace of its own; all are in one ROS domain, and at the last number once
+more in domains of ten. They start together; once all are heard, ticks missed, processor time and
+memory are those of some seconds. A subscriber to the first one's states tells how late they come.
+
+    python benchmarks/reliability/many.py --out DIR    in six minutes, on a machine at rest
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import sys
+import tempfile
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from harness import Process, finish, options, quantiles, running, wait_for, words
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+
+NUMBERS = (1, 10, 20, 40, 60, 100)
+RATE, SETTLED, PATIENCE = 100.0, 4.0, 90.0
+# A share of missed ticks up to which nodes are carried; another, and MiB in all, where it ends.
+CARRIED, ENOUGH, MEMORY = 1e-3, 0.05, 10_000.0
+DOMAIN = 20 + os.getpid() % 60
+FIGURES = ('states', 'ticks missed', 'lateness p99, ms', 'lateness max, ms')
+LISTENER = Path(__file__).with_name('listener.py')
+
+
+class Monitor:
+    """Hears the diagnostics of all nodes of a domain.
+
+    Attributes:
+        counts: Of each node that was heard: ticks kept and missed, and how late they began since
+            the start, p99 and most, ms.
+        executor: Calls what hears.
+    """
+
+    def __init__(self, domain: int) -> None:
+        self.counts: dict[str, tuple[float, ...]] = {}
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        node = rclpy.create_node(f'monitor_{domain}', context=self._context)
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 1000)
+        self.executor = SingleThreadedExecutor(context=self._context)
+        self.executor.add_node(node)
+
+    def _hear(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if 'ticks missed' in values:
+                self.counts[status.name] = tuple(float(values[name]) for name in FIGURES)
+
+
+class Monitors:
+    """One for each domain."""
+
+    # Kept to the end: Fast DDS may hang where a participant goes while others do.
+    _all: ClassVar[dict[int, Monitor]] = {}
+
+    def __init__(self, domains: list[int]) -> None:
+        for domain in set(domains) - set(self._all):
+            self._all[domain] = Monitor(domain)
+        self._monitors = [self._all[domain] for domain in domains]
+        self.counts(1.0)  # the last words of nodes that ended
+        for monitor in self._monitors:
+            monitor.counts.clear()
+
+    def counts(self, seconds: float) -> np.ndarray:
+        """Listens for a while; a row for each node that was heard."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            for monitor in self._monitors:
+                monitor.executor.spin_once(timeout_sec=0.02 / len(self._monitors))
+        rows = [count for monitor in self._monitors for count in monitor.counts.values()]
+        return np.array(rows).reshape(-1, len(FIGURES))
+
+
+def start(stack: ExitStack, number: int, domains: list[int]) -> list[Process]:
+    """Starts nodes, spread over domains."""
+    given = words({'rate_hz': RATE})
+    return [
+        stack.enter_context(
+            running('-m', 'linkage_ros.node', *given, '-r', f'__ns:=/m{index}',
+                    domain=domains[index % len(domains)])
+        )
+        for index in range(number)
+    ]  # fmt: skip
+
+
+def held(process: Process) -> float:
+    """MiB that a process holds; what several of them share is shared out among them."""
+    text = Path(f'/proc/{process.pid}/smaps_rollup').read_text()
+    found = re.search(r'^Pss:\s+(\d+) kB', text, re.MULTILINE)
+    return int(found[1]) / 1024 if found else float('nan')
+
+
+def total(nodes: list[Process]) -> float:
+    """Processor time of those that live, s."""
+    return sum(one.computed() for one in nodes if one.alive)
+
+
+def end(nodes: list[Process]) -> int:
+    """Stops all; returns how many of them do not end."""
+    for one in nodes:
+        if not one.alive:
+            print(f'process {one.pid} died: {one.output[-300:]}')
+        one.send(signal.SIGINT)
+    with suppress(TimeoutError):
+        wait_for(lambda: not any(one.alive for one in nodes), 20.0)
+    hung = [one for one in nodes if one.alive]
+    for one in hung:
+        print(f'process {one.pid} does not end: {one.output[-300:]}')
+    return len(hung)
+
+
+def measure(number: int, domains: list[int], seconds: float) -> dict[str, Any]:
+    """Figures of some nodes that run together."""
+    with ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
+        times = Path(folder, 'times.npy')
+        monitors = Monitors(domains)
+        begin = time.monotonic()
+        nodes = start(stack, number, domains)
+        listener = stack.enter_context(
+            running(LISTENER, times, '/m0/joint_states', domain=domains[0])
+        )
+        found = 0
+        while found < number and time.monotonic() < begin + PATIENCE:
+            found = len(monitors.counts(0.2))
+        started = time.monotonic() - begin
+        before = monitors.counts(SETTLED)
+        computed, since, at = total(nodes), time.monotonic(), time.time_ns()
+        after = monitors.counts(seconds)
+        computed, elapsed = total(nodes) - computed, time.monotonic() - since
+        alive = [n for n in nodes if n.alive]
+        memory = [held(n) for n in alive]
+        listener.end()
+        hung = end(nodes)
+        stamp, arrival = np.load(times).T
+    late = (arrival - stamp)[arrival > at] * 1e-6
+    kept, missed = (after[:, :2].sum(axis=0) - before[:, :2].sum(axis=0)).tolist()
+    return {
+        'nodes': number, 'domains': len(domains), 'found': found, 'started': started,
+        'missed': int(missed), 'missed_share': missed / (kept + missed),
+        'missed_at_start': int(before[:, 1].sum()), 'died': number - len(alive),
+        'hung': hung,
+        'tick_late_p99_ms': float(after[:, 2].max()),
+        'tick_late_max_ms': float(after[:, 3].max()),
+        'heard_late_ms': quantiles(late) if late.size else None,
+        'cores': computed / elapsed, 'node_mib': float(np.median(memory)),
+        'mib': float(sum(memory)),
+    }  # fmt: skip
+
+
+def show(one: dict[str, Any]) -> None:
+    """Prints the figures of a number."""
+    late = one['heard_late_ms'] or {'p99': float('nan')}
+    print(
+        f'{one["nodes"]:3} nodes in {one["domains"]} domains: {one["found"]} found in '
+        f'{one["started"]:.1f} s; {one["missed"]} ticks missed ({one["missed_share"]:.2%}), '
+        f'{one["missed_at_start"]} at the start; ticks {one["tick_late_p99_ms"]:.1f} ms late (p99 '
+        f'of the worst), heard {late["p99"]:.1f} ms late (p99); '
+        f'{one["cores"]:.2f} of {os.cpu_count()} cores, {one["node_mib"]:.0f} MiB a node',
+        flush=True,
+    )
+
+
+def main() -> None:
+    given = options(__doc__, seconds=8.0, most=max(NUMBERS))
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    rows = []
+    for number in (n for n in NUMBERS if n <= given.most):
+        rows.append(measure(number, [DOMAIN], given.seconds))
+        show(rows[-1])
+        if rows[-1]['missed_share'] > ENOUGH or rows[-1]['mib'] > MEMORY:
+            break
+    domains = [DOMAIN + index for index in range(-(-rows[-1]['nodes'] // 10))]
+    apart = measure(rows[-1]['nodes'], domains, given.seconds)
+    show(apart)
+    carried = max((r['nodes'] for r in rows if r['missed_share'] <= CARRIED), default=0)
+    figures = {'cores': os.cpu_count(), 'rate_hz': RATE, 'carried': carried}
+    finish('many', given.out, {**figures, 'one_domain': rows, 'domains_of_ten': apart})
+    print(f'{carried} nodes at {RATE:g} Hz miss no more than {CARRIED:.1%} of their ticks')
+
+
+if __name__ == '__main__':
+    main()
+    sys.stdout.flush()
+    os._exit(0)  # see Monitors

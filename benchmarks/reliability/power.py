@@ -1,0 +1,117 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a power cut costs: the disk stops at random moments at 1 kHz, with all it was not told.
+
+linkage_node logs to an ext4 file system in a file of its own, which is shut down as file system
+developers do it to try a power cut: at once, without writing what waits in memory. It is mounted
+again, and the log recovered and verified. What is lost is what lies between the last state that
+a subscriber received before the cut and the last one in the recovered log. Exit code 1 if that
+is more than 2 s at any time, or if a log does not verify; 77 if no disk can be made here, which
+takes root.
+
+    python benchmarks/reliability/power.py --out DIR --cuts 10     in two minutes
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import random
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from harness import finish, listening, node, options, tool, wait_for
+from killed import last_state
+
+RATE, DOMAIN = 1000.0, 10 + os.getpid() % 90
+EARLIEST, LATEST = 2.0, 6.0  # s of the run in which the disk stops
+PROMISED = 2.0  # s
+SHUTDOWN, AT_ONCE = 0x8004587D, struct.pack('I', 2)  # EXT4_IOC_SHUTDOWN, without its journal
+NOT_HERE = 77
+
+
+def run_quietly(*words: object) -> None:
+    """Runs a command of the system."""
+    subprocess.run(list(map(str, words)), check=True, capture_output=True)
+
+
+@contextmanager
+def mounted(image: Path, folder: Path) -> Iterator[None]:
+    """A file as a disk."""
+    run_quietly('mount', '-o', 'loop', image, folder)
+    try:
+        yield
+    finally:
+        run_quietly('umount', '--lazy', folder)
+
+
+def stop_disk(folder: Path) -> None:
+    """Ends all writing to a disk at once; what was not written never will be."""
+    number = os.open(folder, os.O_RDONLY)
+    fcntl.ioctl(number, SHUTDOWN, AT_ONCE)
+    os.close(number)
+
+
+def cut(folder: Path, seconds: float) -> dict[str, Any]:
+    """A run whose disk stops, and what is left of its log."""
+    image, disk, heard = folder / 'image', folder / 'disk', folder / 'heard.npy'
+    saved = folder / 'saved.mcap'
+    run_quietly('truncate', '-s', '64M', image)
+    run_quietly('mkfs.ext4', '-q', image)
+    disk.mkdir()
+    with mounted(image, disk), listening(DOMAIN, heard) as listener:
+        os.sync()  # the disk as it would be found: made long ago
+        with node(DOMAIN, rate_hz=RATE, log=disk / 'run.mcap') as process:
+            wait_for(lambda: 'heard' in listener.output)
+            time.sleep(seconds)
+            stop_disk(disk)
+            moment = time.time_ns()
+            process.end(signal.SIGKILL)
+            listener.end()
+    states = np.load(heard)[:, 0]
+    with mounted(image, disk):
+        recovered, verified = tool('recover', disk / 'run.mcap', saved), tool('verify', saved)
+    figures = {
+        'cut_after': seconds,
+        'verified': verified.returncode == 0,
+        'said': [*recovered.stdout.splitlines(), *recovered.stderr.splitlines()],
+        'lost': None,
+    }
+    if figures['verified']:
+        figures['lost'] = (int(states[states <= moment].max()) - last_state(saved)) * 1e-9
+    return figures
+
+
+def main() -> int:
+    given = options(__doc__, cuts=10, seed=1)
+    rng, cuts = random.Random(given.seed), []
+    for number in range(given.cuts):
+        seconds = rng.uniform(EARLIEST, LATEST)
+        with tempfile.TemporaryDirectory() as folder, suppress(subprocess.CalledProcessError):
+            cuts.append(cut(Path(folder), seconds))
+        if len(cuts) == number:
+            print('no disk can be made here: that takes root, mkfs.ext4 and a loop device')
+            return NOT_HERE
+        one = cuts[-1]
+        words = f'{one["lost"]:.3f} s lost, verified' if one['verified'] else one['said']
+        print(f'{number + 1:3}: cut after {seconds:5.2f} s: {words}', flush=True)
+    lost = [one['lost'] for one in cuts if one['verified']]
+    if lost:
+        print(f'lost: least {min(lost):.3f}, median {np.median(lost):.3f}, most {max(lost):.3f} s')
+    well = sum(one['verified'] and one['lost'] <= PROMISED for one in cuts)
+    print(f'{well} of {len(cuts)} lost no more than {PROMISED:g} s')
+    finish('power', given.out, {'promised': PROMISED, 'rate_hz': RATE, 'cuts': cuts})
+    return 0 if well == len(cuts) else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

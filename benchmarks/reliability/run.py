@@ -1,0 +1,61 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""All of it, one after another, and a line for each; the figures together in one file.
+
+    python benchmarks/reliability/run.py --out DIR          two hours and a half, as root
+    python benchmarks/reliability/run.py soak many          these alone
+
+Each leaves DIR/NAME.json; DIR/reliability.json holds what is there of all of them. The exit code
+is 1 where a promise does not hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+HERE = Path(__file__).parent
+# In this order: what asks for a quiet machine first.
+SCRIPTS = {
+    'realtime': HERE.parent / 'realtime.py',
+    **{
+        name: HERE / f'{name}.py'
+        for name in ('many', 'killed', 'power', 'disk', 'viewer', 'hosts', 'soak', 'fuzz')
+    },
+}
+
+
+def gather(folder: Path) -> None:
+    """Puts the figures of all into one file."""
+    found = {name: folder / f'{name}.json' for name in SCRIPTS}
+    figures = {name: json.loads(path.read_text()) for name, path in found.items() if path.exists()}
+    (folder / 'reliability.json').write_text(json.dumps(figures, indent=1) + '\n')
+
+
+def main() -> int:
+    """Runs them."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('names', nargs='*', metavar='NAME', help=', '.join(SCRIPTS))
+    parser.add_argument('--out', type=Path, default=Path('reliability'), metavar='DIR')
+    options = parser.parse_args()
+    if unknown := set(options.names) - set(SCRIPTS):
+        parser.error(f'{", ".join(sorted(unknown))}: choose from {", ".join(SCRIPTS)}')
+    fallen = []
+    for name in options.names or SCRIPTS:
+        print(f'--- {name}', flush=True)
+        begin = time.monotonic()
+        command = [sys.executable, SCRIPTS[name], '--out', options.out]
+        if subprocess.run(command, check=False).returncode != 0:
+            fallen.append(name)
+        print(f'--- {name}: {time.monotonic() - begin:.0f} s', flush=True)
+        gather(options.out)
+    print(f'a promise does not hold: {", ".join(fallen)}' if fallen else 'every promise holds')
+    return 1 if fallen else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,204 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_node for 20 minutes at 1 kHz, with log, viewer and ever other crank speeds.
+
+    python benchmarks/reliability/soak.py --out DIR [--minutes 20]
+
+The viewer is Rerun's server as a process of its own, so that the memory counted is the node's. A
+subscriber in a process of its own hears it; the crank speed is set anew every 10 s. Then every
+message is accounted for, the log verifies, and states from the first and the last second are
+compared with the circles' intersection in 50 digits at the exact crank angle. Leaves
+DIR/soak.json; exit code 1 where a promise does not hold.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from harness import Process, finish, node, options, running, wait_for
+from mpmath import mp, mpf
+
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
+from linkage_ros.run.machine import Machine
+from linkage_ros.view.viewer import find_viewer, free_address
+from linkage_ros.wire.messages import JointStateCodec
+
+DOMAIN, RATE = 85, 1000.0
+EVERY = 10.0  # s between samples of the memory, and between speeds
+GROWTH = 8.0  # MiB allowed after the first minute
+ULPS = 4.0  # of 1 rad
+
+
+class Speeds:
+    """Sets rpm from outside, as `ros2 param set` does."""
+
+    def __init__(self) -> None:
+        import rclpy
+        from rcl_interfaces.srv import SetParameters
+
+        rclpy.init()
+        self._rclpy = rclpy
+        self._node = rclpy.create_node('operator')
+        self._client = self._node.create_client(SetParameters, '/linkage_node/set_parameters')
+        self._random = random.Random(1)
+        self.set = 0
+
+    def change(self) -> None:
+        """Another speed."""
+        from rcl_interfaces.msg import Parameter, ParameterValue
+        from rcl_interfaces.srv import SetParameters
+
+        assert self._client.wait_for_service(30.0)
+        rpm = self._random.uniform(-600.0, 600.0)
+        value = ParameterValue(type=3, double_value=rpm)  # a double
+        request = SetParameters.Request(parameters=[Parameter(name='rpm', value=value)])
+        future = self._client.call_async(request)
+        self._rclpy.spin_until_future_complete(self._node, future, timeout_sec=10.0)
+        assert future.result().results[0].successful
+        self.set += 1
+
+
+def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float, float]]:
+    """Changes the speed until the time is over; returns seconds and the memory then, MiB."""
+    begin, samples = time.monotonic(), []
+    wait_for(lambda: process.lines or not process.alive)  # it says what it is
+    assert process.alive, process.output
+    while (passed := time.monotonic() - begin) < 60 * minutes:
+        speeds.change()
+        samples.append((passed, process.memory()))
+        if len(samples) % 12 == 1:
+            print(f'{passed:6.0f} s  {samples[-1][1]:.1f} MiB', flush=True)
+        time.sleep(EVERY)
+    return samples
+
+
+@contextmanager
+def server() -> Iterator[str]:
+    """Rerun's server without a window; yields its URL."""
+    _, port, _ = free_address('127.0.0.1')
+    words = ['--serve-grpc', '--bind', '127.0.0.1', '--port', str(port)]
+    process = subprocess.Popen(
+        [find_viewer(), *words, '--server-memory-limit', '64MB'], stderr=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        yield f'rerun+http://127.0.0.1:{port}/proxy'
+    finally:
+        process.kill()
+        process.wait()
+
+
+def exact_rocker(mechanism: Any, angle: Any) -> Any:
+    """The rocker's angle from the circles about crank pin and rocker pivot, in 50 digits."""
+    frame = mpf(mechanism.frame.length) * mp.expj(mpf(mechanism.frame.angle))
+    pin = mpf(mechanism.crank.length) * mp.expj(angle)
+    coupler, rocker = mpf(mechanism.coupler.length), mpf(mechanism.rocker.length)
+    between = frame - pin
+    distance = abs(between)
+    along = (coupler**2 - rocker**2 + distance**2) / (2 * distance)
+    across = mp.sqrt(coupler**2 - along**2) * (1 if mechanism.assembly == 'open' else -1)
+    joint = pin + between / distance * mp.mpc(along, across)
+    return mp.arg(joint - frame)
+
+
+def errors(log: LogReader, machine: Machine, stamps: set[int]) -> dict[int, float]:
+    """How far the rocker's logged angle is from the exact one at some stamps, rad."""
+    mp.dps = 50
+    codec, found = JointStateCodec(machine.joints), {}
+    for message in log.messages(['/joint_states']):
+        stamp, values = codec.decode(message.data)
+        if stamp in stamps:
+            angle = mpf(log.configuration.drive.crank_angle)
+            ends = [motion.stamp for motion in log.motions[1:]]
+            for motion, end in zip(log.motions, [*ends, stamp], strict=True):
+                lasted = max(0, min(end, stamp) - motion.stamp)
+                angle += mpf(motion.target) * 2 * mp.pi * lasted / (60 * 10**9)
+            apart = mpf(values[2]) - exact_rocker(machine.configuration.mechanism, angle)
+            found[stamp] = abs(float(apart - 2 * mp.pi * mp.nint(apart / (2 * mp.pi))))
+    return found
+
+
+def account(path: Path, heard: Path, output: str) -> dict[str, Any]:
+    """Counts what was published, logged and heard, and checks the log."""
+    published, missed = map(
+        int, re.findall(r'(\d+) states published, (\d+) ticks missed', output)[0]
+    )
+    with LogReader(path) as log:
+        report = verify(log)
+        topics = Counter(message.topic for message in log.messages())
+        stamps = [
+            JointStateCodec(('crank', 'coupler', 'rocker')).decode(m.data)[0]
+            for m in log.messages(['/joint_states'])
+        ]
+        machine = Machine(log.configuration)
+        ends = errors(log, machine, {*stamps[:1000], *stamps[-1000:]})
+    received = np.load(heard)[:, 0]
+    return {
+        'published': published,
+        'missed': missed,
+        'ticks': machine.tick_at(stamps[-1] - log.motions[0].stamp) + 1,
+        'logged': dict(topics),
+        'heard': len(received),
+        'heard_of_the_logged': len(set(stamps) & set(received.tolist())),
+        'difference': report.difference,
+        'left_out': int((re.findall(r'(\d+) lost to the viewer', output) or ['0'])[0]),
+        'first_second_worst_ulp': max(ends[s] for s in stamps[:1000]) / 2**-52,
+        'last_second_worst_ulp': max(ends[s] for s in stamps[-1000:]) / 2**-52,
+        'log_MB': path.stat().st_size / 1e6,
+    }
+
+
+def broken(figures: dict[str, Any]) -> list[str]:
+    """The promises that do not hold."""
+    checks = {
+        'every tick is a state or counted as missed': figures['ticks']
+        == figures['published'] + figures['missed'],
+        'every state is in the log': figures['logged']['/joint_states'] == figures['published'],
+        'the subscriber heard every state': figures['heard_of_the_logged'] == figures['published'],
+        'the log verifies': not figures['difference'],
+        'the last state is as exact as the first': figures['last_second_worst_ulp'] < ULPS,
+        f'at most {GROWTH:g} MiB more after the first minute': figures['growth_MiB'] <= GROWTH,
+        'no state was left out of the view': figures['left_out'] == 0,
+    }
+    return [words for words, holds in checks.items() if not holds]
+
+
+def main() -> int:
+    """Prints the figures."""
+    given = options(__doc__, minutes=20.0)
+    os.environ.update(ROS_DOMAIN_ID=str(DOMAIN), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+    with tempfile.TemporaryDirectory() as folder:
+        log, heard = Path(folder, 'run.mcap'), Path(folder, 'heard.npy')
+        listener = str(Path(__file__).with_name('listener.py'))
+        with running(listener, heard, domain=DOMAIN) as subscriber:
+            wait_for(lambda: subscriber.lines)
+            with server() as url, node(DOMAIN, rate_hz=RATE, log=log, viewer=url) as process:
+                samples = watch(process, Speeds(), given.minutes)
+                assert process.end() == 0, process.output
+            subscriber.end(signal.SIGINT)
+        figures = account(log, heard, process.output)
+    later = [memory for passed, memory in samples if passed >= 60.0] or [samples[-1][1]]
+    figures |= {'memory_MiB': samples, 'growth_MiB': max(later) - later[0]}
+    finish('soak', given.out, figures)
+    print(*(f'{key}: {value}' for key, value in figures.items() if key != 'memory_MiB'), sep='\n')
+    fallen = broken(figures)
+    print(*(f'does not hold: {words}' for words in fallen), sep='\n')
+    return 1 if fallen else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,94 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Unpacks the chunks of an MCAP file, to no more than is read of anything at a time.
+
+A few bytes may unpack to gigabytes, and claim to be of any size.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message, Schema
+
+from linkage_ros.errors import LogError
+
+# Bytes of a record, and of what a chunk unpacks to. Our chunks have 1 MiB, other tools' a few.
+LARGEST = 1 << 24
+HEAD = struct.Struct('<BQ')  # opcode and length of a record
+_MESSAGE = struct.Struct('<HIQQ')  # channel, sequence, log and publish time
+
+
+def unpack(chunk: Chunk) -> bytes:
+    """The records of a chunk, as bytes.
+
+    Raises:
+        LogError: They are more than is read, or not what their size or checksum tells.
+    """
+    size = chunk.uncompressed_size
+    if size > LARGEST:
+        raise LogError(
+            f'it has a chunk of {size} bytes: at most {LARGEST} are unpacked; write it with smaller'
+            ' chunks'
+        )
+    data = chunk.data
+    if chunk.compression == 'zstd':
+        # What the frame itself tells is allocated, whatever the limit.
+        if zstandard.frame_content_size(data) not in {-1, size}:
+            raise LogError('it is damaged: a chunk has not the size that it tells')
+        data = zstandard.decompress(data, size)
+    elif chunk.compression == 'lz4':
+        data = lz4.frame.LZ4FrameDecompressor().decompress(data, size + 1)
+    elif chunk.compression:
+        raise LogError(
+            f'it has chunks packed by {chunk.compression!r:.40}: nothing here unpacks them'
+        )
+    if len(data) != size:
+        raise LogError('it is damaged: a chunk has not the size that it tells')
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise LogError('it is damaged: the checksum of a chunk is wrong')
+    return data
+
+
+def unpacked_records(data: bytes) -> Iterator[Schema | Channel | Message]:
+    """The records of an unpacked chunk: nothing else may be in one, nor is it passed over.
+
+    Raises:
+        LogError: There is something else.
+    """
+    at = 0
+    while at < len(data):
+        opcode, length = HEAD.unpack_from(data, at)
+        at += HEAD.size
+        if at + length > len(data):
+            raise LogError('it is damaged: a record is longer than its chunk')
+        if (record := parsed(opcode, data[at : at + length])) is None:
+            raise LogError('it is damaged: a chunk has something other than messages')
+        yield record
+        at += length
+
+
+def parsed(opcode: int, body: bytes) -> Schema | Channel | Message | None:
+    """A record that a chunk may hold; None where it is of another kind."""
+    if opcode == Opcode.MESSAGE:
+        number, sequence, log_time, publish_time = _MESSAGE.unpack_from(body)
+        return Message(number, log_time, body[_MESSAGE.size :], publish_time, sequence)
+    if opcode == Opcode.SCHEMA:
+        schema: Schema = Schema.read(stream(body))
+        return schema
+    if opcode == Opcode.CHANNEL:
+        channel: Channel = Channel.read(stream(body))
+        return channel
+    return None
+
+
+def stream(body: bytes) -> ReadDataStream:
+    """A record's bytes as its parser takes them: nothing in it reaches beyond them."""
+    return ReadDataStream(BytesIO(body))

@@ -1,0 +1,154 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What comes of hostile input: success, or one clear line; anything else is raised.
+
+The very functions are called that the executables call.
+"""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stderr, redirect_stdout
+
+from linkage_ros import LinkageError, replay
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import recover
+from linkage_ros.log.verify import verify
+from linkage_ros.log_tool import info, saved, verdict
+from linkage_ros.playback.feed import cut, feed
+from linkage_ros.record import record
+from linkage_ros.run.configuration import load
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
+
+LONGEST = 700  # characters: 600 of an error, and around it what the command line adds
+
+
+def outcome(action):
+    """Does something; returns the line that refuses it, empty where it is done."""
+    try:
+        action()
+    except LinkageError as error:
+        return one_line(str(error))
+    return ''
+
+
+def one_line(words):
+    """A refusal as it has to be: on one line, printable, neither empty nor endless."""
+    assert words.isprintable(), ascii(words)
+    assert 10 < len(words) <= LONGEST, ascii(words)
+    assert 'MemoryError' not in words, words
+    return words
+
+
+def parameter_file(path):
+    """Reads a parameter file, and records its mechanism for a moment."""
+
+    def run():
+        configuration = load(str(path))
+        Machine(configuration).summary()
+        duration = min(0.02, 5 / configuration.session.rate_hz)
+        record(configuration, path.with_suffix('.mcap'), duration=duration, overwrite=True)
+
+    return [outcome(run)]
+
+
+def log_file(path):
+    """Looks into a log, verifies, plays and recovers it, and verifies what is recovered."""
+    out = path.with_suffix('.recovered')
+
+    def look():
+        with LogReader(path) as log:
+            '\n'.join(info(log)).encode()
+
+    def check(file):
+        with LogReader(file) as log:
+            '\n'.join(verdict(log, verify(log))).encode()
+
+    def save():
+        saved(out, recover(path, out, overwrite=True))
+        check(out)
+
+    return [outcome(work) for work in (look, lambda: check(path), lambda: play(path), save)]
+
+
+def play(path, words=()):
+    """Reads what a replay with some options would play, as it does."""
+    options = replay._parser().parse_args([str(path), *words])
+    with LogReader(path) as log:
+        replay._check(options, log)
+        piece = cut(log, options.start_offset, options.playback_duration, options.topics)
+        codec = JointStateCodec(Machine(log.configuration).joints)
+        with feed(log, piece, loop=False) as items:
+            for item in items:
+                assert 0 <= item.time < 2**31 * 10**9  # what /clock can tell
+                if item.message.type == JOINT_STATES.interface.name:
+                    try:
+                        codec.decode(item.message.data)
+                    except ValueError:
+                        break
+
+
+def replay_options(words, path):
+    """Replays with some options; the process would end with this code and these lines."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            line = outcome(lambda: play(path, words))
+            code = 2 if line else 0
+        except SystemExit as stop:
+            code, line = stop.code, err.getvalue().removesuffix('\n')
+    assert code in {0, 2}
+    return [one_line(line) if code else '']
+
+
+class LiveNode:
+    """A node that has declared the parameters of a configuration, as linkage_node does.
+
+    Attributes:
+        configuration: Which.
+        motion: Of its machine.
+    """
+
+    def __init__(self, configuration, context):
+        from rclpy.node import Node
+
+        from linkage_ros.ros_parameters import declare
+
+        self.configuration = configuration
+        self.node = Node('live', context=context, enable_rosout=False)
+        self._machine = Machine(configuration)
+        self.motion = self._machine.begin(0)
+        self._target, self._stamp = configuration.drive.target, 0
+        declare(self.node, configuration, self._set)
+
+    def _set(self, _, value):
+        self._target = value
+
+    def request(self, wanted):
+        """Sets parameters as the node's service does; returns why each is refused, '' if not."""
+        from rcl_interfaces.msg import Parameter, ParameterValue
+        from rcl_interfaces.srv import SetParameters
+
+        parameters = [
+            Parameter(name=name, value=ParameterValue(type=number, **{field: value}))
+            for name, number, field, value in wanted
+        ]
+        request = SetParameters.Request(parameters=parameters)
+        service = self.node._parameter_service
+        response = service._set_parameters_callback(request, SetParameters.Response())
+        assert len(response.results) == len(wanted)
+        self._step()
+        return ['' if r.successful else one_line(r.reason) for r in response.results]
+
+    def _step(self):
+        """Goes on with what is set: a motion it is, or its end in one line."""
+        assert type(self._target) is float
+        self._stamp += 5_000_000
+
+        def go():
+            self.motion = self.motion.next(self._stamp, self._target)
+            self._machine.step(self.motion, self._stamp)
+
+        if outcome(go):
+            self.motion, self._stamp = self._machine.begin(0), 0

@@ -1,0 +1,421 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What hostile input once brought about: a traceback, a hang, gigabytes, or a steered terminal."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import signal
+import struct
+import subprocess
+import time
+import tracemalloc
+from contextlib import contextmanager
+from pathlib import Path
+
+import hostile_bombs
+import pytest
+from hostile_bombs import chunk, packed, tight, whole
+from mcap.records import Channel, Message
+from ros_harness import command, environment, fresh_domain, running
+
+from linkage_ros import ConfigurationError, LinkageError, LogError, MotionError
+from linkage_ros.errors import one_line, printable
+from linkage_ros.log import salvage
+from linkage_ros.log.chunks import LARGEST, unpack
+from linkage_ros.log.differences import differing
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import MOTION_RECORD, _seal, read_motion, write_motion
+from linkage_ros.log.recover import recover
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.log_tool import info
+from linkage_ros.record import record
+from linkage_ros.run.configuration import configure, load
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.parameter_file import read_parameter_file
+from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
+
+MOTION = write_motion(Machine(load('quadrilateral')).begin(0))
+STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
+
+
+@contextmanager
+def at_most(seconds):
+    """Fails where the work within hangs, even in a call that waits."""
+
+    def stop(*_):
+        raise AssertionError(f'not within {seconds} s')
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / 'run.mcap'
+    record(load('quadrilateral'), path, duration=0.1)
+    return path
+
+
+def stored(tmp_path, data):
+    path = tmp_path / 'bad.mcap'
+    path.write_bytes(data)
+    return path
+
+
+def started(module, *words, **options):
+    """A real process with some arguments, when it has ended."""
+    options = {'stdout': subprocess.PIPE, **options}
+    words = [os.fsencode(str(word)) for word in command(module, *words)]
+    return subprocess.run(
+        words, stderr=subprocess.PIPE, text=True, errors='backslashreplace', timeout=60,
+        check=False, **options,
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------- names of files
+
+
+NAMES = {
+    'a NUL': 'a\0b',
+    'half a character': 'a\ud800b.mcap',
+    'not UTF-8': 'a\udcffb.mcap',
+    'too long': 'x' * 300,
+    'far too long': 'x/' * 5000,
+    'of a terminal': STEERING,
+    'empty': '',
+    'a folder': '.',
+}
+
+
+@pytest.mark.parametrize('name', NAMES.values(), ids=NAMES)
+def test_no_name_of_a_file_is_too_much(tmp_path, log, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    for use in (
+        lambda: LogReader(name),
+        lambda: recover(name, tmp_path / 'out.mcap'),
+        lambda: read_parameter_file(name),
+        lambda: load(name),
+    ):
+        with pytest.raises(LinkageError) as caught:
+            use()
+        assert str(caught.value).isprintable()
+        assert len(str(caught.value)) <= 600
+    if name not in {NAMES['not UTF-8'], NAMES['of a terminal']}:  # which are names like others
+        with pytest.raises(LogError):
+            recover(log, name)
+        with pytest.raises(LogError):
+            LogWriter(name, load('quadrilateral'), overwrite=True)
+
+
+def test_a_pipe_into_which_nobody_writes_is_not_waited_for(tmp_path):
+    pipe = tmp_path / 'pipe.yaml'
+    os.mkfifo(pipe)
+    with at_most(5):
+        with pytest.raises(LogError):
+            LogReader(pipe)
+        with pytest.raises(LogError, match='no MCAP file'):
+            recover(pipe, tmp_path / 'out.mcap')
+        assert read_parameter_file(pipe) == {}
+        with pytest.raises(LogError, match='No such device'):
+            LogWriter(pipe, load('quadrilateral'), overwrite=True)
+    with pytest.raises(AssertionError, match='not within'), at_most(0.2):
+        pipe.open('rb').close()  # as it was
+
+
+def test_a_pipe_that_is_slow_is_read_to_its_end():
+    reading, writing = os.pipe()
+    text = 'sleep 0.3; printf "linkage_node: {ros__parameters: {rpm: 5.0}}"'
+    with subprocess.Popen(['sh', '-c', text], stdout=writing):
+        os.close(writing)
+        assert read_parameter_file(f'/dev/fd/{reading}') == {'rpm': 5.0}
+    os.close(reading)
+
+
+@pytest.mark.parametrize('path', ['/dev/null', '/dev/zero', '/dev/full'])
+def test_devices_are_no_logs(tmp_path, path):
+    with at_most(5):
+        with pytest.raises(LogError):
+            LogReader(path)
+        with pytest.raises(LogError):
+            recover(path, tmp_path / 'out.mcap')
+
+
+# ---------------------------------------------------------------- words
+
+
+def test_an_error_is_one_line_that_any_terminal_takes():
+    error = ConfigurationError(f'a\nb\r\n{STEERING}\udcff {"x" * 10_000} end')
+    assert str(error).startswith('a b \\x1b]0;title\\x07\\x1b[31m\\u202e\\udcff xxx')
+    assert str(error).endswith('xxx end')
+    assert len(str(error)) <= 600
+    assert str(error).isprintable()
+    assert len(one_line('\x1b' * 10_000)) <= 600
+    assert printable('é ⚙') == 'é ⚙'
+
+
+def test_what_a_log_says_does_not_steer_the_terminal(tmp_path):
+    data = whole().replace(b'/joint_states', b'/\x1b[2J\x1b[31m\x07\xc2\x9b')
+    path = stored(tmp_path, hostile_bombs.resummed(data))
+    done = started('log_tool', 'info', path)
+    assert done.returncode == 0, done.stderr
+    assert '\\x1b[2J' in done.stdout
+    assert '\x1b' not in done.stdout
+
+
+def test_a_name_of_megabytes_does_not_widen_every_line(tmp_path):
+    data = whole(channels=300).replace(b'/joint_states7', b'/' + b'x' * 13)
+    path = stored(tmp_path, hostile_bombs.resummed(data))
+    with LogReader(path) as log:
+        topic = log.topics[0]._replace(name='x' * 1_000_000)
+        log.topics = (topic, *log.topics[1:])
+        assert sum(map(len, info(log))) < 1_100_000
+
+
+# ---------------------------------------------------------------- motions and settings
+
+
+@pytest.mark.parametrize(
+    'field', [
+        {'phase': '1e999999999'}, {'speed': '1e-999999999'}, {'stamp': '9' * 4000},
+        {'stamp': str(2**63)}, {'before': '-' + '9' * 30}, {'phase': '9' * 4200},
+        {'rpm': '[' * 500}, {'torque': 'NaN'}, {'torque': '1e999'}, {'phase': '1/2/3'},
+        {'rpm': '9' * 400}, {'rpm': '{}'},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_motion_record_that_cannot_be_one_is_damaged(tmp_path, field):
+    fields = {name: text for name, text in MOTION.items() if name != 'crc32'}
+    sealed = _seal({**fields, **field})
+    with at_most(5):
+        with pytest.raises(LogError, match='motion record is damaged'):
+            read_motion(sealed)
+        path = stored(tmp_path, whole(metadata=[(MOTION_RECORD, sealed)]))
+        assert recover(path, tmp_path / 'out.mcap').losses.records == 1
+
+
+def test_settings_nested_deeper_than_python_goes_are_refused():
+    nested = []
+    for _ in range(100_000):
+        nested = [nested]
+    with pytest.raises(ConfigurationError, match='rpm = '):
+        configure({'rpm': nested})
+
+
+def test_a_motion_that_takes_millions_of_steps_is_refused(tmp_path):
+    """Nothing in the file is out of its range, but a record of it took hours."""
+    torque = {**load('quadrilateral').parameters(), 'drive': 'torque', 'motor.torque': 1.0}
+    for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time'):
+        torque.pop(name)
+    extreme = configure({**torque, 'start_rpm': 1e6, 'rate_hz': 10.0})
+    begin = time.process_time()
+    with pytest.raises(MotionError, match='too fast'):
+        record(extreme, tmp_path / 'run.mcap', duration=10.0)
+    assert time.process_time() - begin < 5
+    fast = configure({**torque, 'start_rpm': 1e4, 'rate_hz': 10.0})
+    assert record(fast, tmp_path / 'fast.mcap', duration=0.2) == 2
+
+
+# ---------------------------------------------------------------- chunks and records
+
+
+def test_a_chunk_unpacks_to_the_size_that_it_tells_and_to_no_more():
+    from mcap.records import Chunk
+
+    data = packed(Message(1, 5, b'x' * 1000, 5, 0))
+    good = tight(data)
+
+    def chunk_of(record):
+        from linkage_ros.log.chunks import stream
+
+        return Chunk.read(stream(record[9:]))
+
+    assert unpack(chunk_of(good)) == data
+    assert unpack(chunk_of(chunk(b'', data, len(data)))) == data
+    for wrong in (
+        chunk(b'', data, len(data) + 1),
+        chunk(b'', data, LARGEST + 1),
+        chunk(b'lz4', hostile_bombs.lz4_zeros(1), 1 << 19),
+        chunk(b'zstd', hostile_bombs.zeros(1, 1 << 20), 1 << 19),
+        chunk(b'bzip', data, len(data)),
+    ):
+        with pytest.raises(LogError):
+            unpack(chunk_of(wrong))
+
+
+def test_chunks_within_chunks_are_not_unpacked(tmp_path):
+    inner = tight(packed(Message(0, 1, b'', 1, 0)))
+    path = stored(tmp_path, whole(tight(inner * 10)))
+    with LogReader(path) as log, pytest.raises(LogError, match='other than messages'):
+        list(log.messages())
+    assert recover(path, tmp_path / 'out.mcap').messages == 0
+
+
+def test_a_record_of_metadata_is_not_sought_in_a_bomb(tmp_path):
+    """The mcap library unpacks the chunk that it finds in place of what it seeks."""
+    data = whole(chunk(b'zstd', hostile_bombs.zeros(4096), 2**32))
+    at = data.index(b'\x06', data.index(b'linkage_ros/motion'))
+    wrong = data[: data.rindex(b'\x0d')] + data[data.rindex(b'\x0d') :]
+    index = wrong.rindex(struct.pack('<I', 18) + b'linkage_ros/motion') - 16
+    wrong = wrong[:index] + struct.pack('<Q', at) + wrong[index + 8 :]
+    path = stored(tmp_path, hostile_bombs.resummed(wrong))
+    with pytest.raises(LogError, match='tells of metadata where there is none'):
+        LogReader(path)
+
+
+def test_times_beyond_those_of_ros_are_refused(tmp_path):
+    with pytest.raises(LogError, match='none of ROS'):
+        LogReader(stored(tmp_path, whole(times=(0, 2**31 * 10**9))))
+    LogReader(stored(tmp_path, whole(times=(0, 2**31 * 10**9 - 1)))).close()
+
+
+def test_messages_of_one_time_are_not_heaped_up_without_end(tmp_path, monkeypatch):
+    message = packed(Message(0, 1, b'', 0, 0))  # later than its chunk begins
+    path = stored(tmp_path, whole(*[tight(message * 1000)] * 3))
+    with LogReader(path) as log:
+        assert sum(1 for _ in log.messages()) == 3000
+        monkeypatch.setattr('linkage_ros.log.mcap_file._MOST_WAITING', 2000 * 500)
+        with pytest.raises(LogError, match='same times'):
+            list(log.messages())
+
+
+def test_more_messages_than_the_summary_tells_end_the_reading(tmp_path):
+    path = stored(tmp_path, whole(tight(packed(Message(0, 0, b'', 0, 0)) * 1000)))
+    with LogReader(path) as log, pytest.raises(LogError, match='not as many'):
+        next(log.written())
+
+
+def test_as_many_channels_as_there_are_numbers_are_recovered(tmp_path):
+    path = stored(tmp_path, whole(packed(*(Channel(n, f'/{n}', '', {}, 0) for n in range(2**16)))))
+    assert recover(path, tmp_path / 'out.mcap').messages == 0
+    with LogReader(tmp_path / 'out.mcap') as log:
+        assert len(log.topics) == 2**16 - 1
+
+
+def test_what_looks_like_the_beginning_of_a_chunk_is_not_tried_for_ever(tmp_path, monkeypatch):
+    tries = []
+    read = salvage._read
+    monkeypatch.setattr(salvage, '_read', lambda *words: tries.append(1) or read(*words))
+    head = struct.pack('<QQQII', 0, 0, LARGEST, 0, 4) + b'zstd' + struct.pack('<Q', 400_000)
+    landmark = hostile_bombs.record(6, head, len(head) + 400_000)
+    path = stored(tmp_path, whole(b'\xff' + landmark * 20_000))
+    done = recover(path, tmp_path / 'out.mcap')
+    assert done.losses.tail > 900_000
+    assert 50 < len(tries) < 1000
+    monkeypatch.setattr(salvage, '_PATIENCE', 1 << 60)  # as it was
+    tries.clear()
+    recover(path, tmp_path / 'out.mcap', overwrite=True)
+    assert len(tries) > 10_000
+
+
+def test_a_message_of_megabytes_is_not_named_value_by_value():
+    good = JointStateCodec(('crank', 'coupler', 'rocker')).encode(0, *[(1.0, 2.0, 3.0)] * 3)
+    huge = good[:24] + struct.pack('<I', 400_000) + struct.pack('<II', 2, 97) * 400_000
+    tracemalloc.start()
+    try:
+        assert 'bytes logged' in differing(JOINT_STATES.interface, huge, good)
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+# ---------------------------------------------------------------- processes
+
+
+def test_a_path_that_the_terminal_cannot_show_is_recorded_to(tmp_path):
+    path = tmp_path / 'a\udcff\x1b[31m.mcap'
+    for module, words in (
+        ('record', ['quadrilateral', path, '--duration', '0.1']),
+        ('log_tool', ['info', path]),
+        ('log_tool', ['verify', path]),
+        ('log_tool', ['recover', path, f'{path}.out']),
+    ):
+        done = started(module, *words, env={**os.environ, 'PYTHONUTF8': '1'})
+        assert (done.returncode, done.stderr) == (0, '')
+        assert 'a\\udcff' in done.stdout
+
+
+@pytest.mark.skipif(not os.path.exists('/dev/full'), reason='needs /dev/full')  # noqa: PTH110
+def test_a_full_disk_under_stdout_is_one_line(log):
+    with pathlib.Path('/dev/full').open('wb') as full:
+        done = started('log_tool', 'info', log, stdout=full)
+    assert done.returncode == 2
+    assert done.stderr == 'linkage_log: [Errno 28] No space left on device\n'
+
+
+@pytest.mark.parametrize(
+    'words', [
+        ['record', 'quadrilateral', 'out.mcap', '--revolutions', '1' * 5000],
+        ['record', 'quadrilateral', 'out.mcap', '--duration', '1e18'],
+        ['record', 'quadrilateral', 'out.mcap', '--rate', '1e300'],
+        ['record', 'x' * 5000, 'out.mcap'],
+        ['replay', 'run.mcap', STEERING, 'a\nb', '\udcff' * 3000],
+        ['log_tool', 'info', '\x1b[31m'],
+        ['chart_tool', 'motion', 'x' * 5000],
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_wrong_command_line_is_one_line(tmp_path, words):
+    done = started(*words, cwd=tmp_path, env={**os.environ, 'PYTHONPATH': str(Path.cwd())})
+    assert done.returncode == 2
+    assert done.stderr.count('\n') == 1
+    assert done.stderr[:-1].isprintable()
+    assert len(done.stderr) < 700
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_topic_of_no_name_is_not_published(tmp_path):
+    pytest.importorskip('rclpy')
+    data = whole().replace(b'/joint_states', b'/joint/\x1b[2Jes')
+    done = started(
+        'replay', stored(tmp_path, hostile_bombs.resummed(data)), env=environment(fresh_domain())
+    )
+    assert done.returncode == 2
+    assert done.stderr.count('\n') == 1
+    assert "'/joint/\\x1b[2Jes' cannot be published: Invalid topic name" in done.stderr
+
+
+def test_a_parameter_of_no_type_does_not_end_the_service_of_others(tmp_path):
+    rclpy = pytest.importorskip('rclpy')
+    from rcl_interfaces.msg import Parameter, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    domain = fresh_domain()
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node('asks', context=context)
+    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    client = node.create_client(SetParameters, '/linkage_node/set_parameters')
+
+    def ask(value, patience):
+        request = SetParameters.Request(parameters=[Parameter(name='rpm', value=value)])
+        future = client.call_async(request)
+        executor.spin_until_future_complete(future, timeout_sec=patience)
+        return future.result() if future.done() else None
+
+    try:
+        with running('node', domain=domain) as process:
+            assert client.wait_for_service(timeout_sec=20.0)
+            # A request, or an answer, may be lost on a machine that is busy: each is sent again.
+            for _ in range(3):
+                assert ask(ParameterValue(type=200), 0.5) is None
+            good = ParameterValue(type=3, double_value=30.0)
+            answer = next((answer for _ in range(10) if (answer := ask(good, 2.0))), None)
+            assert answer is not None
+            assert answer.results[0].successful
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=20)
+            assert process.returncode == 0
+            assert 'Traceback' not in err
+            assert '200 is not a valid' in err
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        context.shutdown()

@@ -1,0 +1,39 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Node and controller on two hosts whose link is cut: the quick form of the benchmark."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SCRIPT = ROOT / 'benchmarks' / 'reliability' / 'hosts.py'
+
+
+def test_node_and_log_outlast_a_cut_link(tmp_path):
+    quick = ('--out', tmp_path, '--short', '3', '--long', '0')
+    # The package lies beside the tests, installed or not.
+    paths = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])
+    done = subprocess.run(
+        [sys.executable, SCRIPT, *quick],
+        env={**os.environ, 'PYTHONPATH': paths},
+        capture_output=True,
+        text=True,
+        timeout=240,
+    )
+    if done.returncode == 77:
+        pytest.skip(done.stderr.strip())
+    assert done.returncode == 0, done.stdout + done.stderr
+    figures = json.loads((tmp_path / 'hosts.json').read_text())
+    (cut,) = figures['cuts']
+    # All of them are in the log; of those of the cut the subscriber heard hardly any.
+    assert figures['states_logged'] == figures['states_published'] > figures['heard']
+    assert cut['unheard'] > cut['logged'] / 2
+    assert cut['time_out_said']
+    assert figures['local_is_heard'] is False
