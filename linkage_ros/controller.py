@@ -16,10 +16,11 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from linkage_ros import cli, ros
+from linkage_ros import cli
 from linkage_ros.core.mechanism import Mechanism, WindPump
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.ros.session import reported_as_configuration, served, start_ros
 from linkage_ros.run.configuration import load
 
 _NAME = 'linkage_controller'
@@ -116,11 +117,11 @@ def _run(arguments: list[str]) -> int:
         f'Keep a torque-driven crank at a speed. ROS parameters: {names}.',
         ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
     )
-    parser.parse_args(ros.start(arguments))
+    parser.parse_args(start_ros(arguments))
     try:
-        with ros.reported_as_configuration():
+        with reported_as_configuration():
             node = ControllerNode()
-        with ros.served(node):
+        with served(node):
             stop.wait()
     finally:
         rclpy.try_shutdown()

@@ -13,13 +13,15 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from linkage_ros import cli, ros
+from linkage_ros import cli
 from linkage_ros.core.state import State
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.ros_commands import CommandInbox
-from linkage_ros.ros_log import RunLog
-from linkage_ros.ros_parameters import check_parameter_files, declare
-from linkage_ros.ros_view import LiveView
+from linkage_ros.ros.commands import CommandInbox
+from linkage_ros.ros.live_view import LiveView
+from linkage_ros.ros.parameters import check_parameter_files, declare
+from linkage_ros.ros.run_log import RunLog
+from linkage_ros.ros.session import reported_as_configuration, served, start_ros
+from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.run.clock_stepper import ClockStepper
 from linkage_ros.run.configuration import Configuration, configure, preset_note
 from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
@@ -45,7 +47,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     """
 
     def __init__(self, stop: cli.Stop) -> None:
-        with ros.reported_as_configuration():
+        with reported_as_configuration():
             super().__init__(_NAME)
         given = {name: p.value for name, p in self._parameter_overrides.items()}
         configuration = configure(given)
@@ -53,9 +55,9 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stop = stop
         self._machine = Machine(configuration)
         self._target = configuration.drive.target
-        self._outputs = [ros.create_publisher(self, topic) for topic in self._machine.topics]
-        self._description = ros.create_publisher(self, ROBOT_DESCRIPTION)
-        self._diagnostics = ros.create_publisher(self, DIAGNOSTICS)
+        self._outputs = [create_publisher(self, topic) for topic in self._machine.topics]
+        self._description = create_publisher(self, ROBOT_DESCRIPTION)
+        self._diagnostics = create_publisher(self, DIAGNOSTICS)
         self._view = LiveView(self, configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log(configuration) if configuration.session.log else None
@@ -72,7 +74,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def start(self) -> None:
         """Starts turning."""
-        ros.await_listeners(self._outputs)
+        await_listeners(self._outputs)
         prepare_process()
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._stepper.start(self._begin)
@@ -222,10 +224,10 @@ def _run(arguments: list[str]) -> int:
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap', '--ros-args --params-file linkage.yaml'),
     )
     check_parameter_files(arguments, _NAME)
-    parser.parse_args(ros.start(arguments))
+    parser.parse_args(start_ros(arguments))
     try:
         node = LinkageNode(stop)
-        with ros.served(node):
+        with served(node):
             node.start()
             stop.wait()
             well = node.close()

@@ -113,7 +113,7 @@ class LiveNode:
     def __init__(self, configuration, context):
         from rclpy.node import Node
 
-        from linkage_ros.ros_parameters import declare
+        from linkage_ros.ros.parameters import declare
 
         self.configuration = configuration
         self.node = Node('live', context=context, enable_rosout=False)

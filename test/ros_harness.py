@@ -18,7 +18,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from linkage_ros.ros import message_class
+from linkage_ros.ros.topics import message_class
 
 # Each test its own domain, so that leftovers of one never reach another.
 _domains = itertools.count(os.getpid() % 90)

@@ -60,7 +60,7 @@ def live(folder):
     serialization = pytest.importorskip('rclpy.serialization')
     from ros_harness import Listener, fresh_domain, node_arguments, running, wait_for
 
-    from linkage_ros.ros import message_class
+    from linkage_ros.ros.topics import message_class
 
     path, domain = folder / 'run.mcap', fresh_domain()
     drive = {'start_rpm': -30.0, 'crank_acceleration': 7.1}

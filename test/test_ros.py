@@ -13,9 +13,9 @@ from ros_harness import environment, fresh_domain
 STUCK = """
 import rclpy
 from rclpy.node import Node
-from linkage_ros import ros
+from linkage_ros.ros import session
 
-ros._STUCK = 0.5
+session._STUCK = 0.5
 rclpy.init()
 
 class Stuck(Node):
@@ -23,7 +23,7 @@ class Stuck(Node):
         ''.join('' for _ in range({turns}))  # holds the interpreter for ever, or not at all
         super().destroy_node()
 
-with ros.served(Stuck('stuck')):
+with session.served(Stuck('stuck')):
     print('all is logged', flush=True)
 rclpy.try_shutdown()
 """

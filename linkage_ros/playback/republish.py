@@ -15,11 +15,17 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from linkage_ros import ros
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.playback.pace import Pace
 from linkage_ros.playback.player import Sink
+from linkage_ros.ros.session import (
+    USER_ERRORS,
+    reported_as_configuration,
+    served,
+    start_ros,
+)
+from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.wire.interfaces import CLOCK
 from linkage_ros.wire.messages import ENCAPSULATION, TOPICS, Topic
 
@@ -57,16 +63,16 @@ def republishing(
     Raises:
         LogError: A topic has a type that linkage_ros does not write, or a name that is none.
     """
-    ros.start(arguments)
+    start_ros(arguments)
     try:
-        with ros.reported_as_configuration():
+        with reported_as_configuration():
             node = Node(name)
         with ExitStack() as stack:
-            stack.enter_context(ros.served(node))
+            stack.enter_context(served(node))
             publishers = _publishers(node, log, set(topics))
             if clock_hz is not None:
                 stack.enter_context(_ticking(node, pace, clock_hz))
-            if not ros.await_listeners(publishers.values(), _PATIENCE, _SETTLE):
+            if not await_listeners(publishers.values(), _PATIENCE, _SETTLE):
                 node.get_logger().info('nobody listens so far; --delay S gives them time')
             yield lambda item: publishers[item.message.topic].publish(item.message.data)
             end = time.monotonic() + _ACKNOWLEDGE
@@ -88,8 +94,8 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
             raise LogError(f'{log.path}: {name} has the foreign type {channel.type}')
         topic = Topic(name, known[channel.type], latched, 1 if latched else 10)
         try:
-            publishers[name] = ros.create_publisher(node, topic)
-        except ros.USER_ERRORS as error:
+            publishers[name] = create_publisher(node, topic)
+        except USER_ERRORS as error:
             words = str(error).partition('\n')[0]
             raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error
     return publishers
@@ -98,7 +104,7 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
 @contextmanager
 def _ticking(node: Node, pace: Pace, frequency: float) -> Iterator[None]:
     """Publishes the time at a frequency, standing or running, and once more at the end."""
-    publisher = ros.create_publisher(node, _CLOCK_TOPIC)
+    publisher = create_publisher(node, _CLOCK_TOPIC)
     done = threading.Event()
 
     def publish() -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every rclpy executable of the package does alike: start, spin, end, publish bytes."""
+"""How every program on ROS 2 starts, serves its node, and ends."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import re
 import sys
 import tempfile
 import threading
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 
 import rclpy
@@ -25,16 +23,11 @@ from rclpy.exceptions import (
 )
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from linkage_ros.errors import ConfigurationError, one_line
-from linkage_ros.wire.messages import Topic
 
-# s given to subscribers to find a node, and to be matched with it.
-_DISCOVERY, _MATCH = 0.8, 0.2
 # s after which a node that does not end never will.
 _STUCK = 10.0
 
@@ -50,40 +43,7 @@ USER_ERRORS = (
 )
 
 
-def message_class(name: str) -> type:
-    """The Python class of a message type.
-
-    Args:
-        name: Such as 'std_msgs/msg/Float64'.
-
-    Returns:
-        The class.
-    """
-    package, _, kind = name.split('/')
-    found: type = getattr(import_module(f'{package}.msg'), kind)
-    return found
-
-
-def create_publisher(node: Node, topic: Topic, name: str | None = None) -> Publisher:
-    """A publisher with the topic's quality of service; it takes messages as CDR bytes.
-
-    Args:
-        node: Its node.
-        topic: Type and quality of service.
-        name: Another name than the topic's own.
-
-    Returns:
-        The publisher.
-    """
-    durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
-    qos = QoSProfile(
-        depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability
-    )
-    kind = message_class(topic.interface.name)
-    return node.create_publisher(kind, topic.name if name is None else name, qos)
-
-
-def start(arguments: list[str]) -> list[str]:
+def start_ros(arguments: list[str]) -> list[str]:
     """Initialises rclpy; a bad command line or parameter file is one clear error.
 
     Signals stay the caller's: rclpy's handlers would end the context under a running step.
@@ -145,33 +105,6 @@ def _held_stderr() -> Iterator[Callable[[], None]]:
         finally:
             os.dup2(saved, 2)
             os.close(saved)
-
-
-def await_listeners(
-    publishers: Iterable[Publisher], patience: float = _DISCOVERY, settle: float = _MATCH
-) -> bool:
-    """Lets subscribers that are there already find a node, so that they miss no message.
-
-    Args:
-        publishers: Of the node.
-        patience: Longest time to wait until one of them has a subscriber, s.
-        settle: Time after the last one was found, s, in which their side finds the node.
-
-    Returns:
-        Whether anybody listens.
-    """
-    publishers = list(publishers)
-    start = changed = time.monotonic()
-    before = [0] * len(publishers)
-    while (now := time.monotonic()) < start + patience:
-        counts = [publisher.get_subscription_count() for publisher in publishers]
-        if counts != before:
-            before, changed = counts, now
-        # The other topics, and the other side of a match, may take a moment longer.
-        if any(counts) and now > changed + settle:
-            return True
-        time.sleep(0.01)
-    return any(before)
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
