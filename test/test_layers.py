@@ -234,6 +234,13 @@ def test_files_stay_short_enough_to_read(path):
     assert lines < 300
 
 
+def test_the_linter_sees_every_file():
+    """A folder may bear the name of one that builds leave behind."""
+    command = [sys.executable, '-m', 'ruff', 'check', '--show-files']
+    seen = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert {str(path) for path in FILES} <= set(seen.splitlines())
+
+
 # ---------------------------------------------------------------- really imported
 
 BLOCK = """

@@ -4,12 +4,16 @@
 
 Files are changed where that reaches new lines. Checksums are of no help to a forger, who can
 compute them: they are made right, or not asked for. A finding is a file FOLDER/KIND-NUMBER, with
-its traceback in FOLDER/KIND-NUMBER.txt; a hang or too much memory ends the process.
+its traceback in FOLDER/KIND-NUMBER.txt; a hang or too much memory ends the process, and leaves
+FOLDER/timeout-HASH or oom-HASH. A machine that was busy or stood still looks like a hang: try such
+a file alone.
 Usage: python fuzz_covered.py parameter_file|log|recover SECONDS FOLDER
+       python fuzz_covered.py parameter_file|log|recover FILE
 """
 
 import sys
 import tempfile
+import time
 import traceback
 from pathlib import Path
 
@@ -64,15 +68,21 @@ def corpus(target, scratch):
 
 def main():
     """Fuzzes one target."""
-    target, seconds, folder = sys.argv[1], sys.argv[2], Path(sys.argv[3])
-    begin = folder / 'corpus'
-    begin.mkdir(parents=True, exist_ok=True)
+    target = sys.argv[1]
     np.seterr(all='raise')
     records._unseal = lambda record, _: {  # noqa: SLF001, a forger knows it as well
         name: text for name, text in record.items() if name != 'crc32'
     }
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
+        if len(sys.argv) == 3:
+            before = time.process_time()
+            targets(scratch)[target](Path(sys.argv[2]).read_bytes())
+            print(f'{time.process_time() - before:.2f} s of processor')
+            return
+        seconds, folder = sys.argv[2], Path(sys.argv[3])
+        begin = folder / 'corpus'
+        begin.mkdir(parents=True, exist_ok=True)
         for number, data in enumerate(corpus(target, scratch)):
             (begin / f'good_{number}').write_bytes(data)
         run = targets(scratch)[target]

@@ -35,8 +35,8 @@ def unpack(chunk: Chunk) -> bytes:
     size = chunk.uncompressed_size
     if size > LARGEST:
         raise LogError(
-            f'it has a chunk of {size} bytes: at most {LARGEST} are unpacked; write it with smaller'
-            ' chunks'
+            f'it has a chunk of {size} bytes: at most {LARGEST} are unpacked; write it with '
+            'smaller chunks'
         )
     data = chunk.data
     if chunk.compression == 'zstd':

@@ -18,10 +18,10 @@ from linkage_ros.errors import LinkageError
 from linkage_ros.log.differences import differing
 from linkage_ros.log.reader import LoggedMessage
 from linkage_ros.log.recompute import Recomputation
+from linkage_ros.log.timeline import Timeline, seconds
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import CLOCK_STEP
 from linkage_ros.wire.messages import Topic
-from linkage_ros.log.timeline import Timeline, seconds
 
 _STAMP = struct.Struct('<iI')
 _NS = 10**9

@@ -16,9 +16,9 @@ from collections.abc import Sequence
 from linkage_ros.core.numeric import with_turns, within_two_turns
 from linkage_ros.core.simulation import FixedSteps, Motion
 from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine, Step
 from linkage_ros.run.motion import CrankState
-from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.plant import start
 from linkage_ros.run.torque import CATCH_UP, RunMotion
 from linkage_ros.wire.messages import MECHANISM_STATE, Topic, TrajectoryCodec
@@ -56,7 +56,7 @@ class Recomputation:
                 'no accelerations; log that topic'
             )
         self._codec = TrajectoryCodec(machine.joints)
-        # Tick, coordinates and torque at rest of the state before; the first follows from the start.
+        # Tick, coordinates, torque at rest of the state before; the first follows from the start.
         self._before: tuple[int, CrankState, float] | None = None
         if self._drive:
             phase = start(machine.equations, self._drive)

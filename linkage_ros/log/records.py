@@ -16,8 +16,8 @@ from fractions import Fraction
 from typing import Any
 
 from linkage_ros import __version__
-from linkage_ros.run.configuration import Configuration, from_strings, to_strings
 from linkage_ros.errors import LogError
+from linkage_ros.run.configuration import Configuration, from_strings, to_strings
 from linkage_ros.run.motion import CrankMotion
 from linkage_ros.run.torque import RunMotion, TorqueMotion
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from linkage_ros.log.records import write_motion
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.torque import RunMotion
-from linkage_ros.log.records import write_motion
 
 _NS = 10**9
 

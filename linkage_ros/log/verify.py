@@ -12,10 +12,11 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from linkage_ros.errors import LogError
 from linkage_ros.log.comparison import Column, Comparison, is_stamped
 from linkage_ros.log.differences import differing
-from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.log.timeline import Timeline, check_motions, seconds
 from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import (
@@ -26,7 +27,6 @@ from linkage_ros.wire.messages import (
     TOPICS,
     Topic,
 )
-from linkage_ros.log.timeline import Timeline, check_motions, seconds
 
 
 class Report(NamedTuple):

@@ -15,17 +15,17 @@ from typing import NoReturn, TypeAlias
 
 from mcap.writer import CompressionType, Writer
 
-from linkage_ros.run.configuration import Configuration
-from linkage_ros.run.files import open_file
 from linkage_ros.errors import LogError
-from linkage_ros.wire.messages import Topic
-from linkage_ros.run.torque import RunMotion
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     write_configuration,
     write_motion,
 )
+from linkage_ros.run.configuration import Configuration
+from linkage_ros.run.files import open_file
+from linkage_ros.run.torque import RunMotion
+from linkage_ros.wire.messages import Topic
 
 # s. What a killed run loses is at most this and the worker's period, and what a busy machine adds
 # to both; 0.3 s are promised. Each flush costs 0.8 kB of memory, for mcap's index of chunks.
@@ -193,14 +193,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """
         source, words = self._stream.fileno(), f'{self.path} was removed while it was written'
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open('xb') as target:
-                try:
-                    with Path(f'/proc/self/fd/{source}').open('rb') as whole:
-                        shutil.copyfileobj(whole, target, _CHUNK_SIZE)
-                except OSError:
-                    self.path.unlink()
-                    raise
+            _copy(source, self.path)
         except OSError as error:
             # It is there as long as somebody has it open.
             place = f'/proc/{os.getpid()}/fd/{os.dup(source)}'
@@ -228,6 +221,22 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+def _copy(source: int, path: Path) -> None:
+    """Copies an open file to a new one; one that cannot be completed is not left there.
+
+    Raises:
+        OSError: It cannot be copied.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open('xb') as target:
+        try:
+            with Path(f'/proc/self/fd/{source}').open('rb') as whole:
+                shutil.copyfileobj(whole, target, _CHUNK_SIZE)
+        except OSError:
+            path.unlink()
+            raise
 
 
 class DiskSync:
