@@ -15,17 +15,14 @@ from contextlib import ExitStack, contextmanager
 from tqdm import tqdm
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError, LogError, ViewerError
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.playback.feed import Item, Piece, cut, feed
+from linkage_ros.playback.feed import Piece, cut, feed
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
-from linkage_ros.run.machine import Machine
+from linkage_ros.playback.showing import Showing
 from linkage_ros.run.punctual import prepare_process, wake_on_time
-from linkage_ros.run.worker import Worker
-from linkage_ros.view.stream import Sample, View
-from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 _NAME = 'linkage_replay'
 _NS = 10**9
@@ -55,51 +52,6 @@ def _status(log: LogReader, piece: Piece, pace: Pace) -> Iterator[Show]:
 
     with bar:
         yield show
-
-
-@contextmanager
-def _viewing(log: LogReader, target: str) -> Iterator[Sink]:
-    """Shows the joint states of a log in Rerun.
-
-    Raises:
-        ViewerError: No viewer answers, or the view cannot be opened.
-    """
-    machine = Machine(log.configuration)
-    codec, joints = JointStateCodec(machine.joints), len(machine.joints)
-    failed: list[Exception] = []
-    view = View(log.configuration, target)  # on this machine alone, whatever the run's was
-    if view.trouble:
-        raise ViewerError(f'no viewer answers at {target}: start one there first, with `rerun`')
-    if view.page:
-        print(f'watch it in a browser: {view.page}', flush=True)
-    worker: Worker[Sample] = Worker(
-        'view',
-        view,
-        capacity=1_000_000,
-        period=0.03,
-        on_error=failed.append,
-    )
-
-    def show(item: Item) -> None:
-        message = item.message
-        if message.type != JOINT_STATES.interface.name:
-            return
-        try:
-            stamp, numbers = codec.decode(message.data)
-        except ValueError as error:
-            raise LogError(f'{log.path}: a message on {message.topic} is {error}') from error
-        rows = (numbers[start : start + joints] for start in range(0, 3 * joints, joints))
-        # A round of a loop goes on where the one before ended.
-        worker.offer(Sample(stamp + item.time - message.time, *rows))
-
-    try:
-        yield show
-    finally:
-        worker.close(timeout=10.0)
-        if failed:
-            cli.print_error(_NAME, f'the view ended early: {failed[0]}')
-        elif lost := worker.dropped + view.dropped:
-            cli.print_error(_NAME, f'{lost} states were not shown: the viewer lagged or ended')
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -188,7 +140,10 @@ def _sinks(
         else:
             topics = republishing(_NAME, of_ros, log, piece.topics, pace, options.clock)
     # A wrong viewer is said at once, topics wait for listeners; but messages go to topics first.
-    views = [stack.enter_context(_viewing(log, options.viewer))] if options.viewer else []
+    views: list[Sink] = []
+    if options.viewer:
+        showing = Showing(_NAME, log, options.viewer, alone=topics is None)
+        views = [stack.enter_context(showing)]
     return [stack.enter_context(topics), *views] if topics else views
 
 

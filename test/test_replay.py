@@ -22,10 +22,12 @@ from shell_harness import Shell, held
 from test_stream import free_port
 from test_stream import running as viewing
 
-from linkage_ros import replay
+from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.playback import showing
 from linkage_ros.playback.feed import cut, feed
+from linkage_ros.playback.showing import Showing
 from linkage_ros.record import record
 from linkage_ros.run.configuration import configure
 from linkage_ros.run.machine import Machine
@@ -302,11 +304,11 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
         def close(self):
             pass
 
-    monkeypatch.setattr(replay, 'View', View)
+    monkeypatch.setattr(showing, 'View', View)
     with LogReader(log) as reader:
         piece = cut(reader, 0, 0.1, None)
         with (
-            replay._viewing(reader, 'spawn') as sink,
+            Showing('replay', reader, 'spawn', alone=True) as sink,
             feed(reader, piece, loop=True) as items,
         ):
             while len(shown) < 50:
@@ -325,12 +327,47 @@ def test_a_viewer_that_does_not_answer_is_one_line_before_anything_is_played(log
     assert result.stderr == f'linkage_replay: {words}\n'
 
 
+@pytest.mark.parametrize('alone', [True, False])
+def test_a_view_that_fails_ends_the_replay_where_it_is_all_there_is(
+    log, monkeypatch, capsys, alone
+):
+    class View:
+        page, trouble, dropped = None, '', 0
+
+        def __init__(self, *_):
+            pass
+
+        def consume(self, samples):
+            if samples:
+                raise ViewerError('no window could be opened')
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(showing, 'View', View)
+    with LogReader(log) as reader, feed(reader, cut(reader, 0, 0.5, None), loop=True) as items:
+
+        def play():
+            with Showing('linkage_replay', reader, 'spawn', alone=alone) as sink:
+                for item in itertools.islice(items, 300):
+                    sink(item)
+                    time.sleep(0.001)
+
+        if alone:
+            with pytest.raises(ViewerError, match='the view ended: no window could be opened'):
+                play()
+        else:
+            play()
+    words = 'linkage_replay: the view ends here, the topics go on: no window could be opened\n'
+    assert capsys.readouterr().err == ('' if alone else words)
+
+
 def test_what_a_viewer_that_ended_was_not_shown_is_said(log, capsys):
     with (
         viewing('--serve-grpc') as (viewer, url),
         LogReader(log) as reader,
         feed(reader, cut(reader, 0, 0.5, None), loop=True) as items,
-        replay._viewing(reader, url) as sink,
+        Showing('linkage_replay', reader, url, alone=True) as sink,
     ):
         sink(next(items))
         viewer.kill()
