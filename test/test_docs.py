@@ -88,7 +88,7 @@ def check_command(words, *, is_block, near):
         assert set(rest) <= set(targets), words
     elif name == 'pip':
         assert rest[1].strip('\'"').split('[')[0] in (ROOT / 'setup.py').read_text(), words
-    elif name == 'python' and 'argparse' in (ROOT / rest[0]).read_text():
+    elif name == 'python' and re.search(r'argparse|options\(', (ROOT / rest[0]).read_text()):
         assert helps([sys.executable, ROOT / rest[0]], rest), words
     elif name == 'python':
         assert rest[1:] == [], words

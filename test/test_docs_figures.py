@@ -100,6 +100,37 @@ def test_what_controllers_quotes_was_measured():
     check_quote('docs/controllers.md', words, min(closer), max(closer))
 
 
+def test_what_reliability_quotes_was_measured():
+    page, found = 'docs/reliability.md', json.loads((DOCS / 'reliability.json').read_text())
+    names = {
+        'bare loop': 'bare loop',
+        'rclpy timer': 'timer of rclpy',
+        'log, viewer': 'linkage_node, log and viewer',
+        'log alone': 'linkage_node, log',
+    }
+    for rate, contenders in found['realtime'].items():
+        for name, words in names.items():
+            one = contenders[name]
+            late = [one['late'][key] for key in ('p50', 'p99', 'max')]
+            row = f'| {rate} Hz | {words} | {{}} | {{}} | {{}} | {{}} |'
+            check_quote(page, row, *late, one['missed'])
+    for one in found['many']:
+        row = f'| {one["nodes"]:.0f} | {{}} s | {{}} |'
+        check_quote(page, row, one['found_s'], one['missed'])
+    soak = found['soak']
+    check_quote(page, '{} MiB more after the first minute', soak['growth_MiB'])
+    check_quote(
+        page,
+        '{}: {} states published, {} missed',
+        *map(soak.get, ('ticks', 'published', 'missed')),
+    )
+    lost = sorted(kill['lost'] for kill in found['killed']['kills'])
+    middle = (lost[9] + lost[10]) / 2
+    check_quote(
+        page, '{} s lost at least, {} s by median, {} s at most', lost[0], middle, lost[-1]
+    )
+
+
 def test_what_dynamics_quotes_was_measured():
     late = {r['delay_ticks']: 100 * r['largest_deviation'] for r in measured('delay')}
     check_quote('docs/dynamics.md', 'within {} % where it is that of the middle', late[0.0])

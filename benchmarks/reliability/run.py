@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -33,7 +35,9 @@ def gather(folder: Path) -> None:
     """Puts the figures of all into one file."""
     found = {name: folder / f'{name}.json' for name in SCRIPTS}
     figures = {name: json.loads(path.read_text()) for name, path in found.items() if path.exists()}
-    (folder / 'reliability.json').write_text(json.dumps(figures, indent=1) + '\n')
+    text = json.dumps(figures, indent=1)
+    folders = re.escape(tempfile.gettempdir()) + r'/tmp\w+/?'  # they say nothing to anybody
+    (folder / 'reliability.json').write_text(re.sub(folders, '', text) + '\n')
 
 
 def main() -> int:
