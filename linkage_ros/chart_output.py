@@ -53,7 +53,7 @@ def folder(path: Path) -> Iterator[None]:
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
     """Goes through items, with a bar where stderr is a terminal."""
-    return tqdm(items, desc=words, disable=None, leave=False)
+    return tqdm(items, desc=words, disable=None, leave=False, mininterval=1.0)
 
 
 def about() -> dict[str, str]:

@@ -111,11 +111,11 @@ def accuracy(options: argparse.Namespace) -> None:
         save(options.out / 'accuracy.json', [point.record() for point in (*points, *moved)])
         for name in benches:
             stem = options.out / f'accuracy_{name.replace(" ", "_")}'
-            paths = [stem.with_suffix('.png'), stem.with_suffix('.svg')]
+            paths = [stem.with_suffix('.png')]
             title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
             draw_accuracy([point for point in points if point.mechanism == name], title, paths)
             print(*paths, sep='\n')
-        paths = [options.out / f'accuracy_motions.{kind}' for kind in ('png', 'svg')]
+        paths = [options.out / 'accuracy_motions.png']
         title = f'Speed against accuracy: motions under a torque\n{on}'
         draw_integration(moved, methods, title, paths)
         print(*paths, sep='\n')
@@ -195,19 +195,27 @@ def _parser() -> argparse.ArgumentParser:
         _NAME,
         'Draw what a mechanism does; needs no ROS.',
         ('motion quadrilateral', 'motion my_linkage.yaml --reactions --out charts',
-         'motion slider_crank --rpm 4.7746482927568605 --acceleration 1',
+         'motion slider_crank --rpm 30 --acceleration 1',
          'accuracy --quick --out charts', 'stability --out charts', 'pump --out charts'),
     )  # fmt: skip
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    curves = commands.add_parser(
-        'motion', help='position, rate, acceleration and torque over one period: PNG and CSV'
+
+    def add(name: str, purpose: str, examples: tuple[str, ...]) -> argparse.ArgumentParser:
+        return cli.add_command(commands, _NAME, name, purpose, examples)
+
+    curves = add(
+        'motion',
+        'position, rate, acceleration and torque over one period: PNG and CSV',
+        ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts'),
     )
     curves.add_argument(
         'params',
         metavar='PARAMS',
         help=f'parameter file, or a preset: {", ".join(preset_names())}',
     )
-    curves.add_argument('--rpm', type=float, metavar='N', help="crank speed instead of the file's")
+    curves.add_argument(
+        '--rpm', type=float, metavar='N', help="crank speed instead of the file's, rpm"
+    )
     curves.add_argument(
         '--acceleration', type=float, default=0.0, metavar='A',
         help='crank acceleration at every angle, rad/s^2 (default 0)',
@@ -216,16 +224,22 @@ def _parser() -> argparse.ArgumentParser:
         '--reactions', action='store_true', help='add joint forces, shaking force and moment'
     )
     curves.set_defaults(draw=motion)
-    compared = commands.add_parser(
-        'accuracy', help='speed against accuracy of all methods: PNG, SVG and JSON'
+    compared = add(
+        'accuracy',
+        'speed against accuracy of all methods: PNG and JSON',
+        ('--quick --out charts',),
     )
     compared.set_defaults(draw=accuracy)
-    failing = commands.add_parser(
-        'stability', help='what comes of all methods where some of them fail: PNG and JSON'
+    failing = add(
+        'stability',
+        'what comes of all methods where some of them fail: PNG and JSON',
+        ('--quick --out charts',),
     )
     failing.set_defaults(draw=stability)
-    settled = commands.add_parser(
-        'pump', help='what a wind pump settles at, from where, for which torques: PNG and JSON'
+    settled = add(
+        'pump',
+        'what a wind pump settles at, from where, for which torques: PNG and JSON',
+        ('', 'my_pump.yaml --speeds 2 6 --quick --out charts'),
     )
     settled.add_argument(
         'params',

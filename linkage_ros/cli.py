@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from linkage_ros import __version__
 from linkage_ros.errors import LinkageError, one_line
@@ -28,7 +28,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def make_parser(
-    name: str, purpose: str, examples: tuple[str, ...] = ()
+    name: str, purpose: str, examples: tuple[str, ...], notes: str = ''
 ) -> argparse.ArgumentParser:
     """A parser with --version and examples.
 
@@ -36,19 +36,45 @@ def make_parser(
         name: Of the executable.
         purpose: One sentence.
         examples: Command lines without the name.
+        notes: Lines below them.
 
     Returns:
         The parser.
     """
-    shown = '\n'.join(f'  {name} {example}' for example in examples)
-    parser = Parser(
-        prog=name,
-        description=purpose,
-        epilog=f'examples:\n{shown}' if shown else None,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = Parser(prog=name, **_described(name, purpose, examples, notes))
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
     return parser
+
+
+def add_command(
+    commands: Any, tool: str, name: str, purpose: str, examples: tuple[str, ...]
+) -> argparse.ArgumentParser:
+    """A command of an executable that has several.
+
+    Args:
+        commands: From `add_subparsers`.
+        tool: The executable.
+        name: Of the command.
+        purpose: One sentence.
+        examples: Command lines without both names.
+
+    Returns:
+        Its parser.
+    """
+    words = _described(f'{tool} {name}', purpose, examples)
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=purpose, **words)
+    return parser
+
+
+def _described(
+    name: str, purpose: str, examples: tuple[str, ...], notes: str = ''
+) -> dict[str, Any]:
+    lines = ['examples:', *(f'  {name} {example}'.rstrip() for example in examples), '', notes]
+    return {
+        'description': f'{purpose[0].upper()}{purpose[1:].rstrip(".")}.',
+        'epilog': '\n'.join(lines).rstrip(),
+        'formatter_class': argparse.RawDescriptionHelpFormatter,
+    }
 
 
 class Stop:

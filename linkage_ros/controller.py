@@ -111,11 +111,12 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
 
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
-    names = '; '.join(f'{name}: {meaning}' for name, (_, meaning) in PARAMETERS.items())
+    names = (f'  {name}: {meaning} ({value})' for name, (value, meaning) in PARAMETERS.items())
     parser = cli.make_parser(
         _NAME,
-        f'Keep a torque-driven crank at a speed. ROS parameters: {names}.',
+        'Keep a torque-driven crank at a speed.',
         ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
+        '\n'.join(('parameters, with defaults:', *names)),
     )
     parser.parse_args(start_ros(arguments))
     try:

@@ -152,7 +152,7 @@ def _info(options: argparse.Namespace) -> int:
 def _bar(total: int, unit: str) -> tqdm[NoReturn]:
     # Without a bar where stderr is no terminal (disable=None), or where it is done in 2 s.
     return tqdm(
-        total=total, unit=unit, unit_scale=True, disable=None, delay=2, mininterval=0.5,
+        total=total, unit=unit, unit_scale=True, disable=None, delay=2, mininterval=1.0,
         leave=False,
     )  # fmt: skip
 
@@ -165,21 +165,25 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
-    def add(name: str, help_: str, run: Callable[[argparse.Namespace], int], log: str) -> None:
-        command = commands.add_parser(name, help=help_)
-        command.add_argument('log', metavar=log, type=Path)
+    def add(
+        name: str, purpose: str, run: Callable[[argparse.Namespace], int], *example: str
+    ) -> argparse.ArgumentParser:
+        command = cli.add_command(commands, _NAME, name, purpose, (' '.join(example),))
+        metavar = 'LOG.mcap' if len(example) == 1 else 'BROKEN.mcap'
+        command.add_argument('log', metavar=metavar, type=Path, help='log of linkage_ros')
         command.set_defaults(run=run)
+        return command
 
-    add('info', 'topics, counts, times, configuration, mechanism', _info, 'LOG.mcap')
+    add('info', 'topics, counts, times, configuration, mechanism', _info, 'run.mcap')
     add(
         'verify',
         'recompute every state from the logged configuration and motions; exit code 0: all are '
         'equal to the bit, 1: one differs, 2: the log cannot be read',
         _verify,
-        'LOG.mcap',
+        'run.mcap',
     )
-    add('recover', 'save what a killed run or a damaged disk left', _recover, 'BROKEN.mcap')
-    save = commands.choices['recover']
+    words = 'save what a killed run or a damaged disk left'
+    save = add('recover', words, _recover, 'run.mcap', 'saved.mcap')
     save.add_argument('out', metavar='OUT.mcap', type=Path, help='the complete log to write')
     save.add_argument('--overwrite', action='store_true', help='replace an existing file')
     return parser

@@ -23,7 +23,13 @@ from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.session import reported_as_configuration, served, start_ros
 from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.run.clock_stepper import ClockStepper
-from linkage_ros.run.configuration import Configuration, configure, preset_note
+from linkage_ros.run.configuration import (
+    Configuration,
+    Kind,
+    configure,
+    parameters_in_words,
+    preset_note,
+)
 from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
 from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
@@ -222,6 +228,8 @@ def _run(arguments: list[str]) -> int:
         _NAME,
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap', '--ros-args --params-file linkage.yaml'),
+        'parameters of a four_bar; README.md has those of others, and what they default to:\n'
+        + parameters_in_words(Kind('four_bar', 'speed')),
     )
     check_parameter_files(arguments, _NAME)
     parser.parse_args(start_ros(arguments))

@@ -173,7 +173,7 @@ def _shown(ticks: Iterable[int], progress: bool) -> Iterator[int]:
     # Without a bar where stderr is no terminal (disable=None).
     bar = tqdm(
         ticks, unit=' states', unit_scale=True, disable=None if progress else True,
-        mininterval=0.5, leave=False,
+        mininterval=1.0, leave=False,
     )  # fmt: skip
     return iter(bar)
 
@@ -191,9 +191,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('out', metavar='OUT.mcap', type=Path, help='the log to write')
     length = parser.add_mutually_exclusive_group()
-    length.add_argument('--duration', type=float, metavar='S', help='seconds (default 10)')
+    length.add_argument('--duration', type=float, metavar='S', help='how long, s (default 10)')
     length.add_argument('--revolutions', type=int, metavar='N', help='turns of the crank')
-    parser.add_argument('--rate', type=float, metavar='HZ', help='states a second')
+    parser.add_argument(
+        '--rate', type=float, metavar='HZ', help='states a second (default: rate_hz of the file)'
+    )
     parser.add_argument('--overwrite', action='store_true', help='replace an existing file')
     return parser
 

@@ -28,7 +28,7 @@ _NAME = 'linkage_replay'
 _NS = 10**9
 _CLOCK_HZ = 40.0
 _LONGEST = 1e9  # s
-_SHOW_SECONDS = 0.25
+_SHOW_SECONDS = 1.0
 
 
 @contextmanager

@@ -8,6 +8,7 @@ import json
 import os
 import random
 import signal
+import stat
 import struct
 import subprocess
 import sys
@@ -732,3 +733,12 @@ def test_a_writer_that_never_flushes_loses_everything(tmp_path):
     rows = killed(target, 'never')
     assert rows[-1][0] > 0
     assert not any(isinstance(item, Message) for item in left(target))
+
+
+def test_a_log_is_no_program(tmp_path):
+    before = os.umask(0o022)
+    try:
+        LogWriter(tmp_path / 'run.mcap', configure({'rpm': 60.0}), overwrite=False).close()
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / 'run.mcap').stat().st_mode) == 0o644

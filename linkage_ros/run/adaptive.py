@@ -79,7 +79,7 @@ class AdaptiveSteps:
             ConfigurationError: Always.
         """
         raise ConfigurationError(
-            'a record follows one law of torque: feed it as a function of time, or run the node'
+            'a record follows the motor line alone: run the node for commands'
         )
 
     def advance(self, time: float) -> None:

@@ -101,6 +101,15 @@ def parameter_leaves(kind: Kind) -> tuple[Leaf, ...]:
     return tuple(leaf for cls in classes for leaf in leaves(cls))
 
 
+def parameters_in_words(kind: Kind) -> str:
+    """The parameters that a mechanism and a drive use, a line each, for people."""
+    return '\n'.join(
+        f'  {leaf.name}{f", {leaf.quantity.unit}" if leaf.quantity.unit else ""}: '
+        f'{leaf.quantity.meaning}'
+        for leaf in parameter_leaves(kind)
+    )
+
+
 def check_live(name: str, value: object) -> None:
     """Checks a value that is set while the node runs.
 

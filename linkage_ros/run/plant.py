@@ -42,7 +42,6 @@ class Plant:
         equations: EquationsOfMotion,
         drive: TorqueDrive,
         integrate: Callable[[Motion, Phase], Steps] = FixedSteps,
-        feed: Callable[[float], float] = lambda _: 0.0,
     ) -> None:
         """Puts it into its start.
 
@@ -50,12 +49,11 @@ class Plant:
             equations: Of motion.
             drive: Motor and start.
             integrate: Makes what follows the motion.
-            feed: A torque over time, s, on top of motor and commands, N m.
 
         Raises:
             LinkageError: It cannot start from there.
         """
-        self.equations, self._feed = equations, feed
+        self.equations = equations
         self._motor, self._damping, self._command = drive.motor.torque, drive.motor.damping, 0.0
         self._steps = integrate(Motion(equations, self.torque), start(equations, drive))
 
@@ -64,7 +62,7 @@ class Plant:
         """Up to which it was followed, s."""
         return self._steps.time
 
-    def torque(self, time: float, speed: float) -> float:
+    def torque(self, time: float, speed: float) -> float:  # noqa: ARG002, as a Motion asks
         """The torque on the crank, N m.
 
         Args:
@@ -74,7 +72,7 @@ class Plant:
         Returns:
             Of the motor line, the command and what is fed.
         """
-        return self._motor - self._damping * speed + self._command + self._feed(time)
+        return self._motor - self._damping * speed + self._command
 
     def drive(self, motor: float, command: float) -> None:
         """Sets the motor's torque at rest and the command from now on, N m."""
