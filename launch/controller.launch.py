@@ -29,6 +29,9 @@ def generate_launch_description() -> LaunchDescription:
         'drive': 'torque',
         'rate_hz': 1000.0,
         'start_rpm': given['rpm'],
+        # The plant outlives a controller that is killed with its torque at the peak.
+        'command_timeout': 0.02,
+        'torque_limit': 400.0,
         'log': given['log'],
         'viewer': given['viewer'],
     }

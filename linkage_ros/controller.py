@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import math
 import sys
+from typing import Any
 
 import numpy as np
 import rclpy
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -24,6 +26,7 @@ from linkage_ros.ros.session import reported_as_configuration, served, start_ros
 from linkage_ros.run.configuration import load
 
 _NAME = 'linkage_controller'
+_ANY_TYPE = ParameterDescriptor(dynamic_typing=True)  # rpm:=600 is meant as 600.0
 # What the user may set: a default, and what it means.
 PARAMETERS = {
     'plant': ('quadrilateral', 'parameter file, or preset, of the mechanism that is controlled'),
@@ -74,6 +77,8 @@ class SpeedController:
             N m.
         """
         error = self._speed - speed
+        if not elapsed:  # another run: what was learnt belongs to the one before
+            self._integral = 0.0
         self._integral += self._ki * error * elapsed
         torque = self._kp * error + self._integral
         if self._lead is not None:
@@ -82,13 +87,38 @@ class SpeedController:
         return torque
 
 
+def _checked(name: str, value: Any) -> Any:
+    """A parameter's value, whole numbers as floats.
+
+    Raises:
+        ConfigurationError: It is of another type, or out of range.
+    """
+    default, meaning = PARAMETERS[name]
+    if isinstance(default, float) and type(value) is int:
+        value = float(value)
+    low = {'bandwidth': 0.0, 'lead_time': 0.0}.get(name, -1e6)
+    if type(value) is not type(default) or (type(value) is float and not low <= value <= 1e6):
+        words = {float: f'a number from {low:g} to 1e+06', bool: 'true or false', str: 'text'}
+        raise ConfigurationError(f'{name} = {value!r}: must be {words[type(default)]}: {meaning}')
+    return value
+
+
 class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
     """Answers each of joint_states with a command on joint_commands."""
 
     def __init__(self) -> None:
         super().__init__(_NAME)
+        given = {
+            name: self.declare_parameter(name, value, _ANY_TYPE).value
+            for name, (value, _) in PARAMETERS.items()
+        }
+        if unknown := set(self._parameter_overrides) - {*PARAMETERS, 'use_sim_time'}:
+            raise ConfigurationError(
+                f'{", ".join(sorted(unknown))}: no such parameter; '
+                f'there are {", ".join(PARAMETERS)}'
+            )
         plant, rpm, bandwidth, feed_forward, lead = (
-            self.declare_parameter(name, value).value for name, (value, _) in PARAMETERS.items()
+            _checked(name, value) for name, value in given.items()
         )
         self._controller = SpeedController(
             load(plant).mechanism, rpm, bandwidth, lead if feed_forward else None
@@ -103,7 +133,10 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
         # A clock that was stepped, or a plant that began anew, is no time that has passed.
         elapsed = now - last if last is not None and 0 < now - last < 0.1 else 0.0
         crank = state.name.index('crank')
-        torque = self._controller.torque(state.position[crank], state.velocity[crank], elapsed)
+        angle, speed = state.position[crank], state.velocity[crank]
+        if not math.isfinite(angle + speed):  # it would stay in the integral for ever
+            return
+        torque = self._controller.torque(angle, speed, elapsed)
         command = JointState(name=['crank'], effort=[torque])
         command.header.stamp = state.header.stamp
         self._commands.publish(command)

@@ -61,9 +61,10 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stop = stop
         self._machine = Machine(configuration)
         self._target = configuration.drive.target
-        self._outputs = [create_publisher(self, topic) for topic in self._machine.topics]
-        self._description = create_publisher(self, ROBOT_DESCRIPTION)
-        self._diagnostics = create_publisher(self, DIAGNOSTICS)
+        with reported_as_configuration():  # a topic may have the name of another
+            self._outputs = [create_publisher(self, topic) for topic in self._machine.topics]
+            self._description = create_publisher(self, ROBOT_DESCRIPTION)
+            self._diagnostics = create_publisher(self, DIAGNOSTICS)
         self._view = LiveView(self, configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log(configuration) if configuration.session.log else None
@@ -201,7 +202,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _troubles(self) -> list[str]:
         troubles = [] if self._state else ['waiting for /clock']
-        if self._inbox and self._inbox.commands.timed_out:
+        if self._inbox and self._inbox.fell_silent():
             troubles.append('no command within command_timeout: the motor drives alone')
         return troubles
 

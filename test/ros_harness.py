@@ -20,12 +20,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from linkage_ros.ros.topics import message_class
 
-# Each test its own domain, so that leftovers of one never reach another.
-_domains = itertools.count(os.getpid() % 90)
+# Each test its own domain, so that leftovers of one never reach another; each of the processes
+# that share the tests (pytest -n 2) has half of them.
+_WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 2
+_domains = itertools.count(os.getpid() % 45)
 
 
 def fresh_domain():
-    return 10 + next(_domains) % 90
+    return 10 + 45 * _WORKER + next(_domains) % 45
 
 
 def environment(domain):

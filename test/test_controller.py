@@ -129,7 +129,10 @@ def test_a_killed_controller_is_noticed_and_a_new_one_takes_over(tmp_path):
         ('plant:=pentagon', 'No preset'),
         ('plant:=wind_pump', 'a wind_pump keeps its own speed'),
         ('rpm:=fast', 'rpm'),
-        ('feed_forward:=3', 'feed_forward'),
+        ('feed_forward:=3', 'feed_forward = 3: must be true or false'),
+        ('bandwidth:=-15.0', 'bandwidth = -15.0: must be a number from 0 to 1e+06'),
+        ('rpm:=.nan', 'rpm = nan: must be a number'),
+        ('rmp:=600.0', 'rmp: no such parameter; there are plant, rpm,'),
     ],
 )
 def test_what_it_cannot_use_is_one_line_and_exit_code_2(parameter, words):

@@ -14,6 +14,7 @@ import resource
 import shutil
 import signal
 import subprocess
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -27,8 +28,9 @@ from test_stream import running as viewing
 from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.run.configuration import load
+from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.diagnostics import ERROR, OK, WARN, Health, Watch
+from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import Timekeeping
 from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
 
@@ -299,3 +301,29 @@ def test_a_view_is_served_elsewhere_only_if_asked_and_with_a_warning(given, addr
     assert set(found) <= {address, '0100007F'}
     warned = re.findall(r'\[WARN\].*is served at .* viewer_bind = 127.0.0.1 keeps it on', output)
     assert len(warned) == len(given)
+
+
+@pytest.mark.parametrize('size', [0, 1000])
+def test_a_log_that_is_cut_off_is_said(tmp_path, size):
+    path = tmp_path / 'run.mcap'
+    log = LogWriter(path, configure({'rpm': 60.0}), overwrite=False)
+    log.flush()
+    os.truncate(path, size)
+    with pytest.raises(LogError, match='somebody else cuts it off or writes to it'):
+        log.flush()
+    with suppress(LogError):
+        log.close()
+
+
+def test_two_runs_on_one_log_are_said(tmp_path):
+    path = tmp_path / 'run.mcap'
+    one, other = (LogWriter(path, configure({'rpm': 60.0}), overwrite=True) for _ in range(2))
+    motion = Machine(configure({'rpm': 60.0})).begin(0)
+    for _ in range(3):
+        other.write_motion(motion)
+    other.flush()
+    with pytest.raises(LogError, match='give each run a log of its own'):
+        one.flush()
+    for log in (one, other):
+        with suppress(LogError):
+            log.close()

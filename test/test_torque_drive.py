@@ -148,6 +148,19 @@ def test_a_command_beyond_the_limit_is_cut_and_counted():
     assert (commands.taken, commands.cut) == (3, 2)
 
 
+def test_a_command_counts_from_when_it_came_and_timeouts_are_counted():
+    clock = Clock()
+    commands = Commands(5.0, 0.5, clock)
+    commands.hear(['crank'], [1.5], age=0.6)
+    assert commands.torque() == 0.0
+    commands.hear(['crank'], [1.5], age=0.4)
+    assert commands.torque() == 1.5
+    clock.now += 0.2
+    assert (commands.torque(), commands.ended) == (0.0, 2)
+    commands.torque()
+    assert commands.figures()['command timeouts'] == '2'
+
+
 @pytest.mark.parametrize(
     ('names', 'efforts', 'words'),
     [

@@ -19,7 +19,7 @@ from test_node import logged, set_parameter, stop
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.record import record
-from linkage_ros.run.configuration import load
+from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.presets import preset_path
 from linkage_ros.wire.messages import JointStateCodec
@@ -119,13 +119,14 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
     assert heard[-1].tolist() == [1.0, 2.0]  # bad ones too
 
 
-def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
+@pytest.mark.parametrize('effort', [1.0, math.nan])
+def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path, effort):
     path, domain = tmp_path / 'run.mcap', fresh_domain()
     arguments = [
         '--ros-args', '-p', 'drive:=torque', '-p', 'rate_hz:=1000.0', '-p', f'log:={path}',
         '-p', 'motor.damping:=0.5',
     ]  # fmt: skip
-    good = serialize_message(JointState(name=['crank'], effort=[1.0]))
+    message = serialize_message(JointState(name=['crank'], effort=[effort]))
     with Listener(domain, STATES) as listener, running('node', *arguments, domain=domain) as node:
         publisher = listener.node.create_publisher(JointState, 'joint_commands', 10)
         wait_for(lambda: publisher.get_subscription_count() and listener.received['/joint_states'])
@@ -137,7 +138,7 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
             begin, sent = time.monotonic(), 0
             while (passed := time.monotonic() - begin) < seconds:
                 for _ in range(sent, int(passed * 10_000)):
-                    publisher.publish(good)
+                    publisher.publish(message)
                     sent += 1
                 time.sleep(2e-5)
             return sent
@@ -151,7 +152,10 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
         code, output = stop(node)
     assert code == 0, output
     assert grown < 8.0
-    assert 'is refused: its bytes are no JointState' in output
+    words = 'its bytes are no JointState' if effort == 1.0 else 'effort nan: must be'
+    assert f'is refused: {words}' in output
+    assert 'sequence size' not in output  # Fast CDR's line for each
+    assert 0 < output.count('is refused') <= 8  # once a second
     log, messages = logged(path)
     assert 0.5 * sent < len(messages['/joint_commands']) <= sent + 1
     # When each command woke a thread of the node, five of six ticks were missed.
@@ -205,3 +209,26 @@ def test_a_log_of_the_pump_replays_to_the_bit(tmp_path):
     log, messages = logged(path)
     assert listener.received['/joint_states'] == [m.data for m in messages['/joint_states']]
     assert Machine(log.configuration).joints == PUMP.names
+
+
+def test_a_log_with_a_controller_s_topic_replays(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    configuration = configure({'rpm': 60.0, 'effort_command_topic': '/effort_controller/commands'})
+    record(configuration, path, duration=0.5)
+    topics = {'/effort_controller/commands': 'std_msgs/msg/Float64MultiArray'}
+    with Listener(domain, topics) as listener, running('replay', path, domain=domain) as replay:
+        assert replay.wait(timeout=30) == 0
+        received = listener.received['/effort_controller/commands']
+        wait_for(lambda: len(received) == 100)
+    assert received == [m.data for m in logged(path)[1]['/effort_controller/commands']]
+
+
+@pytest.mark.parametrize('topic', ['joint_states', '/driving_torque'])
+def test_a_topic_of_two_types_is_one_line_and_exit_code_2(topic):
+    done = subprocess.run(
+        command('node', '--ros-args', '-p', f'effort_command_topic:={topic}'),
+        env=environment(fresh_domain()), capture_output=True, text=True, timeout=30, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert 'Traceback' not in done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import textwrap
 from collections.abc import Iterable, Iterator
@@ -104,7 +105,10 @@ class LogReader(AbstractContextManager['LogReader']):
 
     def _open(self) -> None:
         self._summary = summary = self._read_summary()
-        records = [mcap_file.read_metadata(self._stream, i.offset) for i in summary.metadata]
+        offsets = [index.offset for index in summary.metadata]
+        if any(b <= a for a, b in itertools.pairwise(offsets)):  # one large record, many times
+            raise LogError('it is damaged: its metadata index goes back')
+        records = [mcap_file.read_metadata(self._stream, offset) for offset in offsets]
         # The index is under the summary's checksum, the records' names are under none.
         if [record.name for record in records] != [i.name for i in summary.metadata]:
             raise LogError('it is damaged: its metadata records are not those of its index')

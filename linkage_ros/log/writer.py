@@ -7,6 +7,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import stat
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -158,6 +159,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self._writer.flush()
         if self._is_removed():
             self.close()
+        self._check_size()
         self._next_flush = time.monotonic() + FLUSH_PERIOD
 
     def close(self) -> None:
@@ -180,6 +182,19 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def disk_sync(self) -> DiskSync:
         """What brings the file to the disk; for a worker of its own."""
         return DiskSync(self.path, self._stream.fileno())
+
+    def _check_size(self) -> None:
+        """Passes if the file is as long as what was written.
+
+        Raises:
+            LogError: Somebody cut it off, or wrote over it.
+        """
+        status = os.fstat(self._stream.fileno())
+        if stat.S_ISREG(status.st_mode) and status.st_size != self._stream.tell():
+            raise LogError(
+                f'{self.path} has {status.st_size} bytes instead of {self._stream.tell()}: '
+                'somebody else cuts it off or writes to it; give each run a log of its own'
+            )
 
     def _is_removed(self) -> bool:
         # A log that is renamed or moved keeps a name; it goes on there.

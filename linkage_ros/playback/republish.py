@@ -27,7 +27,7 @@ from linkage_ros.ros.session import (
 )
 from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.wire.interfaces import CLOCK
-from linkage_ros.wire.messages import ENCAPSULATION, TOPICS, Topic
+from linkage_ros.wire.messages import ENCAPSULATION, TOPICS, Topic, effort_commands
 
 # One message only: whoever lags wants the latest time.
 _CLOCK_TOPIC = Topic('/clock', CLOCK, depth=1)
@@ -84,7 +84,8 @@ def republishing(
 
 
 def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
-    known = {topic.interface.name: topic.interface for topic in TOPICS}
+    interfaces = (topic.interface for topic in (*TOPICS, effort_commands('')))
+    known = {interface.name: interface for interface in interfaces}
     publishers = {}
     for channel in log.topics:
         name, latched = channel.name, channel.latched

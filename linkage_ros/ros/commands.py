@@ -8,11 +8,11 @@ import time
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from linkage_ros.run.commands import Commands
 from linkage_ros.run.drives import TorqueDrive
+from linkage_ros.wire.commands import LARGEST, decode_command
 from linkage_ros.wire.messages import JOINT_COMMANDS
 
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
@@ -54,13 +54,15 @@ class CommandInbox:
         """
         self.commands = Commands(drive.torque_limit, drive.command_timeout)
         self._logger = node.get_logger()
+        self._silent_until = 0.0
+        self._ended = 0
         self._subscription = node.create_subscription(
             JointState, JOINT_COMMANDS.name, lambda _: None, _DEPTH, raw=True,
             callback_group=_NeverServed(),
         )  # fmt: skip
 
     def fetch(self) -> list[tuple[int, bytes]]:
-        """Takes what has come since the last call, good or bad.
+        """Takes what has come since the last call, good or bad, but for what is too large.
 
         Returns:
             When each command came, ns, and its bytes.
@@ -72,17 +74,24 @@ class CommandInbox:
             while len(fetched) < _DEPTH and (taken := handle.take_message(JointState, True)):
                 data, info = taken
                 fetched.append((info['received_timestamp'] or time.time_ns(), data))
-        for _, data in fetched:
-            if wrong := self._hear(data):
-                self._logger.warning(
-                    f'a command on {JOINT_COMMANDS.name} is refused: {wrong}',
-                    throttle_duration_sec=1.0,
-                )
-        return fetched
+        now = time.time_ns()
+        for came, data in fetched:
+            wrong = self._hear(data, max(0, now - came) * 1e-9)
+            # Asking the logger to keep quiet takes ten times as long as a command does.
+            if wrong and time.monotonic() >= self._silent_until:
+                self._silent_until = time.monotonic() + 1.0
+                self._logger.warning(f'a command on {JOINT_COMMANDS.name} is refused: {wrong}')
+        # Megabytes would be a log's largest chunk, and nobody's command.
+        return [(came, data) for came, data in fetched if len(data) <= LARGEST]
 
-    def _hear(self, data: bytes) -> str:
+    def fell_silent(self) -> bool:
+        """Whether no command counts, or none did for a while since the last call."""
+        before, self._ended = self._ended, self.commands.ended
+        return self.commands.timed_out or self._ended > before
+
+    def _hear(self, data: bytes, age: float) -> str:
         try:
-            message = deserialize_message(data, JointState)
-        except RuntimeError:  # rclpy's RMWError, which has no public name
-            return self.commands.refuse('its bytes are no JointState')
-        return self.commands.hear(message.name, message.effort)
+            names, efforts = decode_command(data)
+        except ValueError as error:
+            return self.commands.refuse(str(error))
+        return self.commands.hear(names, efforts, age)

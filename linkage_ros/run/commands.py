@@ -20,6 +20,7 @@ class Commands:
         taken: Commands that were followed.
         cut: Of these, those that were cut to the limit.
         refused: Commands that were not.
+        ended: How often commands stopped coming for longer than the timeout.
     """
 
     def __init__(
@@ -32,16 +33,18 @@ class Commands:
             timeout: After which a command counts no more, s.
             clock: Tells the time, s.
         """
-        self.taken = self.cut = self.refused = 0
+        self.taken = self.cut = self.refused = self.ended = 0
         self._limit, self._timeout, self._clock = limit, timeout, clock
         self._last: tuple[float, float] | None = None  # torque, and until when it counts
+        self._counts = False
 
-    def hear(self, names: Sequence[str], efforts: Sequence[float]) -> str:
+    def hear(self, names: Sequence[str], efforts: Sequence[float], age: float = 0.0) -> str:
         """Takes a command, or refuses it.
 
         Args:
             names: Of joints.
             efforts: One for each of them, N m; the crank's counts.
+            age: How long ago it came, s.
 
         Returns:
             Why it is refused; empty: it is taken.
@@ -62,7 +65,8 @@ class Commands:
             self.cut += 1
             torque = math.copysign(self._limit, torque)
         self.taken += 1
-        self._last = torque, self._clock() + self._timeout
+        self._last = torque, self._clock() + self._timeout - age
+        self._counts = True
         return ''
 
     def refuse(self, wrong: str) -> str:
@@ -78,13 +82,18 @@ class Commands:
     def torque(self) -> float:
         """The torque that counts now, N m: 0 before the first command and after the timeout."""
         last = self._last
-        return last[0] if last and self._clock() <= last[1] else 0.0
+        if last and self._clock() <= last[1]:
+            return last[0]
+        self.ended += self._counts
+        self._counts = False
+        return 0.0
 
     def figures(self) -> dict[str, str]:
         """What became of the commands, for diagnostics."""
         return {
-            'command, N m': f'{self.torque():.6g}',
+            'command, N m': f'{0.0 if self.timed_out or not self._last else self._last[0]:.6g}',
             'commands taken': str(self.taken),
             'commands cut to torque_limit': str(self.cut),
             'commands refused': str(self.refused),
+            'command timeouts': str(self.ended),
         }

@@ -117,7 +117,7 @@ class TorqueDrive(Checked):
         span=(0.0, 1e12), default=1e12,
     )  # fmt: skip
     command_timeout: float = quantity(
-        'number', 'after which a command counts no more', 's', span=(1e-3, 1e9), default=0.5
+        'number', 'after which a command counts no more', 's', span=(1e-3, 1e9), default=0.1
     )
 
     @property

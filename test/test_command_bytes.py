@@ -1,0 +1,45 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Commands from bytes: what rclpy packs is read, what is none is said."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+
+from linkage_ros.wire.commands import decode_command
+from linkage_ros.wire.messages import ENCAPSULATION
+
+NUMBERS = st.lists(st.floats(), max_size=5)
+
+
+TEXT = st.text(st.characters(exclude_characters='\0', codec='utf-8'), max_size=9)
+
+
+@given(TEXT, st.lists(TEXT, max_size=4), NUMBERS, NUMBERS, NUMBERS)
+def test_a_command_is_read_as_it_was_sent(frame, names, position, velocity, effort):
+    message = JointState(name=names, position=position, velocity=velocity, effort=effort)
+    message.header.frame_id = frame
+    found_names, found = decode_command(serialize_message(message))
+    assert found_names == names
+    assert np.array_equal(found, effort, equal_nan=True)
+
+
+@given(st.binary(max_size=200))
+def test_what_is_no_command_is_said(data):
+    for bad in (data, ENCAPSULATION + data):
+        with suppress(ValueError):
+            _, efforts = decode_command(bad)
+            assert len(efforts) <= len(bad) / 8
+
+
+def test_a_command_of_megabytes_is_refused():
+    message = JointState(name=['crank'], effort=[0.0] * 10_000)
+    with pytest.raises(ValueError, match='bytes: must be at most 65536'):
+        decode_command(serialize_message(message))
