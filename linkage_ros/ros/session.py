@@ -26,7 +26,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from linkage_ros.errors import ConfigurationError, one_line
+from linkage_ros.errors import ConfigurationError, LinkageError, one_line
 
 # s after which a node that does not end never will.
 _STUCK = 10.0
@@ -70,9 +70,12 @@ def reported_as_configuration() -> Iterator[None]:
 
     Raises:
         ConfigurationError: With rclpy's words, without its source lines.
+        LinkageError: One of ours, as it is.
     """
     try:
         yield
+    except LinkageError:  # it says by itself what to do
+        raise
     except USER_ERRORS as error:
         text = ' '.join(str(error).split())
         if text.startswith('['):  # UnknownROSArgsError names them and nothing else

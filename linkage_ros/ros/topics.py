@@ -32,13 +32,12 @@ def message_class(name: str) -> type:
     return found
 
 
-def create_publisher(node: Node, topic: Topic, name: str | None = None) -> Publisher:
+def create_publisher(node: Node, topic: Topic) -> Publisher:
     """A publisher with the topic's quality of service; it takes messages as CDR bytes.
 
     Args:
         node: Its node.
-        topic: Type and quality of service.
-        name: Another name than the topic's own.
+        topic: Name, type and quality of service.
 
     Returns:
         The publisher.
@@ -48,7 +47,7 @@ def create_publisher(node: Node, topic: Topic, name: str | None = None) -> Publi
         depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability
     )
     kind = message_class(topic.interface.name)
-    return node.create_publisher(kind, topic.name if name is None else name, qos)
+    return node.create_publisher(kind, topic.name, qos)
 
 
 def await_listeners(
