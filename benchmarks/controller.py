@@ -215,6 +215,7 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault('ROS_DOMAIN_ID', '83')
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # no other plant is commanded
     cases = CASES[:1] if options.quick else CASES
     speeds = SPEEDS[:1] if options.quick else SPEEDS
     records, curves = [], {}
@@ -247,4 +248,7 @@ def main() -> None:
 
 
 if __name__ == '__main__':
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import io
 import os
 import signal
@@ -78,16 +79,22 @@ def _described(
 
 
 class Stop:
-    """Asks a program to end in order: set by SIGINT and SIGTERM, waited for by the main thread.
+    """Asks a program to end in order: set by a signal, waited for by the main thread.
 
-    Python handles signals in the main thread, and at once only where that thread waits in
-    Python; so whatever works does so in other threads, or naps here.
+    The signals are SIGINT, SIGTERM, and SIGHUP unless it is ignored, as behind nohup. Python
+    handles them in the main thread, and at once only where that thread waits in Python; so
+    whatever works does so in other threads, or naps here.
     """
 
     def __init__(self) -> None:
         self._event = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
+        numbers = [signal.SIGINT, signal.SIGTERM]
+        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+            numbers.append(signal.SIGHUP)
+        for number in numbers:
             signal.signal(number, lambda *_: self._event.set())
+            # While Python ends it takes its handlers back; a second Ctrl-C would kill it.
+            atexit.register(signal.signal, number, signal.SIG_IGN)
 
     def set(self) -> None:
         """Asks for the end."""

@@ -13,7 +13,6 @@ import sys
 from typing import Any
 
 import numpy as np
-import rclpy
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -22,7 +21,8 @@ from linkage_ros import cli
 from linkage_ros.core.mechanism import Mechanism, WindPump
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.ros.session import reported_as_configuration, served, start_ros
+from linkage_ros.ros.session import on_ros, reported_as_configuration, served
+from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.run.configuration import load
 
 _NAME = 'linkage_controller'
@@ -151,14 +151,12 @@ def _run(arguments: list[str]) -> int:
         ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
         '\n'.join(('parameters, with defaults:', *names)),
     )
-    parser.parse_args(start_ros(arguments))
-    try:
+    with never_waited_for(), on_ros(arguments) as others:
+        parser.parse_args(others)
         with reported_as_configuration():
             node = ControllerNode()
         with served(node):
             stop.wait()
-    finally:
-        rclpy.try_shutdown()
     return 0
 
 

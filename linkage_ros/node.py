@@ -7,7 +7,6 @@ from __future__ import annotations
 import sys
 import time
 
-import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -20,7 +19,8 @@ from linkage_ros.ros.commands import CommandInbox
 from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import check_parameter_files, declare
 from linkage_ros.ros.run_log import RunLog
-from linkage_ros.ros.session import reported_as_configuration, served, start_ros
+from linkage_ros.ros.session import on_ros, reported_as_configuration, served
+from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.run.clock_stepper import ClockStepper
 from linkage_ros.run.configuration import (
@@ -86,7 +86,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._stepper.start(self._begin)
         # Simulated time may stand still; whether all goes well is asked in real time.
-        self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._reports = self.create_timer(1.0, self._report, clock=steady)
 
     def close(self) -> bool:
         """Stops turning and completes log and view.
@@ -95,6 +96,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             Whether all went well to the end.
         """
         self._stepper.stop()
+        self._reports.cancel()  # nothing is said after the closing line
         self._report()
         counts = self._stepper.counts
         lost = (
@@ -201,7 +203,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         return {name: part.health() if part else Health('') for name, part in parts.items()}
 
     def _troubles(self) -> list[str]:
-        troubles = [] if self._state else ['waiting for /clock']
+        waiting = isinstance(self._stepper, ClockStepper) and not self._state
+        troubles = ['waiting for /clock'] if waiting else []
         if self._inbox and self._inbox.fell_silent():
             troubles.append('no command within command_timeout: the motor drives alone')
         return troubles
@@ -233,15 +236,13 @@ def _run(arguments: list[str]) -> int:
         + parameters_in_words(Kind('four_bar', 'speed')),
     )
     check_parameter_files(arguments, _NAME)
-    parser.parse_args(start_ros(arguments))
-    try:
+    with never_waited_for(), on_ros(arguments) as others:
+        parser.parse_args(others)
         node = LinkageNode(stop)
         with served(node):
             node.start()
             stop.wait()
             well = node.close()
-    finally:
-        rclpy.try_shutdown()
     return 0 if well else 1
 
 

@@ -48,6 +48,19 @@ def handlers():
     assert [signal.getsignal(number) for number in numbers] == before
 
 
+def test_signals_that_the_caller_handles_stay_the_callers(terminal):
+    _, slave = terminal
+    heard = []
+    before = signal.signal(signal.SIGHUP, lambda *_: heard.append(1))
+    try:
+        with Keyboard(slave):
+            os.kill(os.getpid(), signal.SIGHUP)
+        os.kill(os.getpid(), signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert heard == [1, 1]
+
+
 def test_keys_come_one_by_one_without_enter_and_unseen(terminal):
     master, slave = terminal
     with Keyboard(slave) as keyboard:

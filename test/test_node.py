@@ -145,7 +145,7 @@ def test_start_line_names_the_preset_and_the_mechanism(ten_seconds):
     assert 'Traceback' not in ten_seconds[2]
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_with_code_0_and_a_complete_log(tmp_path, number):
     path, domain = tmp_path / 'run.mcap', fresh_domain()
     with (
@@ -217,6 +217,7 @@ def test_parameters_are_described_and_bad_values_refused():
             listener, GetParameters, 'get_parameters', GetParameters.Request(names=['rpm'])
         )
         assert values.values[0].double_value == 150.0
+        assert set_parameter(listener, '').reason == 'a parameter without a name'
         double = ParameterType.PARAMETER_DOUBLE
         for name, value in (('rpm', math.nan), ('rpm', 1e7), ('crank.length', 0.2)):
             refused = set_parameter(listener, name, type=double, double_value=value)
@@ -252,10 +253,10 @@ BAD = [
 
 
 def test_every_bad_start_ends_with_one_line_and_code_2():
-    def start(arguments):
+    def start(arguments, domain=None):
         return subprocess.run(
             command('node', '--ros-args', *arguments),
-            env=environment(fresh_domain()),
+            env=environment(domain or fresh_domain()),
             capture_output=True,
             text=True,
             timeout=60,
@@ -268,6 +269,9 @@ def test_every_bad_start_ends_with_one_line_and_code_2():
         assert re.fullmatch(r'linkage_node: [^\n]+\n', result.stderr), (arguments, result.stderr)
         assert re.search(pattern, result.stderr), (arguments, result.stderr)
         assert result.stdout == ''
+    assert start([], 233).stderr == (
+        'linkage_node: ROS_DOMAIN_ID = 233: must be a whole number from 0 to 232\n'
+    )
 
 
 def test_node_and_record_refuse_a_file_in_the_same_words(tmp_path):

@@ -774,7 +774,8 @@ def test_ctrl_c_at_any_line_leaves_a_complete_log(
 @pytest.fixture(autouse=True)
 def handlers():
     """Puts the signals' handlers back, which a command may set."""
-    before = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM)]
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = [(number, signal.getsignal(number)) for number in numbers]
     yield
     for number, handler in before:
         signal.signal(number, handler)

@@ -438,7 +438,7 @@ def run(*arguments):
 @pytest.fixture
 def called(monkeypatch, capfd):
     """Calls the command in this process, on no terminal: (exit code, stderr)."""
-    numbers = signal.SIGINT, signal.SIGTERM
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
     before = [signal.getsignal(number) for number in numbers]
     monkeypatch.setattr(os, 'isatty', lambda _: False)
 

@@ -4,11 +4,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 import pytest
-from ros_harness import environment, fresh_domain
+from ros_harness import Listener, command, environment, fresh_domain, node_arguments, wait_for
+from test_node import TYPES, logged
 
 STUCK = """
 import rclpy
@@ -38,3 +44,69 @@ def test_a_node_that_never_ends_is_ended(turns, code):
     assert done.returncode == code, done.stderr
     assert done.stdout == 'all is logged\n'
     assert done.stderr == ''
+
+
+def filled_pipe():
+    """A pipe that takes no byte more."""
+    outlet, inlet = os.pipe()
+    os.set_blocking(inlet, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(inlet, b'.')
+    os.set_blocking(inlet, True)
+    return outlet, inlet
+
+
+def read_from_now_on(outlet):
+    """Reads a pipe to its end in a thread; what was found after what filled it."""
+
+    def read():
+        with os.fdopen(outlet, 'rb') as file:
+            return file.read().lstrip(b'.').decode()
+
+    return ThreadPoolExecutor(1).submit(read)
+
+
+@pytest.mark.parametrize('read', [False, True], ids=['by nobody', 'late'])
+def test_stderr_that_is_not_read_holds_nothing_up(tmp_path, read):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    outlet, inlet = filled_pipe()
+    with Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener:
+        node = subprocess.Popen(
+            command('node', *node_arguments(log=path)), env=environment(domain), stderr=inlet
+        )
+        os.close(inlet)
+        try:
+            wait_for(lambda: len(listener.received['/joint_states']) > 200)
+            said = read_from_now_on(outlet) if read else None
+            node.send_signal(signal.SIGINT)
+            assert node.wait(30) == 0
+        finally:
+            node.kill()
+            node.wait()
+    _, messages = logged(path)
+    assert len(messages['/joint_states']) >= len(listener.received['/joint_states'])
+    if said is not None:
+        first, last = said.result(30).splitlines()
+        assert 'no mechanism given' in first
+        assert ' states published, ' in last
+    else:
+        os.close(outlet)
+
+
+def test_who_asks_for_the_end_many_times_gets_it_in_order(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    node = subprocess.Popen(
+        command('node', *node_arguments(log=path)),
+        env=environment(domain), stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert 'no mechanism given' in node.stderr.readline()
+        while node.poll() is None:
+            node.send_signal(signal.SIGINT)
+            time.sleep(0.001)
+        assert ' states published, ' in node.stderr.read()
+        assert node.returncode == 0
+    finally:
+        node.kill()
+        node.communicate()

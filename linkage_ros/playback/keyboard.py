@@ -19,8 +19,8 @@ _KEYS = {
     SPACE: SPACE,
     **{key[:1] + o + key[2:]: key for key in (RIGHT, UP, DOWN) for o in (b'[', b'O')},
 }
-# These would end or stop the process with the terminal as it is. The orderly ends, SIGINT and
-# SIGTERM, are the caller's; nothing can be done about SIGKILL.
+# These would end or stop the process with the terminal as it is. Those that the caller handles,
+# for an orderly end, stay the caller's; nothing can be done about SIGKILL.
 _LEAVING = (signal.SIGTSTP, signal.SIGQUIT, signal.SIGHUP)
 
 
@@ -48,7 +48,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
             # What nohup or a shell script set to be ignored stays so.
             if signal.getsignal(number) == signal.SIG_DFL:
                 signal.signal(number, self._leave)
-        signal.signal(signal.SIGCONT, lambda *_: self._take())
+        signal.signal(signal.SIGCONT, self._return)
         self._take()
 
     def read(self, timeout: float) -> bytes | None:
@@ -73,7 +73,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         if self._saved is None:
             return
         for number in (*_LEAVING, signal.SIGCONT):
-            if signal.getsignal(number) != signal.SIG_IGN:
+            if signal.getsignal(number) in (self._leave, self._return):
                 signal.signal(number, signal.SIG_DFL)
         self._give_back()
 
@@ -126,6 +126,10 @@ class Keyboard(AbstractContextManager['Keyboard']):
             with suppress(termios.error):
                 termios.tcsetattr(self._descriptor, termios.TCSANOW, self._saved)
         self._taken = False
+
+    def _return(self, *_: object) -> None:
+        """Takes the terminal again where the process goes on."""
+        self._take()
 
     def _leave(self, number: int, _: FrameType | None) -> None:
         """Gives the terminal back before a signal does what it does by default."""

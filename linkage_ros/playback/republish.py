@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
-import rclpy
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -21,9 +20,9 @@ from linkage_ros.playback.pace import Pace
 from linkage_ros.playback.player import Sink
 from linkage_ros.ros.session import (
     USER_ERRORS,
+    on_ros,
     reported_as_configuration,
     served,
-    start_ros,
 )
 from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.wire.interfaces import CLOCK
@@ -63,24 +62,21 @@ def republishing(
     Raises:
         LogError: A topic has a type that linkage_ros does not write, or a name that is none.
     """
-    start_ros(arguments)
-    try:
+    with ExitStack() as stack:
+        stack.enter_context(on_ros(arguments))
         with reported_as_configuration():
             node = Node(name)
-        with ExitStack() as stack:
-            stack.enter_context(served(node))
-            publishers = _publishers(node, log, set(topics))
-            if clock_hz is not None:
-                stack.enter_context(_ticking(node, pace, clock_hz))
-            if not await_listeners(publishers.values(), _PATIENCE, _SETTLE):
-                node.get_logger().info('nobody listens so far; --delay S gives them time')
-            yield lambda item: publishers[item.message.topic].publish(item.message.data)
-            end = time.monotonic() + _ACKNOWLEDGE
-            for publisher in publishers.values():
-                left = max(0.0, end - time.monotonic())
-                publisher.wait_for_all_acked(Duration(seconds=left))
-    finally:
-        rclpy.try_shutdown()
+        stack.enter_context(served(node))
+        publishers = _publishers(node, log, set(topics))
+        if clock_hz is not None:
+            stack.enter_context(_ticking(node, pace, clock_hz))
+        if not await_listeners(publishers.values(), _PATIENCE, _SETTLE):
+            node.get_logger().info('nobody listens so far; --delay S gives them time')
+        yield lambda item: publishers[item.message.topic].publish(item.message.data)
+        end = time.monotonic() + _ACKNOWLEDGE
+        for publisher in publishers.values():
+            left = max(0.0, end - time.monotonic())
+            publisher.wait_for_all_acked(Duration(seconds=left))
 
 
 def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:

@@ -92,6 +92,8 @@ def declare(
 
 
 def _check(parameters: list[Parameter]) -> SetParametersResult:
+    if not all(parameter.name for parameter in parameters):  # rclpy would take it, and say so
+        return SetParametersResult(successful=False, reason='a parameter without a name')
     try:
         for parameter in parameters:
             check_live(parameter.name, parameter.value)

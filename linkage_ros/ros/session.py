@@ -7,10 +7,8 @@ from __future__ import annotations
 import faulthandler
 import os
 import re
-import sys
-import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -27,9 +25,11 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from linkage_ros.errors import ConfigurationError, LinkageError, one_line
+from linkage_ros.ros.stderr import held_back
 
 # s after which a node that does not end never will.
 _STUCK = 10.0
+_LAST_DOMAIN = 232  # for which there are ports
 
 # What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
 # which has no public name, is a RuntimeError.
@@ -43,25 +43,42 @@ USER_ERRORS = (
 )
 
 
-def start_ros(arguments: list[str]) -> list[str]:
-    """Initialises rclpy; a bad command line or parameter file is one clear error.
+@contextmanager
+def on_ros(arguments: list[str]) -> Iterator[list[str]]:
+    """Initialises rclpy, and shuts it down; a bad command line or file is one clear error.
 
     Signals stay the caller's: rclpy's handlers would end the context under a running step.
 
     Args:
         arguments: The command line, ROS arguments included.
 
-    Returns:
+    Yields:
         The arguments that are not ROS's, without the program's name.
 
     Raises:
-        ConfigurationError: rcl refuses them.
+        ConfigurationError: rcl refuses them, or the environment.
     """
-    with _held_stderr() as release, reported_as_configuration():
+    _check_domain(os.environ.get('ROS_DOMAIN_ID', ''))
+    with held_back() as release, reported_as_configuration():
         others: list[str] = remove_ros_args(arguments)
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         release()
-    return others[1:]
+    try:
+        yield others[1:]
+    finally:
+        rclpy.try_shutdown()
+
+
+def _check_domain(domain: str) -> None:
+    """Refuses a domain that Fast DDS has no ports for; it would end the process by itself.
+
+    Raises:
+        ConfigurationError: It is a number beyond the last.
+    """
+    if domain.isdecimal() and int(domain) > _LAST_DOMAIN:
+        raise ConfigurationError(
+            f'ROS_DOMAIN_ID = {domain}: must be a whole number from 0 to {_LAST_DOMAIN}'
+        )
 
 
 @contextmanager
@@ -85,29 +102,6 @@ def reported_as_configuration() -> Iterator[None]:
             f'{text.rstrip(" .,")}; check the ROS arguments (--ros-args -p NAME:=VALUE, '
             '--params-file FILE, -r FROM:=TO)'
         ) from error
-
-
-@contextmanager
-def _held_stderr() -> Iterator[Callable[[], None]]:
-    """Holds back what C code writes to stderr: rcl announces in a line of its own what it raises.
-
-    Yields:
-        Call it to let the words out after all.
-    """
-    sys.stderr.flush()
-    saved = os.dup(2)
-    with tempfile.TemporaryFile() as held:
-
-        def release() -> None:
-            held.seek(0)
-            os.write(saved, held.read())
-
-        os.dup2(held.fileno(), 2)
-        try:
-            yield release
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
