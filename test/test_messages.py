@@ -53,7 +53,7 @@ NAMES = [('j' * length,) for length in range(1, 21)] + [
     for count in range(2, 7)
     for shift in (0, 1, 2, 3, 5, 8, 13)
 ]
-FRAMES = ('', 'b', 'ab', 'abc', 'abcd', 'base_link', 'world/of/frames')
+FRAME = 'base_link'
 
 
 @pytest.fixture(scope='module')
@@ -76,10 +76,10 @@ def numbers(count, offset=0):
     return tuple(HARD[(i + offset) % len(HARD)] * (1 + i // len(HARD)) for i in range(count))
 
 
-def encode(names, stamp=0, frame='base_link'):
+def encode(names, stamp=0):
     count = len(names)
     rows = [numbers(count, offset) for offset in (0, 2, 5)]
-    return JointStateCodec(names, frame).encode(stamp, *rows), rows
+    return JointStateCodec(names).encode(stamp, *rows), rows
 
 
 def padding(data):
@@ -121,11 +121,11 @@ def same_bits(first, second):
     return struct.pack(f'{len(first)}d', *first) == struct.pack(f'{len(second)}d', *second)
 
 
-def check(message, names, stamp, frame, rows):
+def check(message, names, stamp, rows):
     seconds, rest = message.header.stamp.sec, message.header.stamp.nanosec
     assert 0 <= rest < 10**9
     assert seconds * 10**9 + rest == stamp
-    assert message.header.frame_id == frame
+    assert message.header.frame_id == FRAME
     assert list(message.name) == list(names)
     for row, got in zip(rows, (message.position, message.velocity, message.effort), strict=True):
         assert same_bits(list(got), row)
@@ -136,20 +136,20 @@ def check(message, names, stamp, frame, rows):
 
 @pytest.mark.parametrize('names', NAMES, ids='-'.join)
 def test_both_decoders_read_back_every_joint_state(names, fast_dds):
-    for stamp, frame in zip(STAMPS, FRAMES * 2, strict=False):
-        data, rows = encode(names, stamp, frame)
+    for stamp in STAMPS:
+        data, rows = encode(names, stamp)
         assert type(data) is bytes
-        check(STORE.deserialize_cdr(data, JOINT_STATE.name), names, stamp, frame, rows)
+        check(STORE.deserialize_cdr(data, JOINT_STATE.name), names, stamp, rows)
         kind = fast_dds.kinds['JointState']
-        check(fast_dds.deserialize_message(data, kind), names, stamp, frame, rows)
+        check(fast_dds.deserialize_message(data, kind), names, stamp, rows)
 
 
 @pytest.mark.parametrize('names', NAMES, ids='-'.join)
 def test_bytes_are_fast_dds_bytes_with_zeros_for_padding(names, fast_dds):
-    for stamp, frame in zip(STAMPS, FRAMES * 2, strict=False):
-        data, rows = encode(names, stamp, frame)
+    for stamp in STAMPS:
+        data, rows = encode(names, stamp)
         message = fast_dds.kinds['JointState'](name=list(names))
-        message.header.frame_id = frame
+        message.header.frame_id = FRAME
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
         message.position, message.velocity, message.effort = map(list, rows)
         theirs = fast_dds.serialize_message(message)
@@ -230,8 +230,7 @@ def broken():
     yield 'another joint', encode(('crank', 'coupler', 'rocket'))[0]
     yield 'a joint more', encode((*JOINTS, 'slider'))[0]
     yield 'a joint less', encode(JOINTS[:2])[0]
-    yield 'another frame', encode(JOINTS, frame='base_limb')[0]
-    yield 'no frame', encode(JOINTS, frame='')[0]
+    yield 'another frame', good.replace(b'base_link', b'base_limb')
     yield 'a float', encode_float64(1.0)
     yield 'text', encode_string('crank')
     yield 'big endian', b'\0\0\0\0' + good[4:]
@@ -378,26 +377,26 @@ def stamp_of(message):
 @pytest.mark.parametrize('names', NAMES, ids='-'.join)
 def test_trajectories_are_read_back(names, fast_dds):
     rows = [numbers(len(names), offset) for offset in (0, 2, 5, 7)]
-    for stamp, frame in zip(STAMPS, FRAMES * 2, strict=False):
-        codec = TrajectoryCodec(names, frame)
+    for stamp in STAMPS:
+        codec = TrajectoryCodec(names)
         data = codec.encode(stamp, *rows)
         assert codec.decode(data) == (stamp, tuple(x for row in rows for x in row))
         for message in every_decoding(data, JOINT_TRAJECTORY, fast_dds):
-            assert (stamp_of(message), message.header.frame_id) == (stamp, frame)
+            assert (stamp_of(message), message.header.frame_id) == (stamp, FRAME)
             assert list(message.joint_names) == list(names)
             (point,) = message.points
             got = point.positions, point.velocities, point.accelerations, point.effort
             assert all(same_bits(list(x), row) for x, row in zip(got, rows, strict=True))
             assert (point.time_from_start.sec, point.time_from_start.nanosec) == (0, 0)
         with pytest.raises(ValueError, match='no message of the joints'):
-            codec.decode(JointStateCodec(names, frame).encode(stamp, *rows[:3]))
+            codec.decode(JointStateCodec(names).encode(stamp, *rows[:3]))
 
 
 def test_points_are_read_back(fast_dds):
-    for stamp, frame in zip(STAMPS, FRAMES * 2, strict=False):
-        data = PointCodec(frame).encode(stamp, 0.1, -5e-324)
+    for stamp in STAMPS:
+        data = PointCodec().encode(stamp, 0.1, -5e-324)
         for message in every_decoding(data, POINT_STAMPED, fast_dds):
-            assert (stamp_of(message), message.header.frame_id) == (stamp, frame)
+            assert (stamp_of(message), message.header.frame_id) == (stamp, FRAME)
             assert (message.point.x, message.point.y, message.point.z) == (0.1, -5e-324, 0.0)
 
 
