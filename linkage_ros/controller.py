@@ -10,31 +10,51 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
 from linkage_ros.core.mechanism import Mechanism, WindPump
+from linkage_ros.core.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.ros.parameters import declare_values
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
-from linkage_ros.run.configuration import load
+from linkage_ros.run.configuration import load, parameters_in_words, without_ros_own
 
 _NAME = 'linkage_controller'
-_ANY_TYPE = ParameterDescriptor(dynamic_typing=True)  # rpm:=600 is meant as 600.0
-# What the user may set: a default, and what it means.
-PARAMETERS = {
-    'plant': ('quadrilateral', 'parameter file, or preset, of the mechanism that is controlled'),
-    'rpm': (150.0, 'crank speed to keep'),
-    'bandwidth': (15.0, 'of the speed loop, Hz'),
-    'feed_forward': (True, 'whether the exact torque is added'),
-    'lead_time': (0.0015, 's from a measurement to the middle of what its command does'),
-}
+
+
+@dataclass(frozen=True)
+class Settings(Checked):
+    """What the user may set.
+
+    Attributes:
+        plant: Parameter file, or preset, of the mechanism that is controlled.
+        rpm: Crank speed to keep, turns per minute.
+        bandwidth: Of the speed loop, Hz.
+        feed_forward: Whether the exact torque is added.
+        lead_time: From a measurement to the middle of what its command does, s.
+    """
+
+    plant: str = quantity(
+        'text', 'parameter file, or preset, of the mechanism that is controlled',
+        default='quadrilateral',
+    )  # fmt: skip
+    rpm: float = quantity('number', 'crank speed to keep', 'rpm', span=(-1e6, 1e6), default=150.0)
+    bandwidth: float = quantity('number', 'of the speed loop', 'Hz', span=(0.0, 1e6), default=15.0)
+    feed_forward: bool = quantity('switch', 'whether the exact torque is added', default=True)
+    lead_time: float = quantity(
+        'number', 'from a measurement to the middle of what its command does', 's',
+        span=(0.0, 10.0), default=0.0015,
+    )  # fmt: skip
+
+
+PARAMETERS = leaves(Settings)
 
 
 class SpeedController:
@@ -87,42 +107,23 @@ class SpeedController:
         return torque
 
 
-def _checked(name: str, value: Any) -> Any:
-    """A parameter's value, whole numbers as floats.
-
-    Raises:
-        ConfigurationError: It is of another type, or out of range.
-    """
-    default, meaning = PARAMETERS[name]
-    if isinstance(default, float) and type(value) is int:
-        value = float(value)
-    low = {'bandwidth': 0.0, 'lead_time': 0.0}.get(name, -1e6)
-    if type(value) is not type(default) or (type(value) is float and not low <= value <= 1e6):
-        words = {float: f'a number from {low:g} to 1e+06', bool: 'true or false', str: 'text'}
-        raise ConfigurationError(f'{name} = {value!r}: must be {words[type(default)]}: {meaning}')
-    return value
-
-
 class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
     """Answers each of joint_states with a command on joint_commands."""
 
     def __init__(self) -> None:
         super().__init__(_NAME)
-        given = {
-            name: self.declare_parameter(name, value, _ANY_TYPE).value
-            for name, (value, _) in PARAMETERS.items()
-        }
-        if unknown := set(self._parameter_overrides) - {*PARAMETERS, 'use_sim_time'}:
+        given = {name: p.value for name, p in self._parameter_overrides.items()}
+        names = [leaf.name for leaf in PARAMETERS]
+        if unknown := set(without_ros_own(given)) - set(names):
             raise ConfigurationError(
-                f'{", ".join(sorted(unknown))}: no such parameter; '
-                f'there are {", ".join(PARAMETERS)}'
+                f'{", ".join(sorted(unknown))}: no such parameter; there are {", ".join(names)}'
             )
-        plant, rpm, bandwidth, feed_forward, lead = (
-            _checked(name, value) for name, value in given.items()
-        )
+        settings = build(Settings, given)
+        declare_values(self, PARAMETERS, flatten(settings))
         self._controller = SpeedController(
-            load(plant).mechanism, rpm, bandwidth, lead if feed_forward else None
-        )
+            load(settings.plant).mechanism, settings.rpm, settings.bandwidth,
+            settings.lead_time if settings.feed_forward else None,
+        )  # fmt: skip
         self._last: float | None = None
         self._commands = self.create_publisher(JointState, 'joint_commands', 10)
         self.create_subscription(JointState, 'joint_states', self._answer, 10)
@@ -144,12 +145,11 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
 
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
-    names = (f'  {name}: {meaning} ({value})' for name, (value, meaning) in PARAMETERS.items())
     parser = cli.make_parser(
         _NAME,
         'Keep a torque-driven crank at a speed.',
         ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
-        '\n'.join(('parameters, with defaults:', *names)),
+        'parameters, with defaults:\n' + parameters_in_words(PARAMETERS),
     )
     with never_waited_for(), on_ros(arguments) as others:
         parser.parse_args(others)

@@ -27,6 +27,7 @@ from linkage_ros.run.configuration import (
     Configuration,
     Kind,
     configure,
+    parameter_leaves,
     parameters_in_words,
     preset_note,
 )
@@ -232,8 +233,8 @@ def _run(arguments: list[str]) -> int:
         _NAME,
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap', '--ros-args --params-file linkage.yaml'),
-        'parameters of a four_bar; README.md has those of others, and what they default to:\n'
-        + parameters_in_words(Kind('four_bar', 'speed')),
+        'parameters of a four_bar; README.md has those of others, and the ranges:\n'
+        + parameters_in_words(parameter_leaves(Kind('four_bar', 'speed'))),
     )
     check_parameter_files(arguments, _NAME)
     with never_waited_for(), on_ros(arguments) as others:

@@ -21,8 +21,10 @@ from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.plant import Plant
 from linkage_ros.wire.messages import JointStateCodec
 
-pytest.importorskip('rclpy')
-from linkage_ros.controller import SpeedController
+rclpy = pytest.importorskip('rclpy')
+from rclpy.parameter import Parameter
+
+from linkage_ros.controller import ControllerNode, SpeedController
 
 MECHANISM = load('quadrilateral').mechanism
 CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))
@@ -143,3 +145,22 @@ def test_what_it_cannot_use_is_one_line_and_exit_code_2(parameter, words):
     assert done.returncode == 2, done.stderr
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_what_it_was_given_is_declared_and_stays():
+    """Nothing listens to a change: it is refused, not taken and forgotten."""
+    rclpy.init(args=['--ros-args', '-p', 'rpm:=60'], domain_id=fresh_domain())
+    try:
+        node = ControllerNode()
+        try:
+            assert node.get_parameter('rpm').value == 60.0
+            described = node.describe_parameter('lead_time')
+            assert described.description.endswith('what its command does [s]')
+            assert described.floating_point_range[0].to_value == 10.0
+            (result,) = node.set_parameters([Parameter('rpm', value=90.0)])
+            assert not result.successful
+            assert 'read-only' in result.reason
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.shutdown()

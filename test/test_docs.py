@@ -20,7 +20,8 @@ from pages import PAGES, ROOT, blocks, commands, is_python, links, read, run_pyt
 from ros_harness import command, environment, fresh_domain
 
 from linkage_ros import cli
-from linkage_ros.controller import PARAMETERS
+from linkage_ros.controller import Settings
+from linkage_ros.core.quantities import build, leaves
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.run.configuration import configure
 
@@ -63,10 +64,12 @@ def check_parameters(name, words):
     given = dict(word.split(':=', 1) for word in words if ':=' in word)
     flags = [word for word in words if ':=' not in word]
     assert flags in ([], ['--ros-args', *['-p'] * len(given)]), words
+    values = {key: yaml.safe_load(value) for key, value in given.items()}
     if name == 'linkage_controller':
-        assert set(given) <= set(PARAMETERS)
+        assert set(values) <= {leaf.name for leaf in leaves(Settings)}
+        build(Settings, values)
     else:
-        configure({key: yaml.safe_load(value) for key, value in given.items()})
+        configure(values)
 
 
 def helps(program, options):

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -16,7 +16,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from linkage_ros.core.quantities import Quantity
+from linkage_ros.core.quantities import Leaf, Quantity
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.run.configuration import Configuration, check_live, parameter_leaves
 from linkage_ros.run.parameter_file import read_parameter_file
@@ -52,26 +52,36 @@ def describe(name: str, quantity: Quantity) -> ParameterDescriptor:
     )
 
 
+def declare_values(node: Node, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
+    """Declares parameters with the values that are in force.
+
+    Args:
+        node: The node.
+        parameters: What they hold.
+        values: Already checked; the node's own overrides are part of them.
+    """
+    for name, quantity, _ in parameters:
+        # What means "none" where it is left out has no value to show; rclpy fails to dump such.
+        if name in values:
+            # The overrides are in the values; rclpy would refuse 60 for 60.0.
+            descriptor = describe(name, quantity)
+            node.declare_parameter(name, values[name], descriptor, ignore_override=True)
+
+
 def declare(
     node: Node, configuration: Configuration, set_live: Callable[[str, float], None]
 ) -> None:
-    """Declares every parameter of a configuration with the value that is in force.
+    """Declares every parameter of a configuration, and listens to those that may be set live.
 
     Args:
         node: The node.
         configuration: Already checked; the node's own overrides are part of it.
         set_live: Called with name and value of a parameter that was set while the node runs.
     """
+    parameters = parameter_leaves(configuration.kind)
     values = {**configuration.parameters(), 'start_rpm': configuration.drive.initial_rpm}
-    live = []
-    for name, quantity, _ in parameter_leaves(configuration.kind):
-        # What means "none" where it is left out has no value to show; rclpy fails to dump such.
-        if name in values:
-            # The overrides are in the configuration; rclpy would refuse 60 for 60.0.
-            descriptor = describe(name, quantity)
-            node.declare_parameter(name, values[name], descriptor, ignore_override=True)
-        if quantity.live:
-            live.append(name)
+    declare_values(node, parameters, values)
+    live = [leaf.name for leaf in parameters if leaf.quantity.live]
 
     def take_whole_numbers(parameters: list[Parameter]) -> list[Parameter]:
         return [

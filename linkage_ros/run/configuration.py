@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 
 from linkage_ros.core.equations import EquationsOfMotion
@@ -23,7 +23,7 @@ from linkage_ros.run.plant import Plant
 
 DEFAULT_PRESET = 'quadrilateral'
 
-# Parameters that every ROS 2 node has; they are none of ours and pass unchecked.
+# Parameters that every ROS 2 node has.
 _ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
 
@@ -101,13 +101,18 @@ def parameter_leaves(kind: Kind) -> tuple[Leaf, ...]:
     return tuple(leaf for cls in classes for leaf in leaves(cls))
 
 
-def parameters_in_words(kind: Kind) -> str:
-    """The parameters that a mechanism and a drive use, a line each, for people."""
+def parameters_in_words(parameters: Iterable[Leaf]) -> str:
+    """Parameters, a line each, for people: name, unit, meaning, and the default if there is."""
     return '\n'.join(
-        f'  {leaf.name}{f", {leaf.quantity.unit}" if leaf.quantity.unit else ""}: '
-        f'{leaf.quantity.meaning}'
-        for leaf in parameter_leaves(kind)
+        f'  {name}{f", {quantity.unit}" if quantity.unit else ""}: {quantity.meaning}'
+        + ('' if default in (MISSING, None, '') else f' ({default})')
+        for name, quantity, default in parameters
     )
+
+
+def without_ros_own(values: Mapping[str, object]) -> dict[str, object]:
+    """Parameters without those that every ROS 2 node has, which pass unchecked."""
+    return {name: value for name, value in values.items() if name.split('.')[0] not in _ROS_OWN}
 
 
 def check_live(name: str, value: object) -> None:
@@ -140,7 +145,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
         ConfigurationError: A name is unknown or missing, a value is bad, the links make no
             mechanism, or its crank cannot turn. One line that says what would be valid.
     """
-    given = {name: value for name, value in values.items() if name.split('.')[0] not in _ROS_OWN}
+    given = without_ros_own(values)
     preset: dict[str, object] = {}
     if 'mechanism' not in given:
         preset = dict(read_parameter_file(presets.preset_path(DEFAULT_PRESET)))
