@@ -8,6 +8,7 @@ import ast
 import re
 import shlex
 import textwrap
+from dataclasses import MISSING
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,6 +68,40 @@ def is_python(text):
 def run_python(text, page, names=None):
     """Runs a block as it stands, or what was made of it."""
     exec(compile(text, page, 'exec'), {} if names is None else names)
+
+
+def parameter_row(name, quantity, default):
+    """The row of a parameter in a table of name, valid values, default and meaning."""
+    span = f'{brief(quantity.low)} to {brief(quantity.high)} {quantity.unit}'
+    values = {
+        'number': span,
+        'pair': f'two, {span}',
+        'choice': ', '.join(f'`{word}`' for word in quantity.choices),
+        'text': 'text',
+        'switch': '`true`, `false`',
+    }[quantity.kind]
+    if default is MISSING:
+        shown = 'required'
+    elif default is None:
+        shown = '-'
+    else:
+        shown = f'`{in_yaml(default)}`'
+    return f'| `{name}` | {values} | {shown} | {quantity.meaning} |'
+
+
+def brief(number):
+    """A float in few letters: 1e-9, 0, 1000, 1e12."""
+    mantissa, _, power = f'{number:g}'.partition('e')
+    return f'{mantissa}e{int(power)}' if power else mantissa
+
+
+def in_yaml(value):
+    """A value as a parameter file may have it."""
+    if isinstance(value, float):
+        return repr(value) if abs(value) < 1e6 else brief(value).replace('e', '.0e')
+    if isinstance(value, bool):
+        return str(value).lower()
+    return (value or "''") if isinstance(value, str) else str(list(value))
 
 
 def links(text):

@@ -21,7 +21,8 @@ from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.plant import Plant
 from linkage_ros.wire.messages import JointStateCodec
 
-rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('rclpy')
+import rclpy
 from rclpy.parameter import Parameter
 
 from linkage_ros.controller import ControllerNode, SpeedController

@@ -17,7 +17,6 @@ from ros_harness import Listener, environment, fresh_domain, running, wait_for
 from sensor_msgs.msg import JointState
 from test_node import stop
 
-from linkage_ros.controller import PARAMETERS
 from linkage_ros.wire.messages import JointStateCodec
 
 PAGE = read('docs/controllers.md')
@@ -50,13 +49,6 @@ def test_way_1_the_subscriber_turns_the_crank(tmp_path):
             prototype.wait()
         code, output = stop(node)
     assert code == 0, output
-
-
-def test_way_1_the_table_is_the_controller_s():
-    rows = [
-        f'| `{name}` | `{value!r}` | {meaning} |' for name, (value, meaning) in PARAMETERS.items()
-    ]
-    assert '\n'.join(rows).replace('`True`', '`true`') in PAGE
 
 
 def test_way_2_the_parameters_send_the_torque_to_the_controller(tmp_path):

@@ -4,41 +4,53 @@
 
 from __future__ import annotations
 
+import itertools
 import re
-from dataclasses import MISSING
 
-import pytest
-from pages import ROOT, block, read, run_python
+from pages import ROOT, block, parameter_row, read, run_python
 
+from linkage_ros.controller import Settings
 from linkage_ros.core.mechanism import MECHANISMS
+from linkage_ros.core.quantities import leaves
 from linkage_ros.run.configuration import Kind, parameter_leaves
+from linkage_ros.run.drives import DRIVES
 from linkage_ros.wire.messages import TOPICS
 
 README = read('README.md')
 
 
-def rows_of(mechanism):
-    rows = []
-    kind = Kind(mechanism, 'torque' if mechanism == 'wind_pump' else 'speed')
-    for name, quantity, default in parameter_leaves(kind):
-        unit = f', {quantity.unit}' if quantity.unit else ''
-        if default is MISSING:
-            shown = 'required'
-        elif default is None:
-            shown = '-'
-        else:
-            shown = f'`{list(default) if isinstance(default, tuple) else default!r}`'
-            shown = {'`True`': '`true`', '`False`': '`false`'}.get(shown, shown)
-        rows.append(f'| `{name}` | {quantity.kind}{unit} | {shown} | {quantity.meaning} |')
-    return rows
+def rows_of(mechanism, drive):
+    """Links have the same parameters, so that one row of a LINK stands for all."""
+    if mechanism == 'wind_pump' and drive == 'speed':
+        return set()
+    return {
+        parameter_row(re.sub(r'^(crank|coupler|rocker|rod)\.(?!point)', 'LINK.', name), *rest)
+        for name, *rest in parameter_leaves(Kind(mechanism, drive))
+    }
 
 
-@pytest.mark.parametrize('mechanism', MECHANISMS)
-def test_the_parameter_tables_are_the_code_s(mechanism):
-    """The first is a four-bar's; other mechanisms have what differs from it."""
-    rows, first = rows_of(mechanism), rows_of('four_bar')
-    table = '\n'.join(row for row in rows if mechanism == 'four_bar' or row not in first)
-    assert table in README, f'README.md should hold\n{table}'
+def rows_between(start, end):
+    return set(re.findall(r'^\| `.*', README.partition(start)[2].partition(end)[0], re.MULTILINE))
+
+
+def test_the_table_of_parameters_is_the_code_s():
+    found = rows_between('## Parameters', 'Those of `linkage_controller`')
+    kinds = itertools.product(MECHANISMS, DRIVES)
+    wanted = {row for mechanism, drive in kinds for row in rows_of(mechanism, drive)}
+    assert found == wanted, 'README.md lacks\n' + '\n'.join(wanted - found)
+
+
+def test_the_table_of_the_controller_is_the_code_s():
+    found = rows_between('Those of `linkage_controller`', '## ')
+    assert found == {parameter_row(*leaf) for leaf in leaves(Settings)}
+
+
+def test_a_row_has_unit_range_and_default():
+    rows = '\n'.join(rows_of('four_bar', 'torque'))
+    assert '| `torque_limit` | 0 to 1e12 N m | `1.0e12` |' in rows
+    assert '| `gravity` | two, -1e6 to 1e6 m/s^2 | `[0.0, -9.81]` |' in rows
+    assert '| `LINK.length` | 1e-9 to 1e9 m | required |' in rows
+    assert '| `coupler.point` | two, -1e9 to 1e9 m | - |' in rows
 
 
 def test_every_topic_and_executable_is_listed():

@@ -113,8 +113,8 @@ class TorqueDrive(Checked):
         'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
     )
     torque_limit: float = quantity(
-        'number', 'largest torque of a command; by default all; a larger one is cut to it', 'N m',
-        span=(0.0, 1e12), default=1e12,
+        'number', 'largest torque of a command, a larger one is cut to it; the default cuts none',
+        'N m', span=(0.0, 1e12), default=1e12,
     )  # fmt: skip
     command_timeout: float = quantity(
         'number', 'after which a command counts no more', 's', span=(1e-3, 1e9), default=0.1
