@@ -34,7 +34,7 @@ def commit_of(title):
     # Sentences end a block; empty lines, which are of the code, do not.
     indented = re.sub(r'^\S.*\n', '\0', section, flags=re.MULTILINE)
     blocks = [textwrap.dedent(block) for block in re.split('\0+', indented)]
-    parts = [re.split(r'^# (\w+/\S+)\n', block, flags=re.MULTILINE)[1:] for block in blocks]
+    parts = [re.split(r'^# (\w[\w/]*\.\w+)\n', block, flags=re.MULTILINE)[1:] for block in blocks]
     return [
         (name, text.strip('\n') + '\n')
         for part in parts
@@ -67,7 +67,7 @@ def copy(tmp_path_factory):
     for folder in ('linkage_ros', 'config', 'test', 'docs'):
         ignored = shutil.ignore_patterns('__pycache__')
         shutil.copytree(ROOT / folder, root / folder, ignore=ignored)
-    for name in ('package.xml', 'pyproject.toml'):
+    for name in ('README.md', 'package.xml', 'pyproject.toml'):
         shutil.copy(ROOT / name, root)
     shutil.copy(EXAMPLE, root / GEAR)
     for title in ('A method', 'A mechanism'):
@@ -97,7 +97,8 @@ from linkage_ros.methods.measure import Bench
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.run.configuration import load
 
-accuracy.METHODS = (table.METHODS[0], table.by_name('two circles'))  # of all, these alone
+(two,) = [method for method in table.METHODS if method.name == 'two circles']
+accuracy.METHODS = (table.METHODS[0], two)  # of all, these alone
 linkages = (load(name).mechanism for name in ('quadrilateral', 'slider_crank'))
 benches = {name: Bench(task, 24) for name, task in accuracy.tasks(*linkages).items()}
 plain = lambda what, _: what
@@ -173,6 +174,14 @@ def test_the_mechanism_passes_its_own_tests(copy):
     assert '5 passed' in run(
         copy, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', 'test/test_cardan_gear.py'
     )
+
+
+def test_the_readme_has_the_parameters_of_the_mechanism(copy):
+    found = run(
+        copy, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', 'test/test_readme.py',
+        '-k', 'parameters',
+    )  # fmt: skip
+    assert '1 passed' in found
 
 
 def test_the_mechanism_is_recorded_and_verified_as_the_textbook_has_it(copy):
