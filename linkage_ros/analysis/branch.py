@@ -51,7 +51,7 @@ class State(NamedTuple):
 
 
 class Range(NamedTuple):
-    """Torques of the motor, N m, for which a number of stable states exist.
+    """Torques of the motor, N m, for which two stable states exist, or more.
 
     Attributes:
         low: Least.
@@ -93,8 +93,8 @@ class Branch:
                     pieces.append(Piece([motion], not pieces[-1].stable))
         return pieces
 
-    def ranges(self, number: int = 2) -> list[Range]:
-        """The torques for which at least so many stable states exist.
+    def ranges(self) -> list[Range]:
+        """The torques for which two stable states exist, or more.
 
         Along a stable piece the torque grows with the speed, so that each has one state there.
         """
@@ -108,7 +108,7 @@ class Branch:
         found, exist = [], 0
         for one, other in itertools.pairwise(sorted(ends)):
             exist += one[1]
-            if exist >= number:
+            if exist >= 2:
                 found.append(Range(one[0], other[0], one[2], other[2]))
         return found
 

@@ -32,11 +32,6 @@ class Travel(NamedTuple):
     transmission: tuple[float, float]
     time_ratio: float | None
 
-    @property
-    def span(self) -> float | None:
-        """Stroke, m, or swing, rad; None where the output turns fully."""
-        return None if self.extremes is None else self.extremes[1] - self.extremes[0]
-
     def words(self) -> list[str]:
         """In words, angles in degrees: stroke or swing, transmission angle, time ratio."""
         low, high = (math.degrees(angle) for angle in self.transmission)

@@ -32,11 +32,13 @@ class Point:
         method: Name from the table.
         setting: In words; empty where there is nothing to set.
         mechanism: What it was measured on.
-        quantity: 'position', 'rate', 'acceleration' or 'torque'.
-        mode: 'one at a time' or 'batch'.
-        us_per_state: Time, the work for all that the quantity needs included; nan where the
-            method fails at an angle.
-        max_error: Over one period; inf where the method fails at an angle.
+        quantity: 'position', 'rate', 'acceleration' or 'torque'; of a motion under a torque
+            'trajectory' or 'energy'.
+        mode: 'one at a time' or 'batch'; 'motion' or 'motion, slowest ms'.
+        us_per_state: Time, us, the work for all that the quantity needs included; of a motion,
+            of one simulated ms; nan where the method fails.
+        max_error: Over one period or motion, relative (`measure.Truth`, `motion_bench`); inf
+            where the method fails.
         pareto: Whether no other right answer is both faster and closer.
     """
 
@@ -91,17 +93,17 @@ def tasks(quadrilateral: Linkage, slider_crank: Linkage) -> dict[str, Task]:
     return {name: make_task(mechanism) for name, mechanism in named.items()}
 
 
-def make_task(mechanism: Linkage, crank: float = 0.1) -> Task:
+def make_task(mechanism: Linkage) -> Task:
     """A task at 150 rpm, speeding up.
 
     Args:
         mechanism: The linkage.
-        crank: Angle, rad, at which the first guess is read off a drawing, to 0.1 rad or m.
 
     Returns:
-        The task.
+        The task; its first guess is the position at 0.1 rad as read off a drawing, to 0.1 rad
+        or m.
     """
-    position = Solver(mechanism).state(crank).position
+    position = Solver(mechanism).state(0.1).position
     guess = round(position[1], 1), round(position[2], 1)
     return Task(mechanism, speed=5 * math.pi, acceleration=20.0, guess=guess)
 
