@@ -15,16 +15,18 @@ from oracle_slider import SliderOracle
 
 from linkage_ros import FourBar, Solver, UnreachableError
 from linkage_ros.core.numeric import SCALAR
-from linkage_ros.methods import linkages, table
+from linkage_ros.methods import linkages, reference, table
 from linkage_ros.methods.accuracy import NEAR, RIGHT, Point, make_task, mark_fronts, tasks
 from linkage_ros.methods.chain import BATCH, FUNCTIONS, ONE, OWN, QUANTITIES, STATE, Task
 from linkage_ros.methods.iteration import CAP, NewtonRaphson
 from linkage_ros.methods.loop import Loop
 from linkage_ros.methods.measure import Bench, time_pass
 from linkage_ros.methods.reference import Reference
+from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.run.configuration import load
 
 EPSILON = 2.0**-52
+BY_NAME = {method.name: method for method in table.METHODS}
 PRESETS = {name: load(name).mechanism for name in ('quadrilateral', 'slider_crank')}
 
 
@@ -79,6 +81,26 @@ def test_the_reference_takes_lengths_as_they_are_meant():
         assert_same(task, crank, texts)
 
 
+NARROW = ('change point hit', 'near a change point', 'equal lengths', 'lengths in decimals')
+
+
+@pytest.mark.parametrize('name', NARROW)
+def test_the_reference_has_a_hundred_digits_left(name, monkeypatch):
+    (situation,) = [one for one in SITUATIONS if one.name == name]
+    for case in situation.cases(3):
+        cranks = case.cranks[:: max(1, len(case.cranks) // 30)]
+        mine = list(map(Reference(case.task, case.lengths).state, cranks))
+        with monkeypatch.context() as more:
+            more.setattr(reference, '_DIGITS', 260)
+            more.setattr(reference, '_ASIDE', '1e-120')
+            better = list(map(Reference(case.task, case.lengths).state, cranks))
+        with mp.workdps(260):
+            for one, other in zip(mine, better, strict=True):
+                for x, y in zip(itertools.chain(*one), itertools.chain(*other), strict=True):
+                    apart = min(abs(x - y), abs(abs(x - y) - 2 * mp.pi))
+                    assert apart < max(abs(y), 1) * mp.mpf('1e-100'), (x, y)
+
+
 def test_the_reference_refuses_where_no_state_exists():
     mechanism = linkages.limited(np.random.default_rng(1))
     start, end = Solver(mechanism).mobility.arcs[0]
@@ -123,7 +145,7 @@ def test_an_array_gives_what_numbers_give(benches):
 
 
 def errors_of(bench, name, quantity, settings=None):
-    method = table.by_name(name)
+    method = BY_NAME[name]
     mode = BATCH if BATCH in method.modes else ONE
     chosen = settings or method.settings
     return [bench.worst_error(method, setting, mode, quantity) for setting in chosen]
@@ -187,7 +209,7 @@ def test_newton_raphson_stops_at_its_cap():
     'name', [method.name for method in table.METHODS if len(method.settings) > 1]
 )
 def test_errors_fall_with_each_setting_down_to_a_floor(benches, mechanism, name):
-    method = table.by_name(name)
+    method = BY_NAME[name]
     settings = [s for s in method.settings if s.get('steps', 360) == 360]
     assert len(settings) >= 5
     for quantity in OWN[method.stage]:

@@ -17,17 +17,23 @@ from linkage_ros.core.wind_pump import WindPumpKinematics
 
 
 class Kinematics(Protocol):
-    """What every mechanism with one degree of freedom offers."""
+    """What every mechanism with one degree of freedom offers.
+
+    Attributes:
+        map: From the crank to the transmission angle.
+        structure: How the links hang together.
+        side: 1 for the open assembly, -1 for the crossed one.
+    """
 
     map: TransmissionMap
     structure: Structure
     side: float
 
     def locate(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
-        """The positions of coupler and output at a crank angle where the loop closes."""
+        """The coupler's direction, rad, and the output, rad or m, where the loop closes."""
 
     def solve(self, crank: Real, functions: Functions) -> Links:
-        """The position and its derivatives at a crank angle where the loop closes."""
+        """The position and its derivatives by the crank angle, where the loop closes."""
 
 
 def kinematics_of(mechanism: Linkage) -> Kinematics:

@@ -52,7 +52,7 @@ class Motion:
 
     Attributes:
         equations: Of the mechanism.
-        torque: On the crank.
+        torque: On the crank, N m, over time, s, and crank speed, rad/s.
     """
 
     equations: EquationsOfMotion
@@ -159,8 +159,8 @@ class FixedSteps:
             motion: Which.
             phase: Coordinates, then their rates.
             longest: Step, s.
-            tolerance: Of the error of a step, in rad and crank lengths and, of rates, the same
-                per second or the rate itself.
+            tolerance: Of the error of a step, in rad and crank lengths; of rates, in the same
+                per second, relative to a rate that is larger.
             time: Of the beginning, s.
 
         Raises:

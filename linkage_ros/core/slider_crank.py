@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exact kinematics of the slider-crank, with an offset, along a guide in any direction.
 
-The loop is document 4's (eq. 2), with an offset e and in the guide's axes:
+The loop is document 4's (eq. 2, where e = 0), with an offset e and in the guide's axes:
 
     r e^(i alpha) + b e^(i beta) = x + i e
 

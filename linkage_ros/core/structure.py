@@ -13,8 +13,9 @@ from typing import NamedTuple
 class Joint(NamedTuple):
     """A joint of the open tree in which ROS sees a mechanism.
 
-    URDF has no closed loops. The loop is cut at the pin B between coupler and output link, and
-    every joint is measured from its parent in the tree: the coupler's from the crank.
+    URDF has no closed loops. The loop is cut at the pin of the output link, B between coupler and
+    rocker or slider, of a wind pump D between rod and slider. Every joint is measured from its
+    parent in the tree: the coupler's from the crank, the rod's from the coupler.
 
     Attributes:
         name: Of the joint and of its child link.

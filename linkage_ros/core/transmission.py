@@ -45,7 +45,9 @@ class TransmissionMap:
         q: sin^2 m at h = 0; negative: the crank cannot reach the near side.
         far: cos^2 m at h = 0: 1 - q without its rounding.
         near: sin^2 m at h = pi/2: 1 - p without its rounding.
-        pass_by: Half angle within which the crank pin passes the rocker pivot, rad.
+        pass_by: Half angle within which the crank pin passes the rocker pivot, rad; infinite
+            where there is no such pivot.
+        limited: Whether there are crank angles at which the loop cannot close.
     """
 
     reference: tuple[float, float]
@@ -93,7 +95,8 @@ class TransmissionMap:
     def extremes(self) -> tuple[float, float]:
         """The smallest and the largest transmission angle 2m, in [0, pi], rad.
 
-        They are at h = 0 and h = pi/2; a crank that cannot reach these stretches the dyad.
+        They are at h = 0 and h = pi/2; a crank that cannot get there stops where the angle is 0
+        (folded) or pi (stretched).
         """
         near, far = max(self.q, 0.0) + 0.0, max(self.p, 0.0) + 0.0
         smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(self.far if near else 1.0))
@@ -148,7 +151,7 @@ class TransmissionMap:
         return sin + half_error * cos, cos - half_error * sin
 
     def margins(self, crank: Real, functions: Functions) -> list[Real]:
-        """Those of sin^2 m and cos^2 m that limit the crank.
+        """Those of cos^2 m and sin^2 m, in this order, that limit the crank.
 
         Args:
             crank: Crank angle, rad; float or array.

@@ -12,8 +12,9 @@ the four-bar does (docs/mechanisms.md):
     B - A = (D-A) [(l2-l3)(l2+l3) + L^2 + i side sqrt(PQ)] / (2 L^2)
 
 and sin(phi2 - phi3) = side sqrt(PQ) / (2 l2 l3): no digits are lost next to a stretched dyad.
-The rates are document 3's (its print is damaged), the squared-rate terms of the accelerations,
-which it lacks, follow by differentiating the loop twice.
+The rates have document 3's form, phi2' = a11 phi1' + a12 xD' (its coefficients are damaged in
+print); the squared-rate terms of the accelerations, which it lacks, follow by differentiating the
+loop twice.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ class WindPumpKinematics:
         turn_b, turn_c = scale * root / b, scale * root / c
         c2, s2 = ux * part - uy * turn_b, ux * turn_b + uy * part
         c3, s3 = ux * rest + uy * turn_c, uy * rest - ux * turn_c
-        # l2 sin(phi2 - phi3) and l3 sin(phi2 - phi3); the cosines between links.
+        # 1 / [l2 sin(phi2 - phi3)] and 1 / [l3 sin(phi2 - phi3)]; the cosines between links.
         over_b, over_c = 2 * c / root, 2 * b / root
         cos12, cos13, cos23 = c1 * c2 + s1 * s2, c1 * c3 + s1 * s3, c2 * c3 + s2 * s3
         a11, a12 = r * (s3 * c1 - c3 * s1) * over_b, -c3 * over_b
@@ -122,11 +123,12 @@ class WindPumpKinematics:
         """How near coupler and rod are to one line.
 
         Args:
-            crank: rad.
-            slide: m.
+            crank: Crank angle, rad.
+            slide: The slider's position, m.
 
         Returns:
-            The sine of the angle at which they meet, and which of their ends is nearer.
+            The sine of the angle at which they meet, and whether they are nearer to being
+            stretched or folded, in words.
         """
         _, b, c = self._lengths
         stretch, fold, _ = self.margins(crank, slide, SCALAR)
@@ -152,10 +154,10 @@ class WindPumpKinematics:
         """Where the slider can be at a crank angle, in words.
 
         Args:
-            crank: rad.
+            crank: Crank angle, rad.
 
         Returns:
-            Its range or ranges, m.
+            Its range or ranges, m, or that there is none.
         """
         r, b, c = self._lengths
         ax, ay = r * math.cos(crank), r * math.sin(crank)

@@ -68,7 +68,7 @@ def dyadic(random: Random) -> FourBar:
     return four_bar(lengths, any_assembly(random))
 
 
-def limited(random: Random) -> Linkage:
+def limited(random: Random) -> FourBar:
     """A four-bar whose crank cannot turn fully."""
     while True:
         lengths = tuple(float(x) for x in random.uniform(0.2, 1.0, 4))

@@ -7,7 +7,7 @@ Documents 1 and 4: the way over crank and coupler ends where the output link is,
     gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
 
 with B(gamma) = d e^(i delta) + c e^(i gamma) of a rocker (document 1, eq. 7 and 8), and with
-B(x) = (x + i e) e^(i guide) of a slider (document 4, eq. 2).
+B(x) = (x + i e) e^(i guide) of a slider (document 4, eq. 2, where e = 0).
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Loop:
         return x - self.rocker * f.cos(output), y - self.rocker * f.sin(output)
 
     def columns(self, coupler: Real, output: Real, f: Functions) -> tuple[Pair, Pair]:
-        """Derivatives of the gap by the coupler's direction and by the output."""
+        """Derivatives of the gap by the coupler's direction, m/rad, and by the output."""
         b = self.coupler
         by_coupler = -b * f.sin(coupler), b * f.cos(coupler)
         if self.rocker is None:

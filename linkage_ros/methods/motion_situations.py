@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import FourBar
 from linkage_ros.core.simulation import Phase
 from linkage_ros.core.solver import Solver
 from linkage_ros.methods.linkages import Random, four_bar, limited
@@ -69,13 +68,6 @@ class MotionSituation:
         return list(self.generate(machines, np.random.default_rng(seed), count))
 
 
-def _limited(random: Random) -> FourBar:
-    while True:
-        mechanism = limited(random)
-        if isinstance(mechanism, FourBar):
-            return mechanism
-
-
 def _driven(machines: Machines, random: Random, count: int) -> Iterator[MotionCase]:
     for i in range(max(2, count // 8)):
         speed = (2.0, 6.0)[i] if i < 2 else float(random.uniform(1.0, 7.0))
@@ -85,7 +77,7 @@ def _driven(machines: Machines, random: Random, count: int) -> Iterator[MotionCa
 def _swing(_: Machines, random: Random, count: int) -> Iterator[MotionCase]:
     found = 0
     while found < max(1, count // 6):
-        mechanism = _limited(random)
+        mechanism = limited(random)
         equations = EquationsOfMotion(mechanism)
         start, end = Solver(mechanism).mobility.arcs[0]
         places = [start + part * (end - start) for part in (1e-9, 0.03, 1 - 1e-9)]
@@ -118,7 +110,7 @@ def _stretched(machines: Machines, random: Random, count: int) -> Iterator[Motio
     found = 0
     while found < max(4, count // 3):
         if found % 4 == 3:
-            mechanism = _limited(random)
+            mechanism = limited(random)
             start, end = Solver(mechanism).mobility.arcs[0]
             run = Run(mechanism, ((start + end) / 2, float(random.uniform(3, 6)) * (end - start)))
         else:

@@ -46,7 +46,10 @@ def analytic(mechanism: Linkage, f: Functions) -> Rates:
 
 
 def two_by_two(mechanism: Linkage, locate: Locate, f: Functions) -> Rates:
-    """The differentiated loop, solved for both unknowns (document 1, eq. 13 to 18)."""
+    """The differentiated loop, solved for both unknowns.
+
+    Document 1, eq. 13 to 18; of a slider-crank document 4, eq. 5 to 8.
+    """
     loop = Loop(mechanism)
 
     def first(crank: Real) -> tuple[Pair, Pair]:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What comes of each method in each situation, by one rule.
 
-A method is judged by what it computes itself, against 50 digits, at every crank angle of every
+A method is judged by what it computes itself, against `reference`, at every crank angle of every
 case, one at a time and as an array; a cell of the chart is its worst outcome, in this order:
 
     right         every value within 1e-6, relative to its size (`measure.Truth`)
@@ -43,7 +43,8 @@ class Cell:
         method: Name from the table.
         situation: Name of the situation.
         outcome: One of OUTCOMES: the worst.
-        worst_error: The largest error of a finite value; None: there is none.
+        worst_error: The largest error of a finite value, of motions what `motion_stability`
+            says; None: there is none.
     """
 
     method: str

@@ -131,7 +131,7 @@ METHODS = (
         tuple({'harmonics': n} for n in (2, 4, 8, 16, 32, 64)), {'harmonics': 64},
     ),
     Method(
-        '2x2 solve', RATES, 'links not in line', 'documents 1 (eq. 13 to 18) and 4 (eq. 4 to 9)',
+        '2x2 solve', RATES, 'links not in line', 'documents 1 (eq. 13 to 18) and 4 (eq. 5 to 8)',
         lambda task, _, f: chain.of_rates(
             task, rates.two_by_two(task.mechanism, positions.factored(task.mechanism, f), f), f
         ),
@@ -226,8 +226,3 @@ def integrators(records: Begin) -> tuple[Integrator, ...]:
             tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9},
         ),
     )  # fmt: skip
-
-
-def by_name(name: str) -> Method:
-    """The entry of that name."""
-    return next(method for method in METHODS if method.name == name)

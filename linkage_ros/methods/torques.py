@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The driving torque from a motion: by virtual power, by power balance, by all forces at once.
 
-Each maker returns a function from positions, velocities and accelerations of the three links to
-the torque on the crank, N m.
+Each maker returns a function of the three links' positions, velocities at unit crank speed,
+velocities and accelerations: the torque on the crank, N m.
 """
 
 from __future__ import annotations

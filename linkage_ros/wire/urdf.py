@@ -21,10 +21,9 @@ _NO_LIMIT = '1e9'
 def make_urdf(mechanism: Mechanism) -> str:
     """Writes the URDF: a link and a joint for each joint of the open tree.
 
-    The loop is open at the pin between coupler and output link; joint states close it. Each
-    link's x axis points from its first to its second pin, a slider's along its guide. Bars are
-    drawn as boxes of a twentieth of the shortest link, one above the other so that they do not
-    cut through each other.
+    The loop is open where `Joint` says; joint states close it. Each link's x axis points from its
+    first to its second pin, a slider's along its guide. Bars are drawn as boxes of a twentieth of
+    the shortest link, one above the other so that they do not cut through each other.
 
     Args:
         mechanism: The mechanism.
