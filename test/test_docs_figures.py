@@ -15,6 +15,10 @@ from xml.etree import ElementTree as ET
 import pytest
 from pages import ROOT, read
 
+from linkage_ros.log import recover, writer
+from linkage_ros.log.chunks import LARGEST
+from linkage_ros.wire.messages import JOINT_COMMANDS, TOPICS, qualified
+
 DOCS = ROOT / 'docs'
 
 
@@ -183,6 +187,15 @@ def test_what_the_front_of_methods_says_was_measured():
     check_quote('docs/methods.md', 'Vectorised C takes a sixth of our time for an array')
     (ratio,) = (r['ratio'] for r in measured('peers') if r['peer'] == 'C, vector math')
     assert ratio == pytest.approx(1 / 6, rel=0.1)
+
+
+def test_what_mcap_says_of_channels_and_sizes_is_the_code_s():
+    page = read('docs/mcap.md')
+    for topic in (*TOPICS, JOINT_COMMANDS):
+        assert f'| `{qualified(topic)}` | ' in page
+    sizes = [str(size >> 20) for size in (LARGEST, writer._CHUNK_SIZE, recover._CHUNK_SIZE)]
+    words = 'of {} MiB at most. Ours have chunks of {} MiB, those that `recover` writes {} MiB.'
+    check_quote('docs/mcap.md', words, *sizes)
 
 
 def test_what_the_preset_of_the_pump_says_was_measured():
