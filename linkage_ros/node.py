@@ -233,7 +233,7 @@ def _run(arguments: list[str]) -> int:
         _NAME,
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap', '--ros-args --params-file linkage.yaml'),
-        'parameters of a four_bar; README.md has those of others, and the ranges:\n'
+        'parameters of a four_bar, with defaults; README.md has those of others, and ranges:\n'
         + parameters_in_words(parameter_leaves(Kind('four_bar', 'speed'))),
     )
     check_parameter_files(arguments, _NAME)

@@ -23,8 +23,8 @@ _BLOCK = re.compile(
 )
 # What a shell is told begins with one of these, or with a variable before it.
 _COMMAND = re.compile(
-    r'(?:[A-Z_]+=\S+ )*(linkage_\w+|python|make|pip|ros2|colcon|rosdep|source|rerun'
-    r'|rosbags-convert|plotjuggler|apt|npm)(?= |$)'
+    r'(?:[A-Z_]+=\S+ )*(linkage_\w+|python|pytest|make|pip|ros2|colcon|rosdep|source|\.|rerun'
+    r'|rosbags-convert|plotjuggler|fastdds|apt|npm)(?= |$)'
 )
 
 

@@ -89,6 +89,11 @@ def check_command(words, *, is_block, near):
     elif name == 'make':
         targets = re.findall(r'^(\w+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
         assert set(rest) <= set(targets), words
+    elif name == '.':
+        assert rest == ['.venv-*/bin/activate']
+        assert '\nVENV := .venv-' in (ROOT / 'Makefile').read_text()
+    elif name == 'pytest':
+        assert all((ROOT / path).exists() for path in rest), words
     elif name == 'pip':
         assert rest[1].strip('\'"').split('[')[0] in (ROOT / 'setup.py').read_text(), words
     elif name == 'python' and re.search(r'argparse|options\(', (ROOT / rest[0]).read_text()):
@@ -182,6 +187,9 @@ def test_files_that_are_named_are_there(page):
         ('make tea', 'tea'),
         ('python benchmarks/delay.py --fast', '--fast'),
         ('ros2 topic list', 'say so'),
+        ('fastdds discovery -i 0', 'say so'),
+        ('LINKAGE_ROS_CASES=9 pytest test/test_hostage.py', 'hostage'),
+        ('. venv/bin/activate', 'venv'),
     ],
 )
 def test_a_wrong_command_is_found(line, found):

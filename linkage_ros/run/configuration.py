@@ -105,9 +105,13 @@ def parameters_in_words(parameters: Iterable[Leaf]) -> str:
     """Parameters, a line each, for people: name, unit, meaning, and the default if there is."""
     return '\n'.join(
         f'  {name}{f", {quantity.unit}" if quantity.unit else ""}: {quantity.meaning}'
-        + ('' if default in (MISSING, None, '') else f' ({default})')
+        + ('' if default in (MISSING, None, '') else f' ({_as_typed(default)})')
         for name, quantity, default in parameters
     )
+
+
+def _as_typed(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def without_ros_own(values: Mapping[str, object]) -> dict[str, object]:
