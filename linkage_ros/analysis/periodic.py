@@ -97,7 +97,12 @@ class PeriodicMotion:
 
 
 class Wanted(NamedTuple):
-    """What is prescribed of motions: their mean speeds, rad/s, or their torques, N m."""
+    """What is prescribed of motions.
+
+    Attributes:
+        values: Their mean crank speeds, rad/s, or the motor's torques at rest, N m.
+        is_speed: Which of the two.
+    """
 
     values: Array
     is_speed: bool

@@ -21,7 +21,17 @@ Array: TypeAlias = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Functions:
-    """The elementary functions that a formula needs, for floats or for arrays."""
+    """The elementary functions that a formula needs, for floats or for arrays.
+
+    Attributes:
+        sin: Of an angle, rad.
+        cos: Likewise.
+        sqrt: Square root.
+        atan2: Direction of (y, x), rad, in [-pi, pi].
+        round: To the nearest whole number.
+        where: The second where the first holds, else the third.
+        lowest: The least value of an array, or the float itself.
+    """
 
     sin: Callable[[Real], Real]
     cos: Callable[[Real], Real]

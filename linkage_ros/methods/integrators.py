@@ -27,7 +27,12 @@ _MOST_STEPS = 500  # from one time to the next: with more it is stuck
 
 
 class Steps(Protocol):
-    """What the package itself follows motions with."""
+    """What the package itself follows motions with.
+
+    Attributes:
+        phase: Coordinates, the crank within two turns of 0, then their rates.
+        pairs: Pairs of whole turns that belong to it.
+    """
 
     phase: Phase
     pairs: int

@@ -29,6 +29,9 @@ class Truth:
     Errors are relative to the largest value that a quantity has at even angles or, next to a
     change point where it may be larger by many powers of ten, to the value itself. Directions
     count as they are, in rad.
+
+    Attributes:
+        task: The mechanism and its motion.
     """
 
     def __init__(self, task: Task, lengths: tuple[str, ...] | None = None) -> None:

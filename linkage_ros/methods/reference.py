@@ -32,7 +32,14 @@ _Values = tuple[Number, ...]
 
 
 class Exact(NamedTuple):
-    """A state in mpf: of coupler and output each, rad or m, per s and s^2; and the torque, N m."""
+    """A state, in mpf.
+
+    Attributes:
+        position: Of the coupler, rad, and of the output, rad or m.
+        rate: Their velocities, per s.
+        acceleration: Their accelerations, per s^2.
+        torque: The driving torque, N m, in a tuple of one.
+    """
 
     position: _Values
     rate: _Values

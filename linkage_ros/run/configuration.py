@@ -29,7 +29,12 @@ _ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
 @dataclass(frozen=True)
 class Kind(Checked):
-    """Which mechanism it is and what drives it."""
+    """Which mechanism it is and what drives it.
+
+    Attributes:
+        mechanism: A name of `MECHANISMS`.
+        drive: A name of `DRIVES`.
+    """
 
     mechanism: str = quantity('choice', 'kind of mechanism', choices=tuple(MECHANISMS))
     drive: str = quantity(
@@ -80,7 +85,14 @@ class Session(Checked):
 
 @dataclass(frozen=True)
 class Configuration:
-    """Everything that a run depends on."""
+    """Everything that a run depends on.
+
+    Attributes:
+        kind: Which mechanism and drive it has.
+        mechanism: The description of the mechanism.
+        drive: What moves it.
+        session: How it is published, logged and shown.
+    """
 
     kind: Kind
     mechanism: Mechanism
