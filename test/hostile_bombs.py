@@ -74,7 +74,7 @@ def lz4_zeros(count):
     return packer.begin() + b''.join(packer.compress(part) for _ in range(count)) + packer.flush()
 
 
-def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), channels=1):
+def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), again=0, channels=1):
     """A complete log of ours whose data section and summary hold what is given.
 
     Args:
@@ -83,6 +83,7 @@ def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), channels=1
         behind: What else stands in the summary.
         times: Of its first and last message, ns.
         metadata: More metadata records.
+        again: How often the last of them is indexed once more.
         channels: How many topics it has.
     """
     configuration = load('quadrilateral')
@@ -97,6 +98,7 @@ def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), channels=1
         stored = packed(Metadata(name, settings))
         places.append(MetadataIndex(len(file), len(stored), name))
         file += stored
+    places += places[-1:] * again
     for stored in data:
         if stored[0] == 6:
             index = ChunkIndex(len(stored), len(file), 'zstd', 0, 2**62, 0, {}, 0, 0)
@@ -106,6 +108,24 @@ def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), channels=1
     counts = Statistics(0, channels, {}, len(chunks), 1, times[1], times[0], len(names), 1)
     summary = packed(*told, counts, *chunks, *places) + behind
     return resummed(file + summary + record(2, struct.pack('<QQI', len(file), 0, 0)) + MAGIC)
+
+
+def clocks(chunks, messages):
+    """A log of chunks full of true messages of another tool's topic, all of them empty."""
+    told = packed(
+        Schema(2, b'builtin_interfaces/Time clock', 'ros2msg', 'rosgraph_msgs/msg/Clock'),
+        Channel(9, '/clock', 'cdr', {}, 2),
+    )
+    full = tight(record(5, struct.pack('<HIQQ', 9, 0, 0, 0)) * messages)
+    count = chunks * messages
+    counts = Statistics(0, 2, {9: count}, chunks, count, 1, 0, 2, 2)
+    return whole(told, *[full] * chunks, behind=told + packed(counts))
+
+
+def fields(size):
+    """A channel with so many bytes of metadata: one empty field, over and over."""
+    head = struct.pack('<HHII', 0, 1, 0, 0)
+    return record(4, head + struct.pack('<I', size) + bytes(size))
 
 
 def bombs():
@@ -134,6 +154,9 @@ def bombs():
         lambda: whole(tight(message * 100_000)),
         lambda: whole(*[tight(message * 40_000)] * 3),
         lambda: whole(tight(message * 100_000), indexed=1000),
+        lambda: clocks(100, 400_000),
+        lambda: whole(*[tight(fields(16_000_000))] * 100),
+        lambda: whole(*[tight(joints * 10)] * 400),
         lambda: whole(chunk(b'', joints * 10, len(joints) * 10)),
         lambda: whole(chunk(b'', nested, len(nested))),
         lambda: whole(behind=chunk(b'zstd', zeros(4096), 2**32)),
@@ -145,6 +168,7 @@ def bombs():
         lambda: whole(times=(0, 2**64 - 1)),
         lambda: whole(metadata=[endless]),
         lambda: whole(metadata=motions * 2500),
+        lambda: whole(metadata=[('x', {str(n): '' for n in range(100_000)})], again=1000),
         lambda: whole(b'\xff' + landmark * 40_000),
         lambda: whole(b'\xff' + chain),
         lambda: whole(b'\xff' + claim + b'linkage_ros' * 40_000),

@@ -22,7 +22,7 @@ from ros_harness import command, environment, fresh_domain, running
 
 from linkage_ros import ConfigurationError, LinkageError, LogError, MotionError
 from linkage_ros.errors import one_line, printable
-from linkage_ros.log import salvage
+from linkage_ros.log import chunks, salvage
 from linkage_ros.log.chunks import LARGEST, unpack
 from linkage_ros.log.differences import differing
 from linkage_ros.log.reader import LogReader
@@ -247,6 +247,67 @@ def test_a_chunk_unpacks_to_the_size_that_it_tells_and_to_no_more():
     ):
         with pytest.raises(LogError):
             unpack(chunk_of(wrong))
+
+
+CROWDED = 'unpack to more than is read'
+
+
+@pytest.fixture
+def crowded(tmp_path):
+    return stored(tmp_path, hostile_bombs.clocks(3, 400_000))
+
+
+def test_more_true_messages_than_a_file_has_room_for_are_refused(tmp_path, crowded):
+    """A verification of such a file of 0.13 MB took 40 s, of one of 1.3 MB it would take 400."""
+    with LogReader(crowded) as log:
+        for read in (log.messages, log.written, lambda: log.messages(['/joint_states'])):
+            with pytest.raises(LogError, match=CROWDED):
+                list(read())
+    with pytest.raises(LogError, match=f'bad.mcap cannot be recovered: its .* {CROWDED}'):
+        recover(crowded, tmp_path / 'out.mcap')
+    assert [path.name for path in tmp_path.iterdir()] == [crowded.name]
+
+
+def test_each_pass_through_a_file_has_an_allowance_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(chunks, '_FREE', 1 << 22)
+    path = stored(tmp_path, hostile_bombs.clocks(2, 150))
+    with LogReader(path) as log:
+        for _ in range(3):  # as often as a replay in a loop
+            assert sum(1 for _ in log.messages()) == 300
+            assert sum(1 for _ in log.written()) == 300
+    path.write_bytes(hostile_bombs.clocks(2, 1500))
+    with LogReader(path) as log, pytest.raises(LogError, match=CROWDED):
+        list(log.messages())
+
+
+def test_fields_of_a_channel_count_as_well(tmp_path):
+    path = stored(tmp_path, whole(tight(hostile_bombs.fields(16_000_000))))
+    with LogReader(path) as log, pytest.raises(LogError, match=CROWDED):
+        list(log.messages())
+    with pytest.raises(LogError, match=CROWDED):
+        recover(path, tmp_path / 'out.mcap')
+
+
+def test_a_log_of_a_linkage_at_rest_stays_far_below_what_may_unpack(tmp_path, monkeypatch):
+    at_rest = configure({'rpm': 0.0, 'rate_hz': 1000.0})
+    path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
+    record(at_rest, path, duration=30.0)
+    monkeypatch.setattr(chunks, '_FREE', 0)
+    monkeypatch.setattr(chunks, '_COST_PER_BYTE', chunks._COST_PER_BYTE // 8)
+    recover(path, saved)
+    for file in (path, saved):
+        with LogReader(file) as log:
+            assert sum(1 for _ in log.messages()) == sum(1 for _ in log.written()) == 120_001
+    monkeypatch.setattr(chunks, '_COST_PER_BYTE', chunks._COST_PER_BYTE // 2)
+    with LogReader(path) as log, pytest.raises(LogError, match=CROWDED):
+        list(log.messages())
+
+
+def test_an_index_that_tells_of_one_record_many_times_is_refused(tmp_path):
+    large = ('x', {str(number): '' for number in range(1000)})
+    LogReader(stored(tmp_path, whole(metadata=[large]))).close()
+    with pytest.raises(LogError, match='its metadata index goes back'):
+        LogReader(stored(tmp_path, whole(metadata=[large], again=1)))
 
 
 def test_chunks_within_chunks_are_not_unpacked(tmp_path):

@@ -31,7 +31,15 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import LogError
-from linkage_ros.log.chunks import HEAD, LARGEST, parsed, stream, unpack, unpacked_records
+from linkage_ros.log.chunks import (
+    HEAD,
+    LARGEST,
+    Allowance,
+    parsed,
+    stream,
+    unpack,
+    unpacked_records,
+)
 
 # Bytes of messages that wait for their turn at a time, where chunks overlap; each takes as many
 # more in Python. A simulator that was reset a hundred times needs a third of it.
@@ -144,7 +152,7 @@ def in_order(
         The messages.
 
     Raises:
-        LogError: The file is damaged, or too much of it is of the same times.
+        LogError: The file is damaged, unpacks to too much, or too much of it is of the same times.
     """
     # Time, place of the chunk, place within it; without a message, the chunk itself.
     queue: list[tuple[int, int, int, Message | None]] = [
@@ -157,7 +165,7 @@ def in_order(
     heapq.heapify(queue)
     if not summary.chunks:  # another tool has unpacked the file: all of it is one chunk
         queue.append((0, 0, -1, None))
-    waiting = 0
+    waiting, allowance = 0, _allowance(file)
     while queue:
         _, at, _, item = heapq.heappop(queue)
         if item is not None:
@@ -165,7 +173,7 @@ def in_order(
             yield item
             continue
         file.seek(at)
-        for number, record in enumerate(_read_chunk(file) if at else read_data(file)):
+        for number, record in enumerate(_read_chunk(file, allowance) if at else read_data(file)):
             if (
                 isinstance(record, Message)
                 and record.channel_id in channels
@@ -177,30 +185,38 @@ def in_order(
                     raise LogError('too much of it is of the same times: it cannot be sorted')
 
 
-def _read_chunk(file: BinaryIO) -> Iterator[Schema | Channel | Message]:
+def _allowance(file: BinaryIO) -> Allowance:
+    """For a pass through a file; its position is moved to the beginning."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    return Allowance(size)
+
+
+def _read_chunk(file: BinaryIO, allowance: Allowance) -> Iterator[Schema | Channel | Message]:
     """What is in the chunk at the file's position.
 
     Raises:
-        LogError: There is no chunk, or a damaged one.
+        LogError: There is no chunk, a damaged one, or one too many.
     """
     opcode, body = _record(file)
     if opcode != Opcode.CHUNK:
         raise LogError('it is damaged: its index tells of a chunk where there is none')
-    yield from unpacked_records(unpack(Chunk.read(stream(body))))
+    yield from unpacked_records(unpack(Chunk.read(stream(body))), allowance)
 
 
 def read_data(file: BinaryIO) -> Iterator[Schema | Channel | Message]:
     """Reads the data section from its beginning, chunks unpacked, and compares its checksum.
 
     Args:
-        file: The file, at its beginning.
+        file: The file; its position is moved.
 
     Yields:
         Schemas, channels and messages, in the order of writing.
 
     Raises:
-        LogError: It is damaged.
+        LogError: It is damaged, or unpacks to too much.
     """
+    allowance = _allowance(file)
     if (magic := file.read(len(MCAP0_MAGIC))) != MCAP0_MAGIC:
         raise LogError('it does not begin as MCAP files do')
     checksum = zlib.crc32(magic)
@@ -215,7 +231,7 @@ def read_data(file: BinaryIO) -> Iterator[Schema | Channel | Message]:
                 raise LogError('it is damaged: the checksum of its data is wrong')
             return
         if opcode == Opcode.CHUNK:
-            yield from unpacked_records(unpack(Chunk.read(stream(body))))
+            yield from unpacked_records(unpack(Chunk.read(stream(body))), allowance)
         elif (record := parsed(opcode, body)) is not None:
             yield record
         checksum = zlib.crc32(body, zlib.crc32(HEAD.pack(opcode, length), checksum))

@@ -21,7 +21,7 @@ from linkage_ros.log.records import (
     read_configuration,
     read_motion,
 )
-from linkage_ros.log.salvage import Losses, is_mcap, read_summary, walk
+from linkage_ros.log.salvage import Losses, Stretch, is_mcap, read_summary, walk
 from linkage_ros.run.files import is_there, open_file
 
 # No chunk of ours is as large: the chunks stay as they were.
@@ -62,19 +62,19 @@ def recover(
         What was saved and what was lost.
 
     Raises:
-        LogError: The source is no log of this package, or the target cannot be written or is
-            the source.
+        LogError: The source is no log of this package or unpacks to too much, or the target
+            cannot be written or is the source.
     """
     source, target = Path(source), Path(target)
     with _opened(source) as data:
         if not is_mcap(data):
             raise LogError(f'{source} is no MCAP file: nothing in it can be recovered')
-        if not _has_configuration(data):
+        if not _has_configuration(source, data):
             raise LogError(f'{source} has no configuration record: it cannot be recovered')
         if is_there(target) and target.samefile(source):
             raise LogError(f'{target} is the broken log itself: choose another name')
         with _replaced(target, overwrite=overwrite) as part:
-            return _copy(data, part, progress)
+            return _copy(source, data, part, progress)
 
 
 @contextmanager
@@ -135,20 +135,34 @@ def _is_right(record: Metadata) -> bool:
     return True
 
 
-def _has_configuration(data: bytes | mmap) -> bool:
+def _stretches(source: Path, data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
+    """What can be read of a log.
+
+    Raises:
+        LogError: It unpacks to too much.
+    """
+    try:
+        yield from walk(data, losses)
+    except LogError as error:
+        raise LogError(f'{source} cannot be recovered: {error}') from error
+
+
+def _has_configuration(source: Path, data: bytes | mmap) -> bool:
     return any(
         isinstance(record, Metadata) and record.name == CONFIGURATION_RECORD and _is_right(record)
-        for stretch in walk(data, Losses())
+        for stretch in _stretches(source, data, Losses())
         for record in stretch.records
     )
 
 
-def _copy(data: bytes | mmap, path: Path, progress: Callable[[int], object]) -> Recovered:
+def _copy(
+    source: Path, data: bytes | mmap, path: Path, progress: Callable[[int], object]
+) -> Recovered:
     losses, before = Losses(), 0
     with path.open('wb') as stream:
         writer = Writer(stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD)
         copy = _Copy(writer, losses, read_summary(data))
-        for end, records, is_chunk in walk(data, losses):
+        for end, records, is_chunk in _stretches(source, data, losses):
             for record in records:
                 copy.add(record)
             if is_chunk:

@@ -33,7 +33,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from linkage_ros.log.chunks import LARGEST, unpack, unpacked_records
+from linkage_ros.log.chunks import LARGEST, Allowance, unpack, unpacked_records
 
 _HEAD = 9  # bytes of opcode and length
 _KEPT: dict[int, type[Header | Schema | Channel | Metadata | Attachment]] = {
@@ -94,13 +94,18 @@ def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
 
     Yields:
         Stretches of the file, in order.
+
+    Raises:
+        LogError: It unpacks to too much.
     """
     at, hurt, patience = len(MCAP0_MAGIC), False, _PATIENCE + 16 * len(data)
+    allowance = Allowance(len(data))
     while at < len(data):
         opcode, end = _frame(data, at)
         if _is_the_end(data, at):
             return
-        records = _read(data, at, opcode, end) if _is_whole(data, at) else None
+        records = _read(data, at, opcode, end, allowance) if _is_whole(data, at) else None
+        allowance.check()
         if records is not None:
             if opcode == Opcode.MESSAGE_INDEX and hurt:
                 losses.messages += (end - at - _HEAD - 6) // 16
@@ -116,7 +121,7 @@ def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
         patience -= _effort(data, at)
         if after is None or patience < 0:
             losses.tail = len(data) - at
-            yield Stretch(len(data), _begun(data, at), is_chunk=True)
+            yield Stretch(len(data), _begun(data, at, allowance), is_chunk=True)
             return
         losses.places += 1
         losses.damaged += after - at
@@ -143,7 +148,7 @@ def read_summary(data: bytes | mmap) -> list[McapRecord]:
     while start < at:
         opcode, end = _frame(data, start)
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            records += _read(data, start, opcode, end) or []
+            records += _read(data, start, opcode, end, Allowance(len(data))) or []
         start = end
     return records
 
@@ -196,13 +201,15 @@ def _next_landmark(data: bytes | mmap, at: int) -> int | None:
     return next((place for place in places if _is_whole(data, place)), None)
 
 
-def _read(data: bytes | mmap, at: int, opcode: int, end: int) -> list[McapRecord] | None:
+def _read(
+    data: bytes | mmap, at: int, opcode: int, end: int, allowance: Allowance
+) -> list[McapRecord] | None:
     """The records in a stretch of the file; None if it is damaged."""
     body = data[at + _HEAD : end]
     stream = ReadDataStream(BytesIO(body))
     try:
         if opcode == Opcode.CHUNK:
-            return _unpacked(unpack(Chunk.read(stream)))
+            return _unpacked(unpack(Chunk.read(stream)), allowance)
         if opcode == Opcode.MESSAGE:
             return [Message.read(stream, len(body))]
         kind = _KEPT.get(opcode)
@@ -213,15 +220,15 @@ def _read(data: bytes | mmap, at: int, opcode: int, end: int) -> list[McapRecord
         return None
 
 
-def _unpacked(data: bytes) -> list[McapRecord]:
+def _unpacked(data: bytes, allowance: Allowance) -> list[McapRecord]:
     """The whole records at the beginning of a chunk's data."""
     records: list[McapRecord] = []
     with suppress(Exception):  # as above
-        records.extend(unpacked_records(data))
+        records.extend(unpacked_records(data, allowance))
     return records
 
 
-def _begun(data: bytes | mmap, at: int) -> list[McapRecord]:
+def _begun(data: bytes | mmap, at: int, allowance: Allowance) -> list[McapRecord]:
     """What can be unpacked of a chunk that the end of the file cuts off."""
     opcode, end = _frame(data, at)
     if opcode != Opcode.CHUNK or end <= len(data):
@@ -236,4 +243,4 @@ def _begun(data: bytes | mmap, at: int) -> list[McapRecord]:
     size, expected = chunk.uncompressed_size, chunk.uncompressed_crc
     if len(unpacked) >= size and zlib.crc32(unpacked) != expected:
         return []
-    return _unpacked(unpacked)
+    return _unpacked(unpacked, allowance)
