@@ -9,19 +9,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
-from mcap.writer import CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.log.mcap_file import Summary, read_summary
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     read_configuration,
     read_motion,
 )
-from linkage_ros.log.salvage import Losses, Stretch, is_mcap, read_summary, walk
+from linkage_ros.log.salvage import Losses, Stretch, walk
 from linkage_ros.run.files import is_there, open_file
 
 # No chunk of ours is as large: the chunks stay as they were.
@@ -66,26 +67,38 @@ def recover(
             cannot be written or is the source.
     """
     source, target = Path(source), Path(target)
-    with _opened(source) as data:
-        if not is_mcap(data):
-            raise LogError(f'{source} is no MCAP file: nothing in it can be recovered')
-        if not _has_configuration(source, data):
+    with _opened(source) as log:
+        if not _has_configuration(log):
             raise LogError(f'{source} has no configuration record: it cannot be recovered')
         if is_there(target) and target.samefile(source):
             raise LogError(f'{target} is the broken log itself: choose another name')
         with _replaced(target, overwrite=overwrite) as part:
-            return _copy(source, data, part, progress)
+            return _copy(log, part, progress)
+
+
+class _Source(NamedTuple):
+    """The broken log: its name, the open file, and its bytes."""
+
+    path: Path
+    stream: BinaryIO
+    data: mmap
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[bytes | mmap]:
+def _opened(path: Path) -> Iterator[_Source]:
+    """Opens a log.
+
+    Raises:
+        LogError: It cannot be read, or is no MCAP file.
+    """
     try:
         with open_file(path) as stream:
-            if not os.fstat(stream.fileno()).st_size:
-                yield b''
-                return
+            # A pipe has no size, and may have nothing to read for ever.
+            size = os.fstat(stream.fileno()).st_size
+            if not size or stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                raise LogError(f'{path} is no MCAP file: nothing in it can be recovered')
             with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
-                yield data
+                yield _Source(path, stream, data)
     except OSError as error:
         raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
 
@@ -135,34 +148,40 @@ def _is_right(record: Metadata) -> bool:
     return True
 
 
-def _stretches(source: Path, data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
+def _stretches(source: _Source, losses: Losses) -> Iterator[Stretch]:
     """What can be read of a log.
 
     Raises:
         LogError: It unpacks to too much.
     """
     try:
-        yield from walk(data, losses)
+        yield from walk(source.data, losses)
     except LogError as error:
-        raise LogError(f'{source} cannot be recovered: {error}') from error
+        raise LogError(f'{source.path} cannot be recovered: {error}') from error
 
 
-def _has_configuration(source: Path, data: bytes | mmap) -> bool:
+def _has_configuration(source: _Source) -> bool:
     return any(
         isinstance(record, Metadata) and record.name == CONFIGURATION_RECORD and _is_right(record)
-        for stretch in _stretches(source, data, Losses())
+        for stretch in _stretches(source, Losses())
         for record in stretch.records
     )
 
 
-def _copy(
-    source: Path, data: bytes | mmap, path: Path, progress: Callable[[int], object]
-) -> Recovered:
+def _spare(source: _Source) -> Summary | None:
+    """The schemas and channels that a complete file repeats at its end, if it is complete."""
+    try:
+        return read_summary(source.stream)
+    except Exception:  # noqa: BLE001, nothing bounds what damage makes a parser raise
+        return None
+
+
+def _copy(source: _Source, path: Path, progress: Callable[[int], object]) -> Recovered:
     losses, before = Losses(), 0
     with path.open('wb') as stream:
         writer = Writer(stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD)
-        copy = _Copy(writer, losses, read_summary(data))
-        for end, records, is_chunk in _stretches(source, data, losses):
+        copy = _Copy(writer, losses, _spare(source))
+        for end, records, is_chunk in _stretches(source, losses):
             for record in records:
                 copy.add(record)
             if is_chunk:
@@ -182,12 +201,12 @@ class _Copy:
         end: Last log time, ns.
     """
 
-    def __init__(self, writer: Writer, losses: Losses, summary: list[McapRecord]) -> None:
+    def __init__(self, writer: Writer, losses: Losses, spare: Summary | None) -> None:
         self.messages = self.start = self.end = 0
         self._writer, self._losses = writer, losses
         # From the end of a complete file, for messages whose first chunk is lost.
-        self._spare = {r.id: r for r in summary if isinstance(r, Channel)}
-        self._sources = {r.id: r for r in summary if isinstance(r, Schema)}
+        self._spare = spare.channels if spare else {}
+        self._sources = spare.schemas if spare else {}
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
         self._begun = False

@@ -9,33 +9,28 @@ chunk or record of ours; of a chunk that the file's end cuts off, zstd unpacks w
 from __future__ import annotations
 
 import re
-import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from io import BytesIO
 from mmap import mmap
 from typing import NamedTuple
 
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    Channel,
-    Chunk,
-    Header,
-    McapRecord,
-    Message,
-    Metadata,
-    Schema,
-)
+from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from linkage_ros.log.chunks import LARGEST, Allowance, unpack, unpacked_records
+from linkage_ros.log.chunks import (
+    HEAD,
+    LARGEST,
+    Allowance,
+    parsed,
+    stream,
+    unpack,
+    unpacked_records,
+)
 
-_HEAD = 9  # bytes of opcode and length
 _KEPT: dict[int, type[Header | Schema | Channel | Metadata | Attachment]] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -80,16 +75,11 @@ class Stretch(NamedTuple):
     is_chunk: bool
 
 
-def is_mcap(data: bytes | mmap) -> bool:
-    """Whether a file begins as MCAP files do."""
-    return data[: len(MCAP0_MAGIC)] == MCAP0_MAGIC
-
-
-def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
+def walk(data: mmap, losses: Losses) -> Iterator[Stretch]:
     """Reads the records that can be read, up to the end of the data section.
 
     Args:
-        data: The file.
+        data: The file, which begins as MCAP files do.
         losses: Is told what cannot be read.
 
     Yields:
@@ -108,7 +98,7 @@ def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
         allowance.check()
         if records is not None:
             if opcode == Opcode.MESSAGE_INDEX and hurt:
-                losses.messages += (end - at - _HEAD - 6) // 16
+                losses.messages += (end - at - HEAD.size - 6) // 16
             hurt = hurt and opcode != Opcode.CHUNK
             yield Stretch(end, records, opcode == Opcode.CHUNK)
             at = end
@@ -128,53 +118,28 @@ def walk(data: bytes | mmap, losses: Losses) -> Iterator[Stretch]:
         at = after
 
 
-def read_summary(data: bytes | mmap) -> list[McapRecord]:
-    """The schemas and channels that a complete file repeats at its end.
-
-    Args:
-        data: The file.
-
-    Returns:
-        The records; none if the file has no end, or a damaged one.
-    """
-    size = _HEAD + 20
-    at = len(data) - len(MCAP0_MAGIC) - size
-    if at < 0 or data[at] != Opcode.FOOTER:
-        return []
-    start, _, expected = struct.unpack_from('<QQI', data, at + _HEAD)
-    if not 0 < start < at or zlib.crc32(data[start : at + size - 4]) != expected:
-        return []
-    records = []
-    while start < at:
-        opcode, end = _frame(data, start)
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            records += _read(data, start, opcode, end, Allowance(len(data))) or []
-        start = end
-    return records
-
-
-def _frame(data: bytes | mmap, at: int) -> tuple[int, int]:
+def _frame(data: mmap, at: int) -> tuple[int, int]:
     """Opcode and end of the record at a place; (0, the file's end) where there is none."""
-    if at + _HEAD > len(data):
+    if at + HEAD.size > len(data):
         return 0, len(data)
-    opcode, length = struct.unpack_from('<BQ', data, at)
-    return opcode, at + _HEAD + length
+    opcode, length = HEAD.unpack_from(data, at)
+    return opcode, at + HEAD.size + length
 
 
-def _is_the_end(data: bytes | mmap, at: int) -> bool:
+def _is_the_end(data: mmap, at: int) -> bool:
     """Whether the data section ends at a place: one wrong bit makes a chunk look so."""
     opcode, end = _frame(data, at)
-    return end <= len(data) and end - at - _HEAD == _ENDS.get(opcode)
+    return end <= len(data) and end - at - HEAD.size == _ENDS.get(opcode)
 
 
-def _is_whole(data: bytes | mmap, at: int) -> bool:
+def _is_whole(data: mmap, at: int) -> bool:
     """Whether a record at a place lies within the file, and its length fits its parts."""
     opcode, end = _frame(data, at)
     if _is_the_end(data, at):
         return True
     if (opcode not in _KEPT and opcode not in _OTHERS) or end > len(data):
         return False
-    body = at + _HEAD
+    body = at + HEAD.size
     if opcode == Opcode.MESSAGE_INDEX:
         return end == body + 6 + _number(data, body + 2, 4)
     if opcode == Opcode.CHUNK:
@@ -183,39 +148,40 @@ def _is_whole(data: bytes | mmap, at: int) -> bool:
     return True
 
 
-def _effort(data: bytes | mmap, at: int) -> int:
+def _effort(data: mmap, at: int) -> int:
     """Bytes that were copied and unpacked to find out that a record is damaged."""
     if not _is_whole(data, at):
         return 0
     opcode, end = _frame(data, at)
-    unpacked = _number(data, at + _HEAD + 16, 8) if opcode == Opcode.CHUNK else 0
+    unpacked = _number(data, at + HEAD.size + 16, 8) if opcode == Opcode.CHUNK else 0
     return end - at + min(unpacked, LARGEST)
 
 
-def _number(data: bytes | mmap, at: int, size: int) -> int:
+def _number(data: mmap, at: int, size: int) -> int:
     return int.from_bytes(data[at : at + size], 'little')
 
 
-def _next_landmark(data: bytes | mmap, at: int) -> int | None:
+def _next_landmark(data: mmap, at: int) -> int | None:
     places = (found.start() for found in _LANDMARK.finditer(data, at))
     return next((place for place in places if _is_whole(data, place)), None)
 
 
 def _read(
-    data: bytes | mmap, at: int, opcode: int, end: int, allowance: Allowance
+    data: mmap, at: int, opcode: int, end: int, allowance: Allowance
 ) -> list[McapRecord] | None:
     """The records in a stretch of the file; None if it is damaged."""
-    body = data[at + _HEAD : end]
-    stream = ReadDataStream(BytesIO(body))
+    body = data[at + HEAD.size : end]
+    source = stream(body)
     try:
         if opcode == Opcode.CHUNK:
-            return _unpacked(unpack(Chunk.read(stream)), allowance)
+            return _unpacked(unpack(Chunk.read(source)), allowance)
         if opcode == Opcode.MESSAGE:
-            return [Message.read(stream, len(body))]
+            message = parsed(opcode, body)
+            return [message] if message else None
         kind = _KEPT.get(opcode)
-        found: list[McapRecord] = [kind.read(stream)] if kind else []
+        found: list[McapRecord] = [kind.read(source)] if kind else []
         # A damaged length would swallow what lies behind the record.
-        return None if kind and stream.count != len(body) else found
+        return None if kind and source.count != len(body) else found
     except Exception:  # noqa: BLE001, nothing bounds what damage makes a parser raise
         return None
 
@@ -228,13 +194,13 @@ def _unpacked(data: bytes, allowance: Allowance) -> list[McapRecord]:
     return records
 
 
-def _begun(data: bytes | mmap, at: int, allowance: Allowance) -> list[McapRecord]:
+def _begun(data: mmap, at: int, allowance: Allowance) -> list[McapRecord]:
     """What can be unpacked of a chunk that the end of the file cuts off."""
     opcode, end = _frame(data, at)
     if opcode != Opcode.CHUNK or end <= len(data):
         return []
     try:
-        chunk = Chunk.read(ReadDataStream(BytesIO(data[at + _HEAD :])))
+        chunk = Chunk.read(stream(data[at + HEAD.size :]))
         unpacking = zstandard.ZstdDecompressor(max_window_size=LARGEST)
         unpacked = unpacking.stream_reader(chunk.data).read(LARGEST)
     except Exception:  # noqa: BLE001, as above
