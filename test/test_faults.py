@@ -27,10 +27,11 @@ from test_stream import running as viewing
 
 from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import recover
+from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.diagnostics import ERROR, OK, WARN, Health, Watch
-from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import Timekeeping
 from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
 
@@ -315,15 +316,26 @@ def test_a_log_that_is_cut_off_is_said(tmp_path, size):
         log.close()
 
 
-def test_two_runs_on_one_log_are_said(tmp_path):
-    path = tmp_path / 'run.mcap'
-    one, other = (LogWriter(path, configure({'rpm': 60.0}), overwrite=True) for _ in range(2))
-    motion = Machine(configure({'rpm': 60.0})).begin(0)
-    for _ in range(3):
-        other.write_motion(motion)
-    other.flush()
-    with pytest.raises(LogError, match='give each run a log of its own'):
-        one.flush()
-    for log in (one, other):
-        with suppress(LogError):
-            log.close()
+def test_a_second_node_on_one_log_is_refused(tmp_path):
+    path, saved, domain = tmp_path / 'run.mcap', tmp_path / 'saved.mcap', fresh_domain()
+    given = node_arguments(log=str(path), log_overwrite='true')
+    with (
+        Listener(domain, HEARD) as listener,
+        running('node', *given, domain=domain) as first,
+    ):
+        more_states(listener, 20)
+        with running('node', *given, domain=fresh_domain()) as second:
+            _, words = second.communicate(timeout=30)
+            assert second.returncode == 2
+        assert f'{path} is being written by another run and is kept' in words
+        wait_for(lambda: path.stat().st_size > 10_000)
+        assert recover(path, saved).messages > 0
+        code, _ = stop(first)
+    assert code == 0
+    for log in (path, saved):
+        with LogReader(log) as whole:
+            report = verify(whole)
+            assert (report.difference, report.states > 20) == ('', True)
+    with running('node', *given, domain=domain) as third:  # the log of a run that has ended
+        wait_for(lambda: path.stat().st_size < saved.stat().st_size)
+        assert stop(third)[0] == 0

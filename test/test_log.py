@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import random
@@ -393,6 +394,54 @@ def test_a_link_to_an_existing_file_is_kept(tmp_path):
     with pytest.raises(LogError, match='exists already and is kept'):
         LogWriter(link, CONFIGURATION, overwrite=False)
     assert target.read_bytes() == b'precious'
+
+
+def test_a_log_that_another_run_writes_is_kept(path, tmp_path):
+    target, before = tmp_path / 'run.mcap', path.read_bytes()
+    with LogWriter(target, CONFIGURATION, overwrite=True) as log:
+        size = target.stat().st_size
+        with pytest.raises(LogError, match=r'run\.mcap is being written by another run') as caught:
+            LogWriter(target, CONFIGURATION, overwrite=True)
+        one_line(caught)
+        assert target.stat().st_size == size
+        log.flush()
+    write(target, overwrite=True)
+    assert target.read_bytes() == before
+
+
+def test_a_run_that_was_killed_leaves_its_log_to_the_next(tmp_path):
+    target = tmp_path / 'run.mcap'
+    program = (
+        'import os, sys\n'
+        'from linkage_ros.log.writer import LogWriter\n'
+        'from linkage_ros.run.configuration import load\n'
+        'log = LogWriter(sys.argv[1], load("quadrilateral"), overwrite=False)\n'
+        'os.kill(os.getpid(), 9)'
+    )
+    done = subprocess.run([sys.executable, '-c', program, str(target)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    write(target, overwrite=True)
+    with LogReader(target) as log:
+        assert log.configuration == CONFIGURATION
+
+
+def test_two_runs_may_log_to_a_device():
+    with (
+        LogWriter('/dev/null', CONFIGURATION, overwrite=True) as one,
+        LogWriter('/dev/null', CONFIGURATION, overwrite=True) as other,
+    ):
+        one.flush()
+        other.flush()
+
+
+def test_a_file_system_without_locks_is_written_as_ever(path, tmp_path, monkeypatch):
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, 'No locks available')
+
+    monkeypatch.setattr('fcntl.flock', no_locks)
+    target = tmp_path / 'run.mcap'
+    write(target)
+    assert target.read_bytes() == path.read_bytes()
 
 
 @pytest.mark.parametrize('overwrite', [False, True])

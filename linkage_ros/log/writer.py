@@ -67,7 +67,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
             overwrite: Whether to replace an existing file.
 
         Raises:
-            LogError: The file exists and is not to be replaced, or cannot be created.
+            LogError: The file exists and is not to be replaced, is being written by another run,
+                or cannot be created.
         """
         self.path = Path(path)
         self._begun = False
@@ -76,6 +77,11 @@ class LogWriter(AbstractContextManager['LogWriter']):
         except FileExistsError as error:
             raise LogError(
                 f'{path} exists already and is kept: choose another name, or ask to overwrite it'
+            ) from error
+        except BlockingIOError as error:
+            raise LogError(
+                f'{path} is being written by another run and is kept: choose another name, or end '
+                'that run'
             ) from error
         except OSError as error:
             self._fail(error)

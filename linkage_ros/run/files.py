@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
+import stat
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -14,7 +16,9 @@ from typing import BinaryIO, Literal
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
     """Opens a file, and waits for nobody.
 
-    A pipe into which nobody writes is empty; one from which nobody reads cannot be opened.
+    A pipe into which nobody writes is empty; one from which nobody reads cannot be opened. A file
+    that somebody writes who opened it here is not opened for writing: it would be emptied. It can
+    be read meanwhile.
 
     Args:
         path: The file.
@@ -24,10 +28,12 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
         The file, to be closed.
 
     Raises:
+        BlockingIOError: Somebody writes it.
         OSError: It cannot be opened; also where no file can have such a name.
     """
+    opener = _open_at_once if mode == 'rb' else _open_locked
     try:
-        stream = open(path, mode, opener=_open_at_once)  # noqa: SIM115, the caller's to close
+        stream = open(path, mode, opener=opener)  # noqa: SIM115, the caller's to close
     except ValueError as error:  # a NUL, or half a character
         raise OSError(errno.EINVAL, str(error)) from error
     os.set_blocking(stream.fileno(), True)
@@ -36,6 +42,37 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
 
 def _open_at_once(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK, 0o666)  # less the umask, as open does
+
+
+def _open_locked(path: str, flags: int) -> int:
+    """Opens a file for writing; it is emptied only where nobody else writes it.
+
+    Raises:
+        OSError: It cannot be opened; a BlockingIOError where somebody does.
+    """
+    number = _open_at_once(path, flags & ~os.O_TRUNC)
+    try:
+        if stat.S_ISREG(os.fstat(number).st_mode):  # /dev/null is everybody's
+            _lock(number)
+            os.ftruncate(number, 0)
+    except OSError:
+        os.close(number)
+        raise
+    return number
+
+
+def _lock(number: int) -> None:
+    """Locks a file until it is closed, or its process ends in whatever way.
+
+    Raises:
+        BlockingIOError: Somebody else has locked it.
+    """
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # some file systems of networks have no locks
+        return
 
 
 def is_there(path: Path | str) -> bool:
