@@ -17,7 +17,7 @@ from pathlib import Path
 import hostile_bombs
 import pytest
 from hostile_bombs import chunk, packed, tight, whole
-from mcap.records import Channel, Message
+from mcap.records import Channel, DataEnd, Message
 from ros_harness import command, environment, fresh_domain, running
 
 from linkage_ros import ConfigurationError, LinkageError, LogError, MotionError
@@ -373,6 +373,27 @@ def test_what_looks_like_the_beginning_of_a_chunk_is_not_tried_for_ever(tmp_path
     tries.clear()
     recover(path, tmp_path / 'out.mcap', overwrite=True)
     assert len(tries) > 10_000
+
+
+@pytest.mark.parametrize(
+    ('opcode', 'claimed'), [(5, 1), (6, 1), (0x0C, 1), (6, 2)],
+    ids=['message', 'chunk', 'metadata', 'chunk cut off'],
+)  # fmt: skip
+def test_a_huge_record_is_not_taken_into_memory(tmp_path, opcode, claimed):
+    data, size = whole(), 1 << 27
+    end = data.rindex(packed(DataEnd(0)))
+    head = struct.pack('<QQQII', 0, 0, LARGEST, 0, 4) + b'zstd' + struct.pack('<Q', claimed * size)
+    head = {5: bytes(22), 6: head, 0x0C: bytes(8)}[opcode]
+    path = stored(tmp_path, data[:end] + struct.pack('<BQ', opcode, len(head) + claimed * size))
+    with path.open('ab') as file:
+        file.write(head)
+        length = file.truncate(file.tell() + size)  # a hole: it takes no disk
+    tracemalloc.start()
+    try:
+        assert recover(path, tmp_path / 'out.mcap').losses.tail == length - end
+        assert tracemalloc.get_traced_memory()[1] < 4 * LARGEST
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_message_of_megabytes_is_not_named_value_by_value():

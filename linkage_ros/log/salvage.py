@@ -169,7 +169,9 @@ def _next_landmark(data: mmap, at: int) -> int | None:
 def _read(
     data: mmap, at: int, opcode: int, end: int, allowance: Allowance
 ) -> list[McapRecord] | None:
-    """The records in a stretch of the file; None if it is damaged."""
+    """The records in a stretch of the file; None if it is damaged, or too large to be read."""
+    if end - at > HEAD.size + LARGEST and opcode != Opcode.ATTACHMENT:
+        return None
     body = data[at + HEAD.size : end]
     source = stream(body)
     try:
@@ -199,8 +201,9 @@ def _begun(data: mmap, at: int, allowance: Allowance) -> list[McapRecord]:
     opcode, end = _frame(data, at)
     if opcode != Opcode.CHUNK or end <= len(data):
         return []
+    body = at + HEAD.size
     try:
-        chunk = Chunk.read(stream(data[at + HEAD.size :]))
+        chunk = Chunk.read(stream(data[body : body + LARGEST]))
         unpacking = zstandard.ZstdDecompressor(max_window_size=LARGEST)
         unpacked = unpacking.stream_reader(chunk.data).read(LARGEST)
     except Exception:  # noqa: BLE001, as above
