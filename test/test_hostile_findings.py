@@ -17,7 +17,7 @@ from pathlib import Path
 import hostile_bombs
 import pytest
 from hostile_bombs import chunk, packed, tight, whole
-from mcap.records import Channel, DataEnd, Message
+from mcap.records import Channel, DataEnd, Message, Statistics
 from ros_harness import command, environment, fresh_domain, running
 
 from linkage_ros import ConfigurationError, LinkageError, LogError, MotionError
@@ -350,6 +350,21 @@ def test_more_messages_than_the_summary_tells_end_the_reading(tmp_path):
     path = stored(tmp_path, whole(tight(packed(Message(0, 0, b'', 0, 0)) * 1000)))
     with LogReader(path) as log, pytest.raises(LogError, match='not as many'):
         next(log.written())
+
+
+@pytest.mark.parametrize('told', [0, 1, 2])
+def test_two_channels_of_one_topic_are_no_damage(tmp_path, told):
+    """As in a log that was merged with another; what is lost of either is found all the same."""
+    other = packed(Channel(9, '/joint_states', 'cdr', {}, 1))
+    messages = packed(*(Message(number, 0, b'', 0, 0) for number in (0, 9)))
+    counts = packed(Statistics(0, 2, {0: 1, 9: told}, 1, 1 + told, 1, 0, 2, 1))
+    path = stored(tmp_path, whole(other, tight(messages), behind=other + counts))
+    with LogReader(path) as log:
+        if told == 1:
+            assert [message.topic for message in log.written()] == ['/joint_states'] * 2
+            return
+        with pytest.raises(LogError, match='not as many'):
+            list(log.written())
 
 
 def test_as_many_channels_as_there_are_numbers_are_recovered(tmp_path):

@@ -198,18 +198,20 @@ class LogReader(AbstractContextManager['LogReader']):
         Raises:
             LogError: The file is damaged.
         """
-        expected = {topic.name: topic.messages for topic in self.topics}
+        # By channel: a file that was merged from others may have several of one topic.
+        counts = self._summary.statistics.channel_message_counts
+        expected = {number: counts.get(number, 0) for number in self._summary.channels}
         found = dict.fromkeys(expected, 0)
         with _damage_reported(self.path), open_file(self.path) as stream:
             schemas: dict[int, Schema] = {}
             channels: dict[int, Channel] = {}
             for record in mcap_file.read_data(stream):
                 if isinstance(record, Message):
-                    channel = channels[record.channel_id]
-                    found[channel.topic] = count = found.get(channel.topic, 0) + 1
-                    if count > expected.get(channel.topic, 0):
+                    number = record.channel_id
+                    found[number] = count = found.get(number, 0) + 1
+                    if count > expected.get(number, 0):
                         break
-                    yield _logged(schemas, channel, record)
+                    yield _logged(schemas, channels[number], record)
                 elif isinstance(record, Channel):
                     channels[record.id] = record
                 else:
