@@ -28,9 +28,11 @@ from linkage_ros.run.configuration import Configuration, load
 from linkage_ros.run.drives import SpeedDrive
 from linkage_ros.run.machine import Machine
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.layout import TIMELINE, layout
-from linkage_ros.view.stream import Sample, View
-from linkage_ros.view.viewer import Program, find_viewer, free_address
+from linkage_ros.view.rerun_layout import layout
+from linkage_ros.view.rerun_program import Program, find_viewer
+from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.view.scene import TIMELINE
+from linkage_ros.view.targets import free_address
 
 # Imported where it is used, after a View has told it not to warn of what is meant.
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
 from linkage_ros.record import record
 from linkage_ros.run.configuration import load
-from linkage_ros.view.viewer import SPAWN, require_screen
+from linkage_ros.view.rerun_program import require_screen
+from linkage_ros.view.targets import SPAWN
 
 _NAME = 'demo'
 _FOLDER = Path('demo')

@@ -37,7 +37,7 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.run.punctual import prepare_process
 from linkage_ros.run.stepper import Stepper
 from linkage_ros.run.torque import RunMotion, TorqueMotion
-from linkage_ros.view.stream import Sample
+from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.messages import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
 
 _NAME = 'linkage_node'

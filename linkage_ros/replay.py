@@ -22,6 +22,7 @@ from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.playback.showing import Showing
+from linkage_ros.run.configuration import VIEWERS
 from linkage_ros.run.punctual import prepare_process, wake_on_time
 
 _NAME = 'linkage_replay'
@@ -79,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
         help=f'publish the log time on /clock, HZ times a second (default {_CLOCK_HZ:g})')
     add('--topics', nargs='+', metavar='NAME', help='replay these topics only')
     add('--viewer', default='', metavar='TARGET',
-        help='also show it in Rerun: spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path')
+        help=f'also show it in Rerun: {VIEWERS}')
     add('--no-ros', action='store_true', help='do not publish, only view')
     # fmt: on
     return parser

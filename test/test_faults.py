@@ -22,8 +22,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 from ros_harness import Listener, command, fresh_domain, node_arguments, running, wait_for
 from test_node import TYPES, decoded, logged, stop
-from test_stream import free_port, listening
-from test_stream import running as viewing
+from test_rerun_view import free_port, listening
+from test_rerun_view import running as viewing
 
 from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader

@@ -39,7 +39,7 @@ ROS = {name for name in MODULES if name.startswith('ros.')} | {
 }
 MCAP = {'log.chunks', 'log.mcap_file', 'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
 UNPACKING = {'log.chunks', 'log.salvage'}
-RERUN = {'view.stream', 'view.fixed', 'view.layout', 'view.recording'}
+RERUN = {name for name in MODULES if name.startswith('view.rerun_')} - {'view.rerun_program'}
 CHARTS = {
     'charts.front',
     'charts.integration',

@@ -19,8 +19,8 @@ import pytest
 from mcap.writer import Writer
 from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
 from shell_harness import Shell, held
-from test_stream import free_port
-from test_stream import running as viewing
+from test_rerun_view import free_port
+from test_rerun_view import running as viewing
 
 from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader

@@ -34,7 +34,8 @@ from mpmath import mp, mpf
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.run.machine import Machine
-from linkage_ros.view.viewer import find_viewer, free_address
+from linkage_ros.view.rerun_program import find_viewer
+from linkage_ros.view.targets import free_address
 from linkage_ros.wire.messages import JointStateCodec
 
 DOMAIN, RATE = 85, 1000.0

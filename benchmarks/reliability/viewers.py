@@ -16,7 +16,8 @@ from typing import Any
 from harness import Process, node, wait_for
 from rerun.chunk import RrdReader
 
-from linkage_ros.view.viewer import find_viewer, free_address
+from linkage_ros.view.rerun_program import find_viewer
+from linkage_ros.view.targets import free_address
 
 PROGRAM = find_viewer()
 

@@ -10,7 +10,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.playback.feed import Item
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.worker import Worker
-from linkage_ros.view.stream import Sample, View
+from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 _CAPACITY, _PERIOD = 1_000_000, 0.03  # samples, s

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from linkage_ros.run.configuration import Configuration
 from linkage_ros.run.diagnostics import Health
 from linkage_ros.run.worker import Worker
-from linkage_ros.view.stream import Sample, View
+from linkage_ros.view.rerun_view import Sample, View
 
 # States that wait for the viewer, 4 s at 1 kHz, and s between batches.
 _CAPACITY, _PERIOD = 4_000, 0.03

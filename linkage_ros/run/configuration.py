@@ -22,6 +22,8 @@ from linkage_ros.run.parameter_file import read_parameter_file
 from linkage_ros.run.plant import Plant
 
 DEFAULT_PRESET = 'quadrilateral'
+# What a viewer may be, wherever people are told.
+VIEWERS = 'spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path'
 
 # Parameters that every ROS 2 node has.
 _ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
@@ -68,16 +70,14 @@ class Session(Checked):
         rate_hz: States a second.
         log: Path of the MCAP file; empty: no log.
         log_overwrite: Whether an existing log or .rrd file may be replaced.
-        viewer: 'spawn', 'web', a Rerun URL or the path of an .rrd file; empty: no viewer.
+        viewer: One of VIEWERS; empty: no viewer.
         viewer_bind: Address on which a spawned viewer's data, or the page, are served.
     """
 
     rate_hz: float = quantity('number', 'states a second', 'Hz', span=(0.01, 1e5), default=200.0)
     log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
     log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)
-    viewer: str = quantity(
-        'text', 'spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path; empty: none', default=''
-    )
+    viewer: str = quantity('text', f'{VIEWERS}; empty: none', default='')
     viewer_bind: str = quantity(
         'text', 'address on which a spawned viewer or the page is served', default='127.0.0.1'
     )

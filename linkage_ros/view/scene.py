@@ -22,7 +22,9 @@ from linkage_ros.view.series import Energies, Flow
 
 Stamps: TypeAlias = npt.NDArray[np.int64]
 
-# As Rerun's MCAP importer names the parts of a topic joint_states.
+# The names that Rerun's MCAP importer gives stamps and the parts of a topic joint_states: the live
+# view, a replay and a log that is opened directly have them in common.
+TIMELINE = 'ros2_timestamp'
 QUANTITIES = ('position', 'velocity', 'effort')
 PHASE_PLANE = 'phase_plane'
 

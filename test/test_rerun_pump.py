@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_stream import read, show
+from test_rerun_view import read, show
 
 from linkage_ros.core.solver import Solver
 from linkage_ros.palette import COLORS
@@ -20,9 +20,9 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.run.presets import preset_names
 from linkage_ros.view.axes import MARKS, GrowingAxes, axis
 from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.rerun_view import Sample
 from linkage_ros.view.scene import Scene
 from linkage_ros.view.series import Flow
-from linkage_ros.view.stream import Sample
 
 PUMP = load('wind_pump')
 TURN = 2 * math.pi

@@ -32,11 +32,14 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.palette import COLORS
 from linkage_ros.run.configuration import configure, load
+from linkage_ros.run.diagnostics import ERROR, WARN, Health, Watch
 from linkage_ros.run.joints import joint_values
 from linkage_ros.run.motion import CrankMotion
-from linkage_ros.view import recording, viewer
+from linkage_ros.run.stepper import Timekeeping
+from linkage_ros.run.worker import Worker
+from linkage_ros.view import rerun_program, rerun_sender
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.stream import Sample, View
+from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 rerun = pytest.importorskip('rerun')
@@ -182,10 +185,10 @@ def test_names_are_those_of_an_opened_log(tmp_path):
 def test_a_run_that_is_killed_is_kept_but_for_its_end(tmp_path):
     code = """
 import os, signal, sys
-from linkage_ros.view import stream
+from linkage_ros.view import rerun_view
 from linkage_ros.run.configuration import load
-from linkage_ros.view.stream import Sample, View
-stream._FILE_SECONDS = 0.0
+from linkage_ros.view.rerun_view import Sample, View
+rerun_view._FILE_SECONDS = 0.0
 view = View(load('quadrilateral'), sys.argv[1])
 for k in range(100):
     view.consume([Sample(k * 10**7, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3)])
@@ -346,7 +349,7 @@ def test_y_is_up_and_a_link_has_the_colour_of_its_curves(tmp_path):
     ],
 )
 def test_other_targets_are_refused_in_a_line_that_names_the_right_ones(target):
-    valid = r'spawn, web, rerun\+http://HOST:PORT/proxy or the path of an \.rrd file'
+    valid = r'spawn, web, rerun\+http://HOST:PORT/proxy or a \.rrd path'
     with pytest.raises(ViewerError, match=rf'^viewer = {target!r} is not one of: {valid}$'.replace(
         'rerun+http://127', r'rerun\+http://127')):  # fmt: skip
         View(CONFIGURATION, target)
@@ -378,10 +381,10 @@ def test_a_full_disk_is_one_error(tmp_path):
     code = """
 import resource, sys
 from linkage_ros import ViewerError
-from linkage_ros.view import recording, stream
+from linkage_ros.view import rerun_sender, rerun_view
 from linkage_ros.run.configuration import load
-from linkage_ros.view.stream import Sample, View
-recording._WRITE_SECONDS, stream._FILE_SECONDS = 0.5, 0.0
+from linkage_ros.view.rerun_view import Sample, View
+rerun_sender._WRITE_SECONDS, rerun_view._FILE_SECONDS = 0.5, 0.0
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 view = View(load('quadrilateral'), sys.argv[1])
 try:
@@ -405,7 +408,7 @@ def test_without_rerun_the_package_to_install_is_named(monkeypatch):
 
 
 def test_rerun_is_imported_by_the_first_view_and_not_before():
-    code = 'import sys, linkage_ros.view.stream; sys.exit("rerun" in sys.modules)'
+    code = 'import sys, linkage_ros.view.rerun_view; sys.exit("rerun" in sys.modules)'
     subprocess.run([sys.executable, '-c', code], check=True, timeout=PATIENCE)
 
 
@@ -571,6 +574,14 @@ def test_a_window_outlives_the_run_and_its_terminal(window):
         assert process.poll() is None
 
 
+def test_a_window_that_crashes_is_told_from_one_that_was_closed(window):
+    window('kill -SEGV $$')
+    with opened('spawn') as (view, process):
+        process.wait(PATIENCE)
+        with pytest.raises(ViewerError, match=r'^the viewer has ended \(signal 11, Segmentation'):
+            view.consume([])
+
+
 def test_a_window_that_cannot_open_says_why(window):
     window('echo noise >&2; echo "Error: winit: no X server" >&2; exit 1')
     with opened('spawn') as (view, process):
@@ -595,7 +606,7 @@ def test_a_program_that_does_not_run_is_named(window, tmp_path):
 
 def test_the_program_is_found_beside_the_sdk(monkeypatch):
     monkeypatch.delenv('RERUN_CLI_PATH', raising=False)
-    assert viewer.find_viewer() == PROGRAM
+    assert rerun_program.find_viewer() == PROGRAM
 
 
 @pytest.mark.skipif(sys.platform != 'linux', reason='screens are named so on Linux')
@@ -611,7 +622,7 @@ def test_without_a_screen_there_is_no_window(monkeypatch):
 HOSTING = """
 import sys, time
 from linkage_ros.run.configuration import load
-from linkage_ros.view.stream import View
+from linkage_ros.view.rerun_view import View
 view = View(load('quadrilateral'), 'web')
 print(view._program.process.pid, view.page, flush=True)
 time.sleep(60)
@@ -646,6 +657,48 @@ def test_a_page_is_hosted_here_alone_without_a_screen_while_the_run_lasts(monkey
         assert process.poll() is None
     assert process.poll() is not None
     assert reached(view.page) == ''
+
+
+@pytest.mark.parametrize(
+    ('number', 'words'),
+    [(signal.SIGKILL, '9, Killed'), (signal.SIGTERM, '15, Terminated')],
+)
+def test_a_page_whose_host_is_killed_is_an_error_in_the_diagnostics(number, words):
+    with opened('web') as (view, process):
+        errors = []
+        worker = Worker('view', view, capacity=10, period=0.01, on_error=errors.append)
+        wait_until(lambda: reached(view.page))
+        assert errors == []
+        process.send_signal(number)
+        wait_until(lambda: worker.error)
+        worker.close(PATIENCE)
+        health = Health('web', worker.dropped, worker.error, view.trouble)
+        _, status = Watch('linkage_node').report(Timekeeping(), {}, {'viewer': health})
+    assert status.level == ERROR
+    assert status.message.startswith(f'failed: the viewer has ended (signal {words})')
+    assert len(errors) == 1
+
+
+def stop_listening(port):
+    """As if Rerun's server had ended, which is a thread of this process."""
+    for entry in Path('/proc/self/fd').iterdir():
+        with (
+            suppress(OSError, TypeError, IndexError),
+            socket.socket(fileno=os.dup(int(entry.name))) as other,
+        ):
+            if other.getsockname()[1] == port:
+                other.shutdown(socket.SHUT_RDWR)
+
+
+def test_data_that_are_no_longer_served_are_a_warning_in_the_diagnostics(window):
+    window('exec sleep 30')
+    with opened('spawn') as (view, _):
+        assert view.trouble == ''
+        stop_listening(urllib.parse.urlsplit(view.url).port)
+        assert view.trouble == f'the data are no longer served at {view.url}: start the run again'
+        health = Health('spawn', 0, None, view.trouble)
+        _, status = Watch('linkage_node').report(Timekeeping(), {}, {'viewer': health})
+    assert (status.level, status.message) == (WARN, health.trouble)
 
 
 def test_a_page_ends_with_a_run_that_is_killed():
@@ -694,8 +747,8 @@ def test_a_viewer_at_a_url_gets_all_there_is(tmp_path):
 def test_a_viewer_that_comes_late_ends_and_comes_again_gets_what_is_shown_while_it_is_there(
     tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(recording, '_ANSWER_SECONDS', 0.0)
-    monkeypatch.setattr(recording, '_RETRY_SECONDS', 0.05)
+    monkeypatch.setattr(rerun_sender, '_ANSWER_SECONDS', 0.0)
+    monkeypatch.setattr(rerun_sender, '_RETRY_SECONDS', 0.05)
     samples, _ = run_of(CONFIGURATION, 300)
     port = free_port()
     url = f'rerun+http://127.0.0.1:{port}/proxy'
@@ -763,7 +816,7 @@ def test_a_viewer_that_stops_reading_is_left_out_until_it_reads_again():
 STUCK = """
 import socket, sys, threading, time
 from linkage_ros.run.configuration import load
-from linkage_ros.view.stream import Sample, View
+from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.run.worker import Worker
 server = socket.create_server(('127.0.0.1', 0))
 kept = []

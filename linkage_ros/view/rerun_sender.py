@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A Rerun recording that is sent without ever waiting for ever.
+"""Sends rows to Rerun without ever waiting for ever.
 
 Left to itself, the Rerun SDK waits for ever for a viewer that has stopped reading: in calls that
 log, in disconnect, and in an exit handler. Therefore a batch is sent only once the one before
@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from linkage_ros.errors import ViewerError
-from linkage_ros.view.layout import TIMELINE
-from linkage_ros.view.scene import Kind, Rows
-from linkage_ros.view.viewer import (
+from linkage_ros.view.scene import TIMELINE, Kind, Rows
+from linkage_ros.view.targets import (
     SPAWN,
     WEB,
     answers,
     create_file,
     free_address,
+    is_served,
     reachable,
     viewer_address,
 )
@@ -49,7 +49,7 @@ _ANSWER_SECONDS = 3.0  # a viewer that was started a moment ago needs about one
 _RETRY_SECONDS = 1.0  # between two looks for a viewer
 
 
-class Recording:
+class Sender:
     """Sends to a viewer elsewhere, to whoever connects here, or to a file.
 
     Attributes:
@@ -62,7 +62,7 @@ class Recording:
         """Opens it.
 
         Args:
-            target: As for a View.
+            target: One of VIEWERS.
             bind: Address on which data are served.
             begin: Called with the recording at each connection: sends what never changes.
             overwrite: Whether to replace an existing file.
@@ -77,12 +77,14 @@ class Recording:
         self.url: str | None = None
         self.exposed = False
         self._absent = False
+        self._port = 0
         self._target, self._begin = target, begin
         self._address = viewer_address(target)
         self._lags = False
         self._retry = 0.0
         if target in (SPAWN, WEB):
             host, port, self.exposed = free_address(bind)
+            self._port = port
             self._sink: rr.GrpcServerSink | rr.GrpcSink | rr.FileSink = rr.GrpcServerSink(
                 host, port, server_memory_limit=_SERVED
             )
@@ -106,6 +108,8 @@ class Recording:
         """Why nothing can be sent now, in words; empty: it can."""
         if self._absent:
             return f'no viewer answers at {self._target}: states are left out until one does'
+        if self._port and not is_served(self._port):
+            return f'the data are no longer served at {self.url}: start the run again'
         where = self.url or self._target
         words = f'the viewer at {where} does not read: states are left out until it does'
         return words if self._lags else ''

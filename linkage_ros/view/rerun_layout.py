@@ -18,16 +18,12 @@ from linkage_ros.palette import COLORS, GREY, Color
 from linkage_ros.run.configuration import Configuration
 from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.view.axes import ASPECT
-from linkage_ros.view.scene import PHASE_PLANE
+from linkage_ros.view.scene import PHASE_PLANE, TIMELINE
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
-
-# The names that Rerun's MCAP importer gives a topic joint_states: the same plots fit the live
-# view, a replay and a log that is opened directly.
-TIMELINE = 'ros2_timestamp'
 
 # Turns plotted: no fewer than the first, no more than the second if that is enough for the eye.
 _FEW_TURNS, _MANY_TURNS, _FOR_THE_EYE, _FOR_PATIENCE = 4, 10, 2.0, 60.0  # s the last two

@@ -12,21 +12,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from linkage_ros.run.configuration import Configuration
-from linkage_ros.view.fixed import fixed_components
-from linkage_ros.view.layout import layout
-from linkage_ros.view.recording import Recording
-from linkage_ros.view.scene import Scene
-from linkage_ros.view.viewer import (
-    SPAWN,
-    WEB,
+from linkage_ros.view.rerun_layout import layout
+from linkage_ros.view.rerun_program import (
     Program,
     find_viewer,
     host_page,
-    is_connected,
     open_window,
     require_screen,
-    viewer_address,
 )
+from linkage_ros.view.rerun_sender import Sender
+from linkage_ros.view.rerun_static import fixed_components
+from linkage_ros.view.scene import Scene
+from linkage_ros.view.targets import SPAWN, WEB, is_connected, viewer_address
 
 # Rerun is imported where it is used, which is in a View.
 if TYPE_CHECKING:
@@ -42,7 +39,8 @@ class Sample(NamedTuple):
 
     Attributes:
         stamp: ns.
-        position: The crank's unwrapped, the coupler's from the crank, the output link's; rad, m.
+        position: The crank's unwrapped; of a link that hangs on another (coupler, rod) the angle
+            from that one; rad, m.
         velocity: rad/s or m/s.
         effort: N m.
     """
@@ -85,7 +83,7 @@ class View:
 
         Args:
             configuration: Of the run.
-            target: 'spawn', 'web', 'rerun+http://HOST:PORT/proxy' or the path of an .rrd file.
+            target: One of VIEWERS.
             bind: Address on which the data for a window or a page, and the page, are served.
             overwrite: Whether to replace an existing file.
 
@@ -103,8 +101,8 @@ class View:
         if target == SPAWN:
             require_screen()
         binary = find_viewer() if target in (SPAWN, WEB) else None
-        self._recording = Recording(target, bind, self._begin, overwrite=overwrite)
-        self.url, self.exposed = self._recording.url, self._recording.exposed
+        self._sender = Sender(target, bind, self._begin, overwrite=overwrite)
+        self.url, self.exposed = self._sender.url, self._sender.exposed
         self._program: Program | None = None
         if binary and self.url:
             if target == SPAWN:
@@ -115,7 +113,7 @@ class View:
     @property
     def trouble(self) -> str:
         """Why nothing is shown now, in words; empty where all is well."""
-        if words := self._recording.trouble:
+        if words := self._sender.trouble:
             return words
         if self._has_lost_its_window():
             return (
@@ -131,7 +129,7 @@ class View:
             samples: In the order of their stamps.
 
         Raises:
-            ViewerError: The window could not open, or the disk is full.
+            ViewerError: The window could not open, the page's host has ended, or the disk is full.
         """
         if self._program:
             self._program.check()
@@ -147,12 +145,12 @@ class View:
         try:
             self._release()
         finally:
-            self._recording.close()
+            self._sender.close()
 
     def discard(self) -> None:
         """Closes the view and removes the file that it has made, if any."""
         self.close()
-        if self._recording.is_file:
+        if self._sender.is_file:
             Path(self._target).unlink(missing_ok=True)
 
     def _has_lost_its_window(self) -> bool:
@@ -172,11 +170,11 @@ class View:
 
     def _release(self) -> None:
         samples, self._waiting = self._waiting, []
-        if self._recording.is_file:
+        if self._sender.is_file:
             self._due = time.monotonic() + _FILE_SECONDS
         for start in range(0, len(samples), _BATCH):
             batch = samples[start : start + _BATCH]
-            if self._recording.ready():
+            if self._sender.ready():
                 self._show(batch)
             else:
                 self.dropped += len(batch)
@@ -186,4 +184,4 @@ class View:
         if self._wall_clock is None:
             self._wall_clock = bool(stamps[0] >= _WALL_CLOCK)
         for rows in self._scene.advance(stamps, *values):
-            self._recording.send(rows, wall_clock=self._wall_clock)
+            self._sender.send(rows, wall_clock=self._wall_clock)

@@ -1,0 +1,155 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where a view goes: the names of a target, and the addresses and the file that belong to it."""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import re
+import socket
+import time
+from pathlib import Path
+
+from linkage_ros.core.quantities import shown
+from linkage_ros.errors import ViewerError
+from linkage_ros.run.configuration import VIEWERS
+
+SPAWN, WEB = 'spawn', 'web'
+
+_URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
+_LAST_PORT = 65535
+_SOCKETS = '/proc/net/tcp', '/proc/net/tcp6'
+# States of a socket, as Linux writes them there.
+_CONNECTED, _LISTENS = '01', '0A'
+
+
+def free_address(bind: str) -> tuple[str, int, bool]:
+    """Finds where to serve.
+
+    Args:
+        bind: An IP address of this machine.
+
+    Returns:
+        The address as URLs write it, a free port, and whether other machines reach it.
+
+    Raises:
+        ViewerError: It is no such address.
+    """
+    try:
+        address = ipaddress.ip_address(bind)
+        family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
+        with socket.socket(family) as probe:
+            probe.bind((bind, 0))
+            port: int = probe.getsockname()[1]
+    except (ValueError, OSError) as error:
+        raise ViewerError(
+            f'viewer_bind = {shown(bind)} is no address of this machine: 127.0.0.1 serves this '
+            'machine alone, 0.0.0.0 every network it is in'
+        ) from error
+    host = f'[{address}]' if address.version == 6 else str(address)
+    return host, port, not address.is_loopback
+
+
+def viewer_address(target: str) -> tuple[str, int] | None:
+    """Reads the URL of a viewer.
+
+    Args:
+        target: What was typed.
+
+    Returns:
+        Its host and port; None: it is no such URL.
+    """
+    match = _URL.fullmatch(target)
+    if match is None or int(match[2]) > _LAST_PORT:
+        return None
+    return match[1].strip('[]'), int(match[2])
+
+
+def answers(address: tuple[str, int], patience: float) -> bool:
+    """Whether something takes connections where a viewer should.
+
+    Args:
+        address: Of the viewer.
+        patience: How long to go on asking, s; it is asked at least once.
+
+    Returns:
+        Whether it does.
+    """
+    deadline = time.monotonic() + patience
+    while True:
+        with contextlib.suppress(OSError):
+            socket.create_connection(address, timeout=1).close()
+            return True
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.1)
+
+
+def is_connected(port: int) -> bool:
+    """Whether anybody is connected to a port of this machine.
+
+    Args:
+        port: The port.
+
+    Returns:
+        Whether there is a connection.
+    """
+    return _has_socket(port, _CONNECTED)
+
+
+def is_served(port: int) -> bool:
+    """Whether anything takes connections at a port of this machine.
+
+    Args:
+        port: The port.
+
+    Returns:
+        Whether something does.
+    """
+    return _has_socket(port, _LISTENS)
+
+
+def _has_socket(port: int, wanted: str) -> bool:
+    tables = (path for path in map(Path, _SOCKETS) if path.exists())  # without IPv6, one
+    lines = (line.split() for path in tables for line in path.read_text().splitlines()[1:])
+    return any(own.endswith(f':{port:04X}') and state == wanted for _, own, _, state, *_ in lines)
+
+
+def reachable(host: str) -> str:
+    """What a browser elsewhere has to ask for where something is served on every address.
+
+    Args:
+        host: From `free_address`.
+
+    Returns:
+        The address, or this machine's name instead of all addresses.
+    """
+    return socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
+
+
+def create_file(target: str, *, overwrite: bool) -> None:
+    """Creates an empty recording.
+
+    Args:
+        target: Its path.
+        overwrite: Whether to replace an existing file.
+
+    Raises:
+        ViewerError: It is no path of an .rrd file, the file exists and is not to be replaced,
+            or it cannot be created.
+    """
+    path = Path(target)
+    if path.suffix != '.rrd' or path.is_dir() or '://' in target:
+        raise ViewerError(f'viewer = {shown(target)} is not one of: {VIEWERS}')
+    try:
+        path.open('wb' if overwrite else 'xb').close()
+    except FileExistsError as error:
+        raise ViewerError(
+            f'{target} exists already and is kept: choose another name, or delete it first'
+        ) from error
+    except OSError as error:
+        raise ViewerError(
+            f'viewer = {shown(target)} cannot be written ({error.strerror or error}); '
+            f'a viewer is one of: {VIEWERS}'
+        ) from error
