@@ -30,6 +30,7 @@ import numpy as np
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
+from linkage_ros.palette import BLUE, VERMILION, fractions
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.presets import preset_path
 from linkage_ros.wire.messages import JointStateCodec
@@ -190,11 +191,11 @@ def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     for rpm, name in dict.fromkeys((rpm, name) for rpm, name, _ in curves):
         row, column = 2 * speeds.index(rpm), names.index(name)
         for feed_forward, color, words in (
-            (False, '#0072b2', 'PI alone'), (True, '#d55e00', 'with feed-forward'),
+            (False, BLUE, 'PI alone'), (True, VERMILION, 'with feed-forward'),
         ):  # fmt: skip
             times, ripple, effort = curves[rpm, name, feed_forward]
-            axes[row, column].plot(times, 100 * ripple, color=color, label=words)
-            axes[row + 1, column].plot(times, effort, color=color)
+            axes[row, column].plot(times, 100 * ripple, color=fractions(color), label=words)
+            axes[row + 1, column].plot(times, effort, color=fractions(color))
         axes[row, column].set_title(f'{rpm:g} rpm, {name}', fontsize=10)
         axes[row + 1, column].set_xlabel('time, s')
     for row in range(0, rows, 2):

@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from sheet import BLACK, Sheet
+from sheet import Sheet
 
 import linkage_ros as lr
 from linkage_ros.core.kinematics import structure_of
@@ -24,10 +24,9 @@ from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.core.structure import Point
 from linkage_ros.core.wind_pump import WindPumpKinematics
-from linkage_ros.palette import COLORS, GREY, Color
+from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color
 from linkage_ros.view.drawing import Drawing
 
-_GROUND: Color = (110, 110, 110)
 _PALE = 0.25  # opacity of the other assembly
 
 
@@ -122,15 +121,15 @@ def four_bar() -> Picture:
     sheet = Picture(mechanism, math.radians(65), (960, 700, 400, 120 + 470j), names)
     at, (alpha, beta, gamma) = sheet.at, sheet.directions
     crank, coupler, rocker = (COLORS[name] for name in ('crank', 'coupler', 'rocker'))
-    sheet.arrow(0j, 0.75 + 0j, _GROUND)
-    sheet.text(0.75 + 0j, 'x of base_link', _GROUND, shift=8 - 8j, anchor='start')
+    sheet.arrow(0j, 0.75 + 0j, DARK)
+    sheet.text(0.75 + 0j, 'x of base_link', DARK, shift=8 - 8j, anchor='start')
     sheet.dashes(at['A0'], at['B0'])
     sheet.along((at['A0'], at['A']), 'crank.length r', crank, 18)
     sheet.along((at['A'], at['B']), 'coupler.length b', coupler, -18)
     sheet.along((at['B'], at['B0']), 'rocker.length c', rocker, -18)
-    sheet.along((at['A0'], at['B0']), 'frame.length d', _GROUND, 18)
+    sheet.along((at['A0'], at['B0']), 'frame.length d', DARK, 18)
     sheet.angle('A0', (0, alpha), 48, crank, 'alpha', 4 + 8j)
-    sheet.angle('A0', (0, mechanism.frame.angle), 250, _GROUND, 'frame.angle delta', 8 + 3j)
+    sheet.angle('A0', (0, mechanism.frame.angle), 250, DARK, 'frame.angle delta', 8 + 3j)
     sheet.angle('A', (0, beta), 70, coupler, 'beta', 6 + 0j)
     sheet.angle('B0', (0, gamma), 48, rocker, 'gamma', 22 + 0j)
     sheet.angle('B', (beta + math.pi, gamma + math.pi), 60, BLACK, 'mu', -2 - 14j)
@@ -165,9 +164,9 @@ def slider_crank() -> Picture:
     foot = 1j * e * guide
     sheet.dashes(-0.5 * guide, 1.05 * guide)
     sheet.dashes(foot - 1.0 * guide, foot + 1.3 * guide)
-    sheet.arrow(0j, 0.75 + 0j, _GROUND)
-    sheet.text(0.75 + 0j, 'x of base_link', _GROUND, shift=8 - 4j, anchor='start')
-    sheet.angle('A0', (0, delta), 230, _GROUND, 'frame.angle', 8 + 2j)
+    sheet.arrow(0j, 0.75 + 0j, DARK)
+    sheet.text(0.75 + 0j, 'x of base_link', DARK, shift=8 - 4j, anchor='start')
+    sheet.angle('A0', (0, delta), 230, DARK, 'frame.angle', 8 + 2j)
     sheet.angle('A0', (delta, crank_angle), 48, crank, 'alpha', 4 + 8j)
     sheet.text(0.45 * at['A'], 'crank.length r', crank, shift=-12 + 0j, anchor='end')
     sheet.arc(0j, 85, (math.radians(215), math.radians(320)), crank)

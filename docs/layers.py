@@ -14,9 +14,20 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from sheet import BLACK, Sheet
+from sheet import Sheet
 
-from linkage_ros.palette import GREY, Color
+from linkage_ros.palette import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Color,
+    mixed,
+)
 
 sys.path.append(str(Path(__file__).parents[1] / 'test'))
 import test_layers as house
@@ -31,9 +42,11 @@ _MESSAGES = ('rcl_interfaces', '_msgs')  # come with rclpy
 _NAMES, _ROOMS, _LIBRARIES, _STAIRS, _END = 34, 190, 1110, 1290, 1670
 # Heights of a row of rooms, of a room and of the rest of a floor; widths of a letter and a stair.
 _ROW, _ROOM, _REST, _LETTER, _STAIR = 38, 30, 58, 11.6, 34
+# Dark enough to be read on a pale ground.
 _INKS: tuple[Color, ...] = (
-    (0, 114, 178), (213, 94, 0), (0, 130, 95), (175, 80, 135), (128, 96, 0), (70, 125, 190),
-    (150, 60, 60), (90, 90, 160), (0, 120, 130), (105, 125, 30), BLACK,
+    BLUE, VERMILION, mixed(GREEN, BLACK, 0.2), mixed(PURPLE, BLACK, 0.3),
+    mixed(ORANGE, BLACK, 0.5), mixed(SKY, BLACK, 0.4), mixed(VERMILION, BLACK, 0.6),
+    mixed(BLUE, BLACK, 0.6), mixed(GREEN, BLACK, 0.6), mixed(PURPLE, BLACK, 0.7), BLACK,
 )  # fmt: skip
 
 

@@ -11,9 +11,8 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from linkage_ros.palette import GREY, Color
+from linkage_ros.palette import BLACK, GREY, Color
 
-BLACK: Color = (40, 40, 40)
 _SIZE = 19  # of the letters, px: half of it can still be read
 
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""One colour for each link, wherever it is shown.
+"""All colours, wherever something is shown: in Rerun, in charts, in the documents, in URDF.
 
-From the palette of Okabe and Ito, which colour-blind people can tell apart: those that stand out
-from black and from white alike. A link and its curves have the same colour.
+The palette of Okabe and Ito, which colour-blind people can tell apart, and greys. A link and its
+curves have the same colour; those of links stand out from black and from white alike.
 """
 
 from __future__ import annotations
@@ -12,11 +12,44 @@ from typing import TypeAlias
 
 Color: TypeAlias = tuple[int, int, int]
 
-COLORS: dict[str, Color] = {
-    'crank': (213, 94, 0),
-    'coupler': (0, 114, 178),
-    'rocker': (0, 158, 115),
-    'rod': (204, 121, 167),
-    'slider': (0, 158, 115),
-}
+VERMILION: Color = (213, 94, 0)
+BLUE: Color = (0, 114, 178)
+GREEN: Color = (0, 158, 115)
+PURPLE: Color = (204, 121, 167)
+ORANGE: Color = (230, 159, 0)
+SKY: Color = (86, 180, 233)
+BLACK: Color = (40, 40, 40)
+DARK: Color = (110, 110, 110)
 GREY: Color = (150, 150, 150)
+WHITE: Color = (255, 255, 255)
+
+COLORS: dict[str, Color] = {
+    'crank': VERMILION,
+    'coupler': BLUE,
+    'rocker': GREEN,
+    'rod': PURPLE,
+    'slider': GREEN,
+}
+
+
+def mixed(color: Color, other: Color, share: float) -> Color:
+    """A colour between two others.
+
+    Args:
+        color: The one.
+        other: The other: paler with WHITE, darker with BLACK.
+        share: Of the other, from 0 to 1.
+
+    Returns:
+        The colour.
+    """
+    red, green, blue = (
+        round((1 - share) * a + share * b) for a, b in zip(color, other, strict=True)
+    )
+    return red, green, blue
+
+
+def fractions(color: Color) -> tuple[float, float, float]:
+    """A colour as matplotlib has it, each part from 0 to 1."""
+    red, green, blue = color
+    return red / 255, green / 255, blue / 255

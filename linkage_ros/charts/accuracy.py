@@ -10,7 +10,6 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linkage_ros.charts import front
 from linkage_ros.charts.front import (
     CEILING,
     Style,
@@ -22,24 +21,26 @@ from linkage_ros.charts.front import (
 from linkage_ros.methods.accuracy import Point
 from linkage_ros.methods.chain import BATCH, ONE, QUANTITIES
 from linkage_ros.methods.table import DEFAULT, METHODS
+from linkage_ros.palette import BLACK, BLUE, DARK, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 _SPAN = (3e-15, 0.2)  # errors between which settings are written
 _SHORT = {'tolerance': '', 'steps': 'n=', 'nodes': 'N=', 'harmonics': 'H=', 'step': 'h='}
 
+# The default has the colour that stands out most.
 _STYLES = {
-    DEFAULT: Style('*', front.VERMILION, size=13, above=True),
-    'factored, float32': Style('*', front.VERMILION, filled=False, size=9),
-    'half-angle': Style('s', front.BLUE),
-    'inverse cosine': Style('D', front.SKY),
-    'Newton-Raphson, warm': Style('^', front.GREEN),
-    'Newton-Raphson, cold': Style('v', front.GREEN, filled=False),
-    'table, cubic Hermite': Style('o', front.PURPLE),
-    'Fourier series': Style('o', front.PURPLE, filled=False),
-    '2x2 solve': Style('P', front.ORANGE, size=7),
-    'sine formula': Style('X', '#8b4513', size=7),
-    'central differences': Style('.', front.GREY, size=7),
-    'power balance': Style('h', front.BLACK, size=7),
-    'constrained Newton-Euler': Style('X', front.BLACK, size=7),
+    DEFAULT: Style('*', VERMILION, size=13, above=True),
+    'factored, float32': Style('*', VERMILION, filled=False, size=9),
+    'half-angle': Style('s', BLUE),
+    'inverse cosine': Style('D', SKY),
+    'Newton-Raphson, warm': Style('^', GREEN),
+    'Newton-Raphson, cold': Style('v', GREEN, filled=False),
+    'table, cubic Hermite': Style('o', PURPLE),
+    'Fourier series': Style('o', PURPLE, filled=False),
+    '2x2 solve': Style('P', ORANGE, size=7),
+    'sine formula': Style('X', SKY, size=7),
+    'central differences': Style('.', DARK, size=7),
+    'power balance': Style('h', BLACK, size=7),
+    'constrained Newton-Euler': Style('X', BLACK, size=7),
 }
 
 

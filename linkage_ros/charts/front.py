@@ -15,10 +15,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
 from linkage_ros.methods.accuracy import RIGHT, Point
+from linkage_ros.palette import BLACK, Color, fractions
 
-# The palette of Okabe and Ito; the default has the colour that stands out most.
-VERMILION, ORANGE, BLUE, SKY = '#d55e00', '#e69f00', '#0072b2', '#56b4e9'
-GREEN, PURPLE, BLACK, GREY = '#009e73', '#cc79a7', '#000000', '#666666'
 CEILING = 10.0  # where errors without bound are drawn
 _LEAST = 1e-17  # an error of nothing, on a logarithmic axis
 
@@ -36,7 +34,7 @@ class Style(NamedTuple):
     """
 
     marker: str
-    color: str
+    color: Color
     filled: bool = True
     size: float = 5.0
     dotted: bool = False
@@ -45,11 +43,12 @@ class Style(NamedTuple):
     @property
     def look(self) -> dict[str, Any]:
         """For matplotlib."""
+        color = fractions(self.color)
         return {
             'marker': self.marker,
-            'color': self.color,
+            'color': color,
             'markersize': self.size,
-            'markerfacecolor': self.color if self.filled else 'white',
+            'markerfacecolor': color if self.filled else 'white',
             'linestyle': ':' if self.dotted else '-',
         }
 
@@ -89,7 +88,7 @@ def draw_panel(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
     if front:
         axes.step(
             [p.us_per_state for p in front], [max(p.max_error, _LEAST) for p in front],
-            where='post', color=BLACK, linewidth=1.0, alpha=0.7, zorder=2,
+            where='post', color=fractions(BLACK), linewidth=1.0, alpha=0.7, zorder=2,
         )  # fmt: skip
     failed = dict.fromkeys(p.method for p in points if p not in drawn)
     if failed:
@@ -127,9 +126,10 @@ def write_words(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
     for point in drawn:
         if not ((words := wording.words(point)) and least < point.max_error < most):
             continue
+        color = fractions(wording.style(point).color)
         text = axes.annotate(
             words, (point.us_per_state, point.max_error), fontsize=7, xytext=(5, 1),
-            color=wording.style(point).color, textcoords='offset points', annotation_clip=True,
+            color=color, textcoords='offset points', annotation_clip=True,
         )  # fmt: skip
         box = text.get_window_extent()
         if any(box.overlaps(other) for other in taken):
@@ -141,6 +141,6 @@ def write_words(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
 def front_handles() -> list[Line2D]:
     """For a legend: the front, and where no front goes."""
     return [
-        Line2D([], [], color=BLACK, linewidth=1.0, label='front of right answers'),
+        Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right answers'),
         Line2D([], [], color='0.85', linewidth=7, label=f'worse than {RIGHT:g}: not on the front'),
     ]

@@ -11,21 +11,21 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linkage_ros.charts import front
 from linkage_ros.charts.front import Style, Wording, draw_panel, front_handles
 from linkage_ros.methods.accuracy import Point
 from linkage_ros.methods.motion_accuracy import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.methods.table import LIVE, RECORDS, Integrator, label
+from linkage_ros.palette import BLUE, DARK, GREEN, PURPLE, VERMILION
 
 _STYLES = {
-    LIVE: Style('o', front.VERMILION),
-    RECORDS: Style('*', front.VERMILION, filled=False, size=11, above=True),
-    'DOP853': Style('s', front.BLUE),
-    'RK4': Style('^', front.GREEN),
-    'Radau': Style('D', front.PURPLE),
-    'multipliers, unstabilised': Style('X', front.GREY, size=6),
+    LIVE: Style('o', VERMILION),
+    RECORDS: Style('*', VERMILION, filled=False, size=11, above=True),
+    'DOP853': Style('s', BLUE),
+    'RK4': Style('^', GREEN),
+    'Radau': Style('D', PURPLE),
+    'multipliers, unstabilised': Style('X', DARK, size=6),
 }
-_STAR = Style('*', front.VERMILION, size=13, above=True)
+_STAR = Style('*', VERMILION, size=13, above=True)
 _PANELS = (
     (TRAJECTORY, MEAN, 'trajectory'),
     (ENERGY, MEAN, 'energy'),

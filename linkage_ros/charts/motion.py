@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 
 from linkage_ros.core.curves import Curves, extent
 from linkage_ros.core.numeric import Array
-from linkage_ros.palette import COLORS, GREY, Color
+from linkage_ros.palette import BLACK, COLORS, DARK, GREY, PURPLE, Color, fractions
 from linkage_ros.view.drawing import Drawing
 
 # As matplotlib has them: a line that is solid or dashed, and a colour.
@@ -35,11 +35,10 @@ _DPI, _TEXT, _NUMBERS, _LABELS = 140, 10.0, 8.5, 9.0
 _TORQUE = 'Driving torque'
 _SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel.'}
 _STYLES: tuple[_Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
-_BLACK: Color = (25, 25, 25)
 # That of the link which turns about the pin; what belongs to no link has none's.
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': COLORS['rod'],
-    'guide': _BLACK, 'x': _BLACK, 'y': COLORS['rod'], 'moment': _BLACK, 'power, W': _BLACK,
+    'guide': BLACK, 'x': BLACK, 'y': PURPLE, 'moment': BLACK, 'power, W': BLACK,
 }  # fmt: skip
 
 
@@ -228,21 +227,18 @@ def _draw_linkage(axes: Axes, curves: Curves) -> None:
     state = curves.solver.state([math.pi / 4], 0.0)
     points = drawing.place(np.stack(state.position, axis=-1))
     for line in drawing.ground:
-        axes.plot(*line.T, color=_rgb(GREY), linewidth=0.9)
+        axes.plot(*line.T, color=fractions(GREY), linewidth=0.9)
     for link, track in drawing.paths.items():
-        axes.plot(*track.T, color=_rgb(COLORS[link]), linewidth=0.8)
+        axes.plot(*track.T, color=fractions(COLORS[link]), linewidth=0.8)
     for link, lines in drawing.links(points).items():
-        axes.plot(*lines[0].T, color=_rgb(COLORS[link]), linewidth=2.6, solid_capstyle='round')
+        axes.plot(
+            *lines[0].T, color=fractions(COLORS[link]), linewidth=2.6, solid_capstyle='round'
+        )
     pins: Sequence[Array] = [*drawing.pivots, *points[0]]
-    axes.plot(*np.array(pins).T, 'o', color='0.35', markersize=3.5)
+    axes.plot(*np.array(pins).T, 'o', color=fractions(DARK), markersize=3.5)
     axes.set_aspect('equal')
     axes.set_axis_off()
 
 
 def _color(name: str) -> _Shade:
-    return _rgb(COLORS[name] if name in COLORS else _FORCES[name])
-
-
-def _rgb(color: Color) -> _Shade:
-    red, green, blue = color
-    return red / 255, green / 255, blue / 255
+    return fractions(COLORS[name] if name in COLORS else _FORCES[name])

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import Patch
@@ -20,10 +20,23 @@ from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.pump import Analysis
 from linkage_ros.analysis.table import write_table
 from linkage_ros.core.numeric import TWO_PI
+from linkage_ros.palette import (
+    BLACK,
+    BLUE,
+    DARK,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    WHITE,
+    fractions,
+)
 
-# The palette of Okabe and Ito: stable states by growing speed; the unstable are grey and dashed.
-_STABLE = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')
-_UNSTABLE, _AVERAGED, _MOTOR, _REST = '#666666', '#e69f00', '#000000', '#999999'
+_Shade: TypeAlias = tuple[float, float, float]
+# Stable states by growing speed; the unstable are grey and dashed.
+_STABLE = tuple(map(fractions, (BLUE, VERMILION, GREEN, PURPLE)))
+_UNSTABLE, _AVERAGED, _MOTOR, _REST = map(fractions, (DARK, ORANGE, BLACK, GREY))
 _MARKERS = 'osD^v<>'
 _PARTS = 256  # of a turn
 
@@ -82,13 +95,13 @@ def _legend(axes: Axes, columns: int, **options: Any) -> None:
     )  # fmt: skip
 
 
-def _colors(analysis: Analysis) -> list[str]:
+def _colors(analysis: Analysis) -> list[_Shade]:
     """One for each state."""
     stable = iter(_STABLE * len(analysis.states))
     return [next(stable) if state.stable else _UNSTABLE for state in analysis.states]
 
 
-def _style(state: PeriodicMotion, color: str) -> dict[str, Any]:
+def _style(state: PeriodicMotion, color: _Shade) -> dict[str, Any]:
     """A filled mark for a stable state, a hollow one for an unstable one."""
     return {
         'marker': 'o', 'markersize': 9, 'linestyle': 'none', 'markeredgewidth': 1.8,
@@ -101,7 +114,7 @@ def _name(state: PeriodicMotion) -> str:
     return f'{state.speed:.4g} rad/s{"" if state.stable else ", unstable"}'
 
 
-def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[str]) -> None:
+def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
     for state, color in zip(analysis.states, colors, strict=True):
         course = analysis.section.orbit(np.array([state.point]).T, state.torque, _PARTS)[..., 0]
         line = '-' if state.stable else '--'
@@ -123,7 +136,7 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[str]) -> None
         )
 
 
-def _draw_section(axes: Axes, analysis: Analysis, colors: list[str]) -> None:
+def _draw_section(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
     for (run, color), marker in zip(_runs(analysis, colors), _MARKERS * 9, strict=False):
         x, w = run.passages[:, 1], run.passages[:, 3]
         axes.plot(x, w, '-', color=color, linewidth=0.5, alpha=0.6)
@@ -135,15 +148,15 @@ def _draw_section(axes: Axes, analysis: Analysis, colors: list[str]) -> None:
     _legend(axes, 2, title='from, with the larger hollow mark:')
 
 
-def _runs(analysis: Analysis, colors: list[str]) -> Iterator[tuple[Any, str]]:
+def _runs(analysis: Analysis, colors: list[_Shade]) -> Iterator[tuple[Any, _Shade]]:
     """The runs, with the colours of the states at which they end."""
     for run, end in zip(analysis.runs, analysis.ends, strict=True):
         yield run, colors[end] if end >= 0 else _REST
 
 
-def _draw_basins(axes: Axes, analysis: Analysis, colors: list[str]) -> None:
+def _draw_basins(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
     basins = analysis.basins
-    fills: list[Any] = ['#ffffff', '#444444', *(_tint(color) for color in colors)]
+    fills: list[_Shade] = [fractions(WHITE), fractions(BLACK), *(_tint(color) for color in colors)]
     norm = BoundaryNorm(np.arange(ELSEWHERE, len(colors) + 1) - 0.5, len(fills))
     axes.pcolormesh(
         basins.speeds, basins.velocities, basins.outcomes, cmap=ListedColormap(fills), norm=norm,
@@ -169,11 +182,12 @@ def _draw_basins(axes: Axes, analysis: Analysis, colors: list[str]) -> None:
     _label(axes, "Crank speed phi1' at the start, rad/s", "Slider velocity xD' at the start, m/s")
 
 
-def _tint(color: str) -> tuple[float, ...]:
-    return tuple(0.45 + 0.55 * part for part in to_rgb(color))
+def _tint(color: _Shade) -> _Shade:
+    red, green, blue = (0.45 + 0.55 * part for part in color)
+    return red, green, blue
 
 
-def _pieces(analysis: Analysis, colors: list[str]) -> Iterator[tuple[Any, str, str]]:
+def _pieces(analysis: Analysis, colors: list[_Shade]) -> Iterator[tuple[Any, _Shade, str]]:
     """The pieces of the branch as arrays of torque, speed, stroke and flow; colours and lines."""
     for motions, stable in analysis.branch.pieces:
         color = _REST if stable else _UNSTABLE
@@ -184,7 +198,7 @@ def _pieces(analysis: Analysis, colors: list[str]) -> Iterator[tuple[Any, str, s
         yield values, color, '-' if stable else '--'
 
 
-def _draw_load(axes: Axes, analysis: Analysis, colors: list[str]) -> None:
+def _draw_load(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
     damping = analysis.damping
     for number, stretch in enumerate(analysis.averaged):
         axes.plot(
@@ -213,7 +227,7 @@ def _draw_load(axes: Axes, analysis: Analysis, colors: list[str]) -> None:
 
 
 def _draw_torques(
-    figure: Figure, cell: SubplotSpec, analysis: Analysis, colors: list[str]
+    figure: Figure, cell: SubplotSpec, analysis: Analysis, colors: list[_Shade]
 ) -> None:
     rows = cell.subgridspec(3, 1, hspace=0.06)
     labels = 'Speed w, rad/s', 'Stroke s, m', 'Flow s w, m/s'
@@ -239,7 +253,7 @@ def _draw_torques(
     )
 
 
-def _draw_runs(axes: Axes, analysis: Analysis, colors: list[str]) -> None:
+def _draw_runs(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
     for run, color in _runs(analysis, colors):
         axes.plot(run.times, run.speeds, '-', color=color, linewidth=0.7)
         if run.ended:

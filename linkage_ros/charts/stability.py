@@ -23,14 +23,15 @@ from linkage_ros.methods.stability import (
     Cell,
 )
 from linkage_ros.methods.table import DEFAULT, LIVE, METHODS, RECORDS, Integrator
+from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
 # Fill and text. In grey they are still told apart, and each cell says its outcome in words.
 _COLORS = {
-    RIGHT: ('#e8f4ef', '#00543d'),
-    REFUSED: ('#bfe0f5', '#003a5c'),
-    DIVERGED: ('#e69f00', '#000000'),
-    WRONG_BRANCH: ('#b0558a', '#ffffff'),
-    NAN: ('#333333', '#ffffff'),
+    RIGHT: (mixed(GREEN, WHITE, 0.9), mixed(GREEN, BLACK, 0.7)),
+    REFUSED: (mixed(SKY, WHITE, 0.6), mixed(BLUE, BLACK, 0.7)),
+    DIVERGED: (ORANGE, BLACK),
+    WRONG_BRANCH: (mixed(PURPLE, BLACK, 0.3), WHITE),
+    NAN: (BLACK, WHITE),
 }
 _WORDS = {
     RIGHT: 'right', REFUSED: 'refused: an error says why', DIVERGED: 'diverged: a wrong value',
@@ -98,7 +99,10 @@ def draw_stability(
         _draw_grid(axes, grid, chosen)
     figure.suptitle(title, fontsize=12, y=1 - 0.15 / height)
     figure.legend(
-        handles=[Patch(facecolor=fill, label=_WORDS[name]) for name, (fill, _) in _COLORS.items()],
+        handles=[
+            Patch(facecolor=fractions(fill), label=_WORDS[name])
+            for name, (fill, _) in _COLORS.items()
+        ],
         loc='lower center', ncols=len(_COLORS), fontsize=8.5, frameon=False,
     )  # fmt: skip
     figure.savefig(path)
@@ -131,7 +135,7 @@ def _draw_grid(axes: Axes, grid: _Grid, cells: Sequence[Cell]) -> None:
     axes.set_ylim(len(rows), 0)
     for cell in cells:
         x, y = grid.columns.index(cell.method), rows.index(cell.situation)
-        fill, ink = _COLORS[cell.outcome]
+        fill, ink = map(fractions, _COLORS[cell.outcome])
         axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
         good = cell.outcome in grid.good[cell.situation]
         axes.text(

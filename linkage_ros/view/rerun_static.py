@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkage_ros.core.mechanism import WindPump
-from linkage_ros.palette import COLORS, GREY, Color
+from linkage_ros.palette import BLACK, COLORS, GREY, mixed
 from linkage_ros.run.configuration import Configuration
 from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.view.axes import ASPECT, MARKS
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _THICK, _PIN = -1.0, -3.5, -5.0  # radii; negative: points on the screen
-_GRID: Color = (70, 70, 70)
+_GRID = mixed(GREY, BLACK, 0.7)
 
 
 def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str, rr.AsComponents]:
