@@ -22,7 +22,7 @@ from linkage_ros.view.axes import MARKS, GrowingAxes, axis
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_view import Sample
 from linkage_ros.view.scene import Scene
-from linkage_ros.view.series import Flow
+from linkage_ros.view.series import Directions, Flow
 
 PUMP = load('wind_pump')
 TURN = 2 * math.pi
@@ -81,6 +81,73 @@ def advanced(configuration, samples, batch):
         entity: tuple(np.concatenate(parts) for parts in zip(*pieces, strict=True))
         for entity, pieces in found.items()
     }
+
+
+# ---------------------------------------------------------------- directions
+
+DRAG_LINK = {  # coupler and rocker turn fully, with the crank
+    **load('quadrilateral').parameters(), 'frame.length': 0.1, 'crank.length': 0.4,
+    'coupler.length': 0.35, 'rocker.length': 0.42, 'crank_angle': 40.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    'configuration',
+    [PUMP, configure(HANGING), configure(DRAG_LINK),
+     configure({**load('quadrilateral').parameters(), 'frame.angle': 3.0, 'rpm': -400.0}),
+     load('compressor')],
+    ids=['pump', 'hanging', 'drag-link', 'about-pi', 'compressor'],
+)  # fmt: skip
+@pytest.mark.parametrize('batch', [1, 700])
+def test_directions_are_those_of_the_links_without_jumps(configuration, batch):
+    samples = run_of(configuration, 1.5, rate=500)
+    _, position, *_ = arrays(samples)
+    found = advanced(configuration, samples, batch)
+    (stamps, directions), (_, rates) = found['directions'], found['rates']
+    drawing = Drawing(configuration.mechanism, configuration.drive.crank_angle)
+    links, count = drawing.of_links(position), len(drawing.turning)
+    assert list(stamps) == [sample.stamp for sample in samples]
+    assert (directions[:, 0] == position[:, 0]).all()
+    assert abs(np.exp(1j * directions) - np.exp(1j * links[:, :count])).max() < 1e-12
+    assert abs(directions[0, 1:]).max() <= math.pi
+    # Rates are derivatives of directions: nothing jumps anywhere.
+    middle = (rates[1:] + rates[:-1]) / 2
+    assert np.diff(directions, axis=0) * 500 == pytest.approx(middle, abs=0.02 * abs(rates).max())
+
+
+def test_a_gap_in_the_angles_is_no_jump_in_the_directions():
+    angles = np.array([[3.0], [math.nan], [-3.0], [-2.9]])
+    found = Directions().follow(angles)[:, 0]
+    assert np.isnan(found[1])
+    assert found[[0, 2, 3]] == pytest.approx([3.0, TURN - 3.0, TURN - 2.9])
+
+
+@pytest.mark.parametrize(
+    ('values', 'shown'),
+    [(DRAG_LINK, ({'crank', 'coupler', 'rocker'}, set())),
+     (load('quadrilateral').parameters(), ({'crank'}, {'coupler', 'rocker'})),
+     (HANGING, ({'crank'}, {'coupler', 'rocker'})),
+     (load('compressor').parameters(), ({'crank'}, {'coupler'})),
+     (PUMP.parameters(), ({'crank'}, {'coupler', 'rod'}))],
+    ids=['drag-link', 'crank-rocker', 'hanging', 'compressor', 'pump'],
+)  # fmt: skip
+def test_what_turns_on_and_on_is_plotted_apart(tmp_path, values, shown):
+    configuration = configure(values)
+    show(tmp_path / 'run.rrd', run_of(configuration, 0.01), configuration)
+    visible = {}
+    for name, columns in read(tmp_path / 'run.rrd', blueprint=True).items():
+        if 'ViewBlueprint:display_name' in columns:
+            ((title,),) = columns['ViewBlueprint:display_name']
+            visible[name] = title
+    blueprint = read(tmp_path / 'run.rrd', blueprint=True)
+    found = {'Turning, rad': set(), 'Directions, rad': set()}
+    for view, title in visible.items():
+        for entity, columns in blueprint.items():
+            if title in found and entity.startswith(view) and 'SeriesLines:names' in columns:
+                names = columns['SeriesLines:names'][0]
+                seen = columns['SeriesLines:visible_series'][0]
+                found[title] = {n for n, one in zip(names, seen, strict=True) if one}
+    assert (found['Turning, rad'], found['Directions, rad']) == shown
 
 
 # ---------------------------------------------------------------- curves
@@ -204,7 +271,12 @@ def test_what_is_no_state_is_a_gap_and_ends_nothing(pumped):
 def test_no_speed_driven_run_has_curves_of_its_own():
     configuration = load('quadrilateral')
     found = advanced(configuration, run_of(configuration, 0.1), 20)
-    assert {entity.split('/')[0] for entity in found} == {'joint_states', 'linkage'}
+    assert {entity.split('/')[0] for entity in found} == {
+        'joint_states',
+        'linkage',
+        'directions',
+        'rates',
+    }
 
 
 # ---------------------------------------------------------------- axes
@@ -246,7 +318,7 @@ def test_axes_hold_every_point_from_its_own_moment_on(points):
 
 def corners(drawing, position):
     """Everything that moves, at joint positions: points of shape (n, 2)."""
-    points = drawing.points(np.asarray(position))
+    points = drawing.place(drawing.of_links(np.asarray(position)))
     lines = drawing.links(points).values()
     return np.concatenate([points.reshape(-1, 2), *(line.reshape(-1, 2) for line in lines)])
 
@@ -260,12 +332,12 @@ def test_the_pins_of_a_pump_are_where_its_links_are(pumped):
     drawing, mechanism = Drawing(PUMP.mechanism), PUMP.mechanism
     assert drawing.joints == ('crank', 'coupler', 'rod', 'slider')
     assert (drawing.pins, drawing.output, drawing.paths) == (('A', 'B', 'D'), 'slider', {})
-    a, b, d = drawing.points(position).swapaxes(0, 1) @ (1, 1j)
+    a, b, d = drawing.place(drawing.of_links(position)).swapaxes(0, 1) @ (1, 1j)
     assert abs(a - mechanism.crank.length * np.exp(1j * position[:, 0])).max() < 1e-12
     assert abs(abs(b - a) - mechanism.coupler.length).max() < 1e-12
     assert abs(abs(d - b) - mechanism.rod.length).max() < 1e-12
     assert abs(d - position[:, 3]).max() < 1e-12
-    lines = drawing.links(drawing.points(position))
+    lines = drawing.links(drawing.place(drawing.of_links(position)))
     assert {name: line.shape[1] for name, line in lines.items()} == {
         'crank': 2,
         'coupler': 2,
@@ -284,7 +356,8 @@ def test_a_pump_with_a_coupler_point_draws_its_triangle():
     values = {**PUMP.parameters(), 'coupler.point': [0.3, 0.1]}
     drawing = Drawing(configure(values).mechanism)
     assert drawing.pins == ('A', 'B', 'D', 'C')
-    line = drawing.links(drawing.points(np.array([[0.0, 4.5, 1.5, 1.5]])))['coupler'][0]
+    points = drawing.place(drawing.of_links(np.array([[0.0, 4.5, 1.5, 1.5]])))
+    line = drawing.links(points)['coupler'][0]
     a, b, c, again = line @ (1, 1j)
     assert a == again
     assert (c - a) / (b - a) == pytest.approx(complex(0.3, 0.1) / 0.8)
@@ -332,7 +405,7 @@ def test_a_limited_crank_is_drawn_over_its_arc(start):
     drawing = Drawing(configuration.mechanism, start)
     assert list(drawing.paths) == ['rocker', 'coupler']
     _, position, _, _ = arrays(run_of(configuration, 3.0))
-    points = drawing.points(position)
+    points = drawing.place(drawing.of_links(position))
     assert inside(drawing, corners(drawing, position))
     for path, column in (('rocker', 1), ('coupler', 2)):
         line = drawing.paths[path]
@@ -376,10 +449,9 @@ def test_a_limited_slider_crank_is_drawn_over_its_arc():
 
 # ---------------------------------------------------------------- layouts and files
 
-TITLES = {'Linkage, m', 'Crank speed, rad/s', 'Joint rates, rad/s', 'Applied torque, N m',
-          'Joint angles, rad, each from its parent', 'Crank angle, rad',
-          'Energies, J (potential: from the start)'}  # fmt: skip
-SLIDING = {'Slider position, m', 'Slider velocity, m/s'}
+TITLES = {'Linkage, m', 'Crank speed, rad/s', 'Rates, rad/s', 'Torque, N m', 'Directions, rad',
+          'Turning, rad', 'Energies, J (potential: from the start)'}  # fmt: skip
+SLIDING = {'Slider, m', 'Slider, m/s'}
 PHASE = 'Phase plane of the slider: velocity, m/s, over position, m'
 OF_PUMP = SLIDING | {'Flow (stroke x speed), m/s', PHASE}
 
@@ -418,7 +490,7 @@ def test_no_preset_at_a_given_speed_shows_energies(tmp_path, name):
     show(tmp_path / 'run.rrd', run_of(configuration, 0.05), configuration)
     found = titles_in(tmp_path / 'run.rrd')
     assert sum(title.startswith('Driving torque, N m (') for title in found) == 1
-    assert not any(title.startswith(('Energies', 'Applied', 'Crank speed')) for title in found)
+    assert not any(title.startswith(('Energies', 'Torque', 'Crank speed')) for title in found)
 
 
 def test_a_file_of_a_pump_holds_its_curves(tmp_path, pumped):

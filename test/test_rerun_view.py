@@ -232,7 +232,7 @@ DRAWN = {
 def test_the_bounds_hold_all_that_ever_moves(configuration):
     drawing = Drawing(configuration.mechanism)
     samples, _ = run_of(configuration, 1000, rate=997)
-    points = drawing.points(np.array([sample.position for sample in samples]))
+    points = drawing.place(drawing.of_links(np.array([sample.position for sample in samples])))
     still = [drawing.pivots, *drawing.ground]
     moving = [line.reshape(-1, 2) for line in drawing.links(points).values()]
     everything = np.concatenate([*moving, *still])
@@ -249,7 +249,7 @@ def test_the_bounds_hold_all_that_ever_moves(configuration):
 def test_paths_are_whole_and_lie_under_their_points(configuration):
     drawing = Drawing(configuration.mechanism)
     samples, _ = run_of(configuration, 400, rate=397)
-    points = drawing.points(np.array([sample.position for sample in samples]))
+    points = drawing.place(drawing.of_links(np.array([sample.position for sample in samples])))
     step = 2 * math.pi / 360
     assert list(drawing.paths) == [drawing.output, 'coupler'][: points.shape[1] - 1]
     for path, point in zip(drawing.paths, points.swapaxes(0, 1)[1:], strict=True):
@@ -288,8 +288,8 @@ def test_slider_plots_have_their_own_units(tmp_path):
     titles = {columns['ViewBlueprint:display_name'][0][0] for columns in layout.values()
               if 'ViewBlueprint:display_name' in columns}  # fmt: skip
     assert {title for title in titles if title.startswith('Slider')} == {
-        'Slider position, m (0.0998 to 0.18)',
-        'Slider velocity, m/s (-3.88 to 3.97 at 900 rpm)',
+        'Slider, m (0.0998 to 0.18)',
+        'Slider, m/s (-3.88 to 3.97 at 900 rpm)',
     }
 
 
@@ -326,9 +326,9 @@ def test_y_is_up_and_a_link_has_the_colour_of_its_curves(tmp_path):
     assert titles - {torque} == {
         *(
             'Linkage, m',
-            'Joint angles, rad, each from its parent',
-            'Crank angle, rad',
-            'Joint rates, rad/s',
+            'Directions, rad',
+            'Turning, rad',
+            'Rates, rad/s',
         ),
     }
 

@@ -33,6 +33,7 @@ class Drawing:
 
     Attributes:
         joints: Names of the joints, in the order of positions.
+        turning: Those of links that have a direction: all but a slider.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pins: Names of the moving points, in the order of `place`.
         output: Name of the output link.
@@ -55,6 +56,7 @@ class Drawing:
         structure = structure_of(mechanism)
         self._joints = structure.joints
         self.joints = tuple(joint.name for joint in self._joints)
+        self.turning = tuple(joint.name for joint in self._joints if not joint.slides)
         points = structure.points
         fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
         moving = {name: point for name, point in points.items() if name not in fixed}
@@ -97,20 +99,20 @@ class Drawing:
         turned = np.exp(1j * np.where([joint.slides for joint in self._joints], 0.0, position))
         return _plane(turned @ self._weights.T + self._fixed)
 
-    def points(self, position: Array) -> Array:
-        """Where the moving points are, from what ROS sees.
+    def of_links(self, position: Array) -> Array:
+        """The positions of the links, from those that ROS sees; or their rates.
 
         Args:
             position: Joint positions in the order of the tree, shape (n, 3 or 4), rad and m.
 
         Returns:
-            As `place`.
+            As `place` takes them: directions in base_link, rad, and slides, m.
         """
-        links = position.copy()
+        links: Array = position.copy()
         for joint in self._joints:
             if joint.parent is not None:
                 links[:, joint.link] += links[:, joint.parent]
-        return self.place(links)
+        return links
 
     def links(self, points: Array) -> dict[str, Array]:
         """The lines of the moving links, by their names.

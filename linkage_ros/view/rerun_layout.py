@@ -5,20 +5,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
-from linkage_ros.core.curves import extent
+import numpy as np
+
+from linkage_ros.core.curves import Curves, extent
 from linkage_ros.core.kinematics import structure_of
 from linkage_ros.core.mechanism import Mechanism, WindPump
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.solver import Solver
-from linkage_ros.core.structure import Structure
 from linkage_ros.palette import COLORS, GREY, ORANGE, SKY, Color
 from linkage_ros.run.configuration import Configuration
 from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.view.axes import ASPECT
-from linkage_ros.view.scene import PHASE_PLANE, TIMELINE
+from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, RATES, TIMELINE
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ _ENERGY_COLORS = ORANGE, SKY, GREY  # which no link has
 
 
 def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
-    """The linkage beside plots of its angles, rates and torque.
+    """The linkage beside plots of directions, rates and torque.
 
     Where a torque drives it, what it does is not known before: the speed is plotted first, and
     the energies as well. A wind pump adds its phase plane and its flow.
@@ -59,7 +60,10 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
     if isinstance(mechanism, WindPump):
         pictures = rrb.Vertical(linkage, _phase_view(), row_shares=[2, 3])
     if isinstance(mechanism, WindPump) or isinstance(drive, TorqueDrive):
-        curves, shares = _curves_of_torque(mechanism), [2, 3]
+        curves, shares = (
+            _curves_of_torque(mechanism),
+            [1, 2],
+        )  # two columns, and room for their tabs
     else:
         curves, shares = _curves_of_speed(Solver(mechanism), drive.rpm), None
     return rrb.Blueprint(
@@ -71,7 +75,7 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
 
 
 def _curves_of_speed(solver: Solver, rpm: float) -> rrb.Container:
-    """Angles, rates, and the torque that the speed takes."""
+    """Directions, rates, and the torque that the speed takes."""
     import rerun.blueprint as rrb
 
     turns = solver.kinematics.map.samples()
@@ -83,10 +87,10 @@ def _curves_of_speed(solver: Solver, rpm: float) -> rrb.Container:
         return f' ({found.low:.3g} to {found.high:.3g}'
 
     sliding = f'{span(state.position[-1])})', f'{span(state.velocity[-1])} at {rpm:g} rpm)'
-    joints = _JointPlots(solver.structure, _plotted_seconds(rpm), sliding)
+    joints = _JointPlots(solver.mechanism, _plotted_seconds(rpm), sliding)
     title = f'Driving torque, N m{span(state.torque)} at {rpm:g} rpm)'  # passive joints have none
     return rrb.Vertical(
-        rrb.Tabs(*joints.angles()),
+        rrb.Tabs(*joints.places()),
         rrb.Tabs(*joints.rates()),
         joints.plot(title, 'effort', ['crank']),
         row_shares=[1, 1, 2],
@@ -105,10 +109,10 @@ def _curves_of_torque(mechanism: Mechanism) -> rrb.Container:
     """Speed first, because it is what the torque leads to; the energies as well."""
     import rerun.blueprint as rrb
 
-    joints = _JointPlots(structure_of(mechanism), _DRIVEN_SECONDS)
+    joints = _JointPlots(mechanism, _DRIVEN_SECONDS)
     energies = dict(zip(ENERGIES, _ENERGY_COLORS, strict=True))
     speeds = [joints.plot('Crank speed, rad/s', 'velocity', ['crank']), *joints.rates()]
-    causes = [joints.plot('Applied torque, N m', 'effort', ['crank'])]
+    causes = [joints.plot('Torque, N m', 'effort', ['crank'])]
     if isinstance(mechanism, WindPump):
         title = 'Flow (stroke x speed), m/s'
         causes.insert(0, _plot(title, 'flow', {'flow': COLORS['slider']}, _DRIVEN_SECONDS))
@@ -118,48 +122,61 @@ def _curves_of_torque(mechanism: Mechanism) -> rrb.Container:
         rrb.Tabs(*speeds),
         _plot(title, 'energies', energies, _DRIVEN_SECONDS),
         rrb.Tabs(*causes),
-        rrb.Tabs(*joints.angles()),
+        rrb.Tabs(*joints.places()),
         grid_columns=2,
     )
 
 
 class _JointPlots:
-    """Curves of the joints of one mechanism over the last seconds."""
+    """Curves of joints and links of one mechanism over the last seconds."""
 
     def __init__(
-        self, structure: Structure, seconds: float, sliding: tuple[str, str] = ('', '')
+        self, mechanism: Mechanism, seconds: float, sliding: tuple[str, str] = ('', '')
     ) -> None:
         """Takes what is told of a slider's position and velocity as well."""
         self._seconds = seconds
         self._of_position, self._of_velocity = sliding
-        self._colors = {joint.name: COLORS[joint.name] for joint in structure.joints}
-        _, *others = structure.joints
-        self._turning = [joint.name for joint in others if not joint.slides]
-        self._sliding = [joint.name for joint in others if joint.slides]
+        self._mechanism, joints = mechanism, structure_of(mechanism).joints
+        self._colors = {joint.name: COLORS[joint.name] for joint in joints}
+        self._turning = [joint.name for joint in joints if not joint.slides]
+        self._sliding = [joint.name for joint in joints if joint.slides]
 
-    def plot(self, title: str, quantity: str, joints: Sequence[str]) -> rrb.TimeSeriesView:
+    def plot(self, title: str, quantity: str, joints: Collection[str]) -> rrb.TimeSeriesView:
         """One quantity of some joints."""
         return _plot(title, f'joint_states/{quantity}', self._colors, self._seconds, joints)
 
-    def angles(self) -> list[rrb.TimeSeriesView]:
-        """Where the joints are."""
-        # The crank's angle is unwrapped: beside it the others would soon be straight lines.
-        plots = [
-            self.plot('Joint angles, rad, each from its parent', 'position', self._turning),
-            self.plot('Crank angle, rad', 'position', ['crank']),
-        ]
+    def places(self) -> list[rrb.TimeSeriesView]:
+        """Where the links are: what goes round and round beside nothing that does not."""
+        going_round = _going_round(self._mechanism)
+        plots = [self._of_links('Turning, rad', DIRECTIONS, going_round)]
+        if swinging := set(self._turning) - going_round:
+            plots.insert(0, self._of_links('Directions, rad', DIRECTIONS, swinging))
         if self._sliding:
-            title = f'Slider position, m{self._of_position}'
+            title = f'Slider, m{self._of_position}'
             plots.insert(0, self.plot(title, 'position', self._sliding))
         return plots
 
     def rates(self) -> list[rrb.TimeSeriesView]:
         """How fast they are."""
-        plots = [self.plot('Joint rates, rad/s', 'velocity', ['crank', *self._turning])]
+        plots = [self._of_links('Rates, rad/s', RATES, self._turning)]
         if self._sliding:
-            title = f'Slider velocity, m/s{self._of_velocity}'
+            title = f'Slider, m/s{self._of_velocity}'
             plots.insert(0, self.plot(title, 'velocity', self._sliding))
         return plots
+
+    def _of_links(self, title: str, entity: str, shown: Collection[str]) -> rrb.TimeSeriesView:
+        """Directions or rates of some links that turn."""
+        colors = {name: self._colors[name] for name in self._turning}
+        return _plot(title, entity, colors, self._seconds, shown)
+
+
+def _going_round(mechanism: Mechanism) -> set[str]:
+    """The links that turn on and on: beside them the others would be flat."""
+    if isinstance(mechanism, WindPump) or not Solver(mechanism).mobility.turns_fully:
+        return {'crank'}
+    curves, joints = Curves(mechanism, 0.0), structure_of(mechanism).joints
+    turned = {j.name: np.ptp(curves.columns[f'{j.name}.position'].values[[0, -1]]) for j in joints}
+    return {joint.name for joint in joints if not joint.slides and turned[joint.name] > math.pi}
 
 
 def _plot(
@@ -167,7 +184,7 @@ def _plot(
     entity: str,
     colors: Mapping[str, Color],
     seconds: float,
-    shown: Sequence[str] | None = None,
+    shown: Collection[str] | None = None,
 ) -> rrb.TimeSeriesView:
     """Curves of an entity over the last seconds: all, or those of some names."""
     import rerun as rr
@@ -210,5 +227,5 @@ def _phase_view() -> rrb.Spatial2DView:
         name='Phase plane of the slider: velocity, m/s, over position, m',
         contents=f'/{PHASE_PLANE}/**',
         overrides={f'/{PHASE_PLANE}/curve/trail': trail},
-        visual_bounds=rrb.VisualBounds2D(x_range=(-0.2, ASPECT + 0.1), y_range=(-1.15, 0.22)),
+        visual_bounds=rrb.VisualBounds2D(x_range=(-0.26, ASPECT + 0.13), y_range=(-1.15, 0.26)),
     )

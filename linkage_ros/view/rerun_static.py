@@ -15,7 +15,7 @@ from linkage_ros.run.configuration import Configuration
 from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.view.axes import ASPECT, MARKS
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.scene import PHASE_PLANE, QUANTITIES
+from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, QUANTITIES, RATES
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
@@ -56,6 +56,8 @@ def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str
         )
     for quantity in QUANTITIES:
         fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=list(drawing.joints))
+    for entity in (DIRECTIONS, RATES):
+        fixed[entity] = rr.SeriesLines(names=list(drawing.turning))
     if isinstance(configuration.drive, TorqueDrive):
         fixed['energies'] = rr.SeriesLines(names=list(ENERGIES))
     if isinstance(configuration.mechanism, WindPump):
@@ -70,13 +72,13 @@ def _phase_plane() -> dict[str, rr.AsComponents]:
 
     marks = np.linspace(0.0, 1.0, MARKS)
     across, up = ([[[x, 0], [x, 1]] for x in marks], [[[0, y], [1, y]] for y in marks])
-    names = [(0.5, -0.1), (0.0, 1.13)]
+    names = [(0.5, -0.15), (0.0, 1.13)]
     color = COLORS['slider']
     return {
         PHASE_PLANE: rr.Transform3D(scale=[ASPECT, -1, 1]),
         f'{PHASE_PLANE}/grid': rr.LineStrips2D(across + up, colors=_GRID, radii=_THIN / 2),
-        f'{PHASE_PLANE}/x': _texts([(x, -0.02) for x in marks]),
-        f'{PHASE_PLANE}/y': _texts([(-0.06, y + 0.04) for y in marks]),
+        f'{PHASE_PLANE}/x': _texts([(x, -0.05) for x in marks]),
+        f'{PHASE_PLANE}/y': _texts([(-0.09, y + 0.04) for y in marks]),
         f'{PHASE_PLANE}/names': _texts(names, 'position, m', 'velocity, m/s'),
         f'{PHASE_PLANE}/curve/trail': rr.LineStrips2D.from_fields(colors=color, radii=_THIN),
         f'{PHASE_PLANE}/curve/now': rr.Points2D.from_fields(

@@ -18,7 +18,7 @@ from linkage_ros.run.configuration import Configuration
 from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.view.axes import Axis, GrowingAxes
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.series import Energies, Flow
+from linkage_ros.view.series import Directions, Energies, Flow
 
 Stamps: TypeAlias = npt.NDArray[np.int64]
 
@@ -26,6 +26,9 @@ Stamps: TypeAlias = npt.NDArray[np.int64]
 # view, a replay and a log that is opened directly have them in common.
 TIMELINE = 'ros2_timestamp'
 QUANTITIES = ('position', 'velocity', 'effort')
+# Of the links that turn, in base_link: the crank's unwrapped angle and where the others point, and
+# how fast they turn. Those of joints, which a log has, count from the link before, and jump at pi.
+DIRECTIONS, RATES = 'directions', 'rates'
 PHASE_PLANE = 'phase_plane'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
@@ -68,6 +71,7 @@ class Scene:
     def __init__(self, configuration: Configuration) -> None:
         mechanism, drive = configuration.mechanism, configuration.drive
         self.drawing = Drawing(mechanism, drive.crank_angle)
+        self._directions = Directions()
         self._last_frame = -1
         self._energies: Energies | None = None
         self._flow: Flow | None = None
@@ -96,6 +100,12 @@ class Scene:
         """
         for quantity, row in zip(QUANTITIES, (position, velocity, effort), strict=True):
             yield Rows(f'joint_states/{quantity}', Kind.SCALARS, stamps, row)
+        links = self.drawing.of_links(position)
+        count = len(self.drawing.turning)
+        others = self._directions.follow(links[:, 1:count])
+        yield Rows(DIRECTIONS, Kind.SCALARS, stamps, np.hstack([links[:, :1], others]))
+        rates = self.drawing.of_links(velocity)[:, :count]
+        yield Rows(RATES, Kind.SCALARS, stamps, rates)
         if self._energies:
             yield Rows('energies', Kind.SCALARS, stamps, self._energies.at(position, velocity))
         if self._flow:
@@ -105,13 +115,13 @@ class Scene:
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
         if due.any():
-            yield from self._draw(stamps[due], position[due])
+            yield from self._draw(stamps[due], links[due])
             if self._axes:
                 slider = np.stack([position[due, -1], velocity[due, -1]], axis=-1)
                 yield from self._trace(self._axes, stamps[due], slider)
 
-    def _draw(self, stamps: Stamps, position: Array) -> Iterator[Rows]:
-        points = self.drawing.points(position)
+    def _draw(self, stamps: Stamps, links: Array) -> Iterator[Rows]:
+        points = self.drawing.place(links)
         yield Rows('linkage/pins', Kind.POINTS, stamps, points)
         for link, lines in self.drawing.links(points).items():
             yield Rows(f'linkage/{link}', Kind.LINES, stamps, lines)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Curves of a torque-driven run that no message has: energies, and what a pump delivers."""
+"""Curves that no message has: directions without jumps, energies, and what a pump delivers."""
 
 from __future__ import annotations
 
@@ -19,6 +19,33 @@ ENERGIES = ('kinetic', 'potential', 'total')
 # Crank angle between two samples beyond which extremes in between would be missed by more than
 # 8 % of the stroke, rad. A log that begins anew is such a leap too.
 _LEAP = math.pi / 4
+
+
+class Directions:
+    """Directions of links over time, without the jumps of angles between -pi and pi."""
+
+    def __init__(self) -> None:
+        self._last: Array | None = None
+
+    def follow(self, angles: Array) -> Array:
+        """The directions at samples that follow those of the last call.
+
+        Args:
+            angles: rad, but for whole turns; shape (n, links).
+
+        Returns:
+            rad: the first from -pi to pi, each other one within pi of the one before it. Where
+            an angle of a sample is not finite, the sample stays as it is.
+        """
+        known = np.isfinite(angles).all(axis=1)
+        within = angles[known] - 2 * math.pi * np.round(angles[known] / (2 * math.pi))
+        if not within.size:
+            return angles
+        before = within[:1] if self._last is None else self._last
+        found: Array = angles.copy()
+        found[known] = np.unwrap(np.concatenate([before, within]), axis=0)[1:]
+        self._last = found[known][-1:]
+        return found
 
 
 class Energies:
