@@ -11,14 +11,14 @@ from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.chart_output import about, folder, libraries, progress, save
-from linkage_ros.core.curves import Curves
+from linkage_ros.core.curves import Curves, Period
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.methods.motions import Machines
 from linkage_ros.run.adaptive import AdaptiveSteps
-from linkage_ros.run.configuration import Configuration, find, load
-from linkage_ros.run.drives import Motor, TorqueDrive
+from linkage_ros.run.configuration import find, load
+from linkage_ros.run.drives import Drive, Motor, TorqueDrive
 from linkage_ros.run.presets import preset_names
 
 _NAME = 'linkage_chart'
@@ -35,48 +35,72 @@ def motion(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.motion import draw_motion
-    configuration = load(options.params)
-    mechanism, kind = _linkage(configuration), configuration.kind.mechanism
-    drive = configuration.drive
+    for flag, value in (('--rpm', options.rpm or 0.0), ('--acceleration', options.acceleration)):
+        if not abs(value) <= 1e9:
+            raise ConfigurationError(f'{flag} {value:g}: must be a number from -1e+09 to 1e+09')
+    configuration, name = load(options.params), find(options.params).stem
+    mechanism = configuration.mechanism
+    if isinstance(mechanism, WindPump):
+        period, words = _settled(options, mechanism, configuration.drive)
+    else:
+        period, words = _driven(options, mechanism, configuration.drive)
+    title = [name, f'{configuration.kind.mechanism}, {mechanism.assembly}{words[0]}', *words[1:]]
+    picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
+    with folder(options.out):
+        period.save(table)
+        draw_motion(period, title, picture)
+    print(', '.join(title))
+    print(f'{picture}\n{table}')
+
+
+def _driven(
+    options: argparse.Namespace, mechanism: Linkage, drive: Drive
+) -> tuple[Period, list[str]]:
+    """A period at a given speed, and words about it.
+
+    Raises:
+        ConfigurationError: No speed is given, or the reactions have no finite value.
+    """
     if options.rpm is None and isinstance(drive, TorqueDrive):
         raise ConfigurationError(
             f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
         )
     rpm = drive.target if options.rpm is None else options.rpm
-    for name, value in (('--rpm', rpm), ('--acceleration', options.acceleration)):
-        if not abs(value) <= 1e9:
-            raise ConfigurationError(f'{name} {value:g}: must be a number from -1e+09 to 1e+09')
     curves = Curves(
         mechanism, rpm * math.pi / 30, options.acceleration, reactions=options.reactions
     )
-    name = find(options.params).stem
     accelerated = f', {options.acceleration:g} rad/s^2' if options.acceleration else ''
-    title = [
-        name,
-        f'{kind}, {mechanism.assembly}, {curves.solver.mobility.grashof}',
-        f'{rpm:g} rpm{accelerated}',
-        *travel(curves.solver).words(),
-    ]
-    picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
-    with folder(options.out):
-        curves.save(table)
-        draw_motion(curves, title, picture)
-    print(', '.join(title))
-    print(f'{picture}\n{table}')
+    grashof = curves.solver.mobility.grashof
+    return curves, [f', {grashof}', f'{rpm:g} rpm{accelerated}', *travel(curves.solver).words()]
 
 
-def _linkage(configuration: Configuration) -> Linkage:
-    """The mechanism of a configuration, if the crank angle tells where all links are.
+def _settled(
+    options: argparse.Namespace, mechanism: WindPump, drive: Drive
+) -> tuple[Period, list[str]]:
+    """A turn of what a wind pump settles at, and words about it.
 
     Raises:
-        ConfigurationError: It does not.
+        ConfigurationError: It does not settle, or options ask for what it does not have.
     """
-    mechanism = configuration.mechanism
-    if isinstance(mechanism, WindPump):
+    with libraries():
+        from linkage_ros.analysis.settled import SettledTurn
+    if options.acceleration or options.reactions:
         raise ConfigurationError(
-            'the crank angle of a wind_pump does not tell its motion, so that there is no period '
-            'to draw: linkage_chart pump draws what it does'
+            '--acceleration and --reactions are for a crank at a given speed: '
+            f'{options.params} moves as its motor drives it'
         )
+    motor = drive.motor if isinstance(drive, TorqueDrive) else Motor()
+    rpm = drive.initial_rpm if options.rpm is None else options.rpm
+    line = motor.torque, motor.damping
+    turn = SettledTurn(mechanism, line, rpm * math.pi / 30, progress)
+    start = f'motor {motor.torque:g} N m - {motor.damping:g} N m s x speed, from {rpm:g} rpm'
+    return turn, ['', start, *turn.words()]
+
+
+def _preset(name: str) -> Linkage:
+    """The mechanism of a preset that a crank angle describes."""
+    mechanism = load(name).mechanism
+    assert not isinstance(mechanism, WindPump)  # noqa: S101
     return mechanism
 
 
@@ -96,9 +120,7 @@ def accuracy(options: argparse.Namespace) -> None:
         from linkage_ros.methods.measure import Bench
         from linkage_ros.methods.motion_accuracy import measure_motions
         from linkage_ros.methods.table import integrators
-    quadrilateral, slider_crank = (
-        _linkage(load(name)) for name in ('quadrilateral', 'slider_crank')
-    )
+    quadrilateral, slider_crank = (_preset(name) for name in ('quadrilateral', 'slider_crank'))
     with folder(options.out):
         benches = {
             name: Bench(task, 120 if options.quick else 360)
@@ -214,7 +236,10 @@ def _parser() -> argparse.ArgumentParser:
         help=f'parameter file, or a preset: {", ".join(preset_names())}',
     )
     curves.add_argument(
-        '--rpm', type=float, metavar='N', help="crank speed instead of the file's, rpm"
+        '--rpm',
+        type=float,
+        metavar='N',
+        help="crank speed instead of the file's, rpm; of a wind_pump, the one it settles from",
     )
     curves.add_argument(
         '--acceleration', type=float, default=0.0, metavar='A',

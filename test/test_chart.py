@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from linkage_ros import (
     Body,
@@ -23,11 +24,12 @@ from linkage_ros import (
     Solver,
     chart_tool,
 )
+from linkage_ros.analysis.settled import SettledTurn
 from linkage_ros.core.curves import Curves, extent
 from linkage_ros.run.configuration import load
 from linkage_ros.run.presets import preset_names
 
-# A wind pump has no period.
+# At a given speed; a wind pump has the speed that it settles at.
 PRESETS = [name for name in preset_names() if load(name).kind.drive == 'speed']
 CHANGE_POINT = """
 linkage_node:
@@ -88,8 +90,9 @@ def test_the_table_is_the_solvers_to_the_last_bit(tmp_path, monkeypatch, capsys,
 
 
 def test_nothing_that_is_drawn_lies_beyond_the_edge(tmp_path, monkeypatch):
-    for preset in PRESETS:
-        assert chart(monkeypatch, 'motion', preset, '--reactions', '--out', tmp_path) == 0
+    for preset in preset_names():
+        options = ['--reactions'] if preset in PRESETS else []
+        assert chart(monkeypatch, 'motion', preset, *options, '--out', tmp_path) == 0
         pixels = matplotlib.image.imread(tmp_path / f'{preset}_motion.png')[..., :3]
         edges = pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:]
         assert all((edge == 1.0).all() for edge in edges), preset
@@ -97,6 +100,65 @@ def test_nothing_that_is_drawn_lies_beyond_the_edge(tmp_path, monkeypatch):
         assert (pixels == 1.0).all(axis=-1).mean() > 0.7
         orange = np.abs(pixels * 255 - (213, 94, 0)).max(axis=-1) < 2
         assert orange.sum() > 500
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_pins_are_named_in_the_drawing(tmp_path, monkeypatch, preset):
+    pages = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
+    assert chart(monkeypatch, 'motion', preset, '--out', tmp_path) == 0
+    (page,) = pages
+    drawing = page.axes[0]
+    expected = {
+        'four_bar': {'A0', 'A', 'B', 'C', 'B0'},
+        'slider_crank': {'A0', 'A', 'B'},
+        'wind_pump': {'A0', 'A', 'B', 'D'},
+    }
+    names = [text.get_text() for text in drawing.texts]
+    assert set(names) == expected[load(preset).kind.mechanism]
+    # Each is nearer to its own pin than to any other.
+    page.draw_without_rendering()
+    places = drawing.transData.transform([text.xy for text in drawing.texts])
+    for number, text in enumerate(drawing.texts):
+        box = text.get_window_extent()
+        middle = (box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2
+        assert np.argmin(np.hypot(*(places - middle).T)) == number
+
+
+@pytest.mark.parametrize(
+    ('options', 'speed', 'stroke'), [([], 2.604, 0.519), (['--rpm', 57.29578], 6.249, 0.138)]
+)
+def test_a_wind_pump_is_drawn_as_it_settles(tmp_path, monkeypatch, capsys, options, speed, stroke):
+    assert chart(monkeypatch, 'motion', 'wind_pump', *options, '--out', tmp_path) == 0
+    assert f'settled at {speed} rad/s' in capsys.readouterr().out
+    columns = table(tmp_path / 'wind_pump_motion.csv')
+    crank, rate = columns['crank_angle [rad]'], columns['crank.velocity [rad/s]']
+    assert (crank[0], crank[-1], len(crank)) == (0.0, 2 * math.pi, 721)
+    assert np.ptp(columns['slider.position [m]']) == pytest.approx(stroke, abs=5e-4)
+    for name, values in columns.items():
+        if 'crank_angle' not in name and not name.startswith('crank.position'):
+            assert values[-1] == pytest.approx(values[0], abs=1e-8 * np.abs(values).max()), name
+    # The torque of the motor, by the balance of all bodies.
+    assert columns['driving_torque [N m]'] == pytest.approx(8.4 - 1.2 * rate, rel=1e-9)
+    # Rates are derivatives over the time that the turn takes at its own speeds.
+    steps = np.diff(crank) * (1 / rate[1:] + 1 / rate[:-1]) / 2
+    assert 2 * math.pi / steps.sum() == pytest.approx(speed, abs=5e-4)
+    for joint, unit in (('coupler', 'rad'), ('rod', 'rad'), ('slider', 'm')):
+        for low, high in ((f'position [{unit}]', f'velocity [{unit}/s]'),
+                          (f'velocity [{unit}/s]', f'acceleration [{unit}/s^2]')):  # fmt: skip
+            values, slope = columns[f'{joint}.{low}'], columns[f'{joint}.{high}']
+            middle = (slope[1:] + slope[:-1]) / 2
+            close = {'abs': 1e-4 * np.abs(slope).max()}
+            assert np.diff(values) / steps == pytest.approx(middle, **close)
+
+
+def test_mean_power_of_a_settled_pump_is_what_its_slider_takes():
+    pump = load('wind_pump')
+    turn = SettledTurn(pump.mechanism, (8.4, 1.2), 2.0)
+    rate, slide = (turn.columns[f'{name}.velocity'].values for name in ('crank', 'slider'))
+    steps = np.diff(turn.crank) * (1 / rate[1:] + 1 / rate[:-1]) / 2
+    taken = 60.0 * (slide[1:] ** 2 + slide[:-1] ** 2) / 2
+    assert turn.mean_power == pytest.approx((taken * steps).sum() / steps.sum(), rel=1e-4)
 
 
 def test_document_4_stands_in_the_table():
@@ -120,7 +182,7 @@ def test_extents_are_those_of_the_motion():
     assert -8.5475 < torque.low < -8.54729141947143
     assert math.degrees(torque.low_at) == pytest.approx(348.0, abs=0.25)
     assert abs(torque.mean) < 1e-14  # all the work comes back
-    assert curves.mean_power() == 0.0
+    assert curves.mean_power == 0.0
     wave = extent(curves.crank, 3 * np.sin(curves.crank - 1))
     assert wave.rms == pytest.approx(3 / math.sqrt(2), rel=1e-12)
     assert (wave.high, wave.high_at) == pytest.approx((3.0, math.pi / 2 + 1), rel=1e-6)
@@ -133,7 +195,7 @@ def test_extents_are_those_of_the_motion():
 def test_mean_power_is_the_mean_of_the_power(preset, acceleration):
     curves = Curves(load(preset).mechanism, 4 * math.pi, acceleration)
     power = extent(curves.crank, curves.columns['driving_power'].values)
-    assert curves.mean_power() == pytest.approx(power.mean, rel=1e-6, abs=1e-12 * power.rms)
+    assert curves.mean_power == pytest.approx(power.mean, rel=1e-6, abs=1e-12 * power.rms)
 
 
 @pytest.mark.parametrize('gap', [1e-3, 1e-5, 1e-7, 1e-9, 1e-12])
@@ -148,7 +210,7 @@ def test_no_spike_next_to_a_change_point_is_missed(gap):
     assert found.high == pytest.approx(at_pi.acceleration[1], rel=max(1e-3, 10 * gap))
     power = extent(curves.crank, curves.columns['driving_power'].values)
     assert abs(power.mean) < 0.02 * power.rms
-    assert curves.mean_power() == 0.0
+    assert curves.mean_power == 0.0
 
 
 def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, monkeypatch, capsys):
@@ -186,6 +248,9 @@ def test_file_names_are_no_mathematics(tmp_path, monkeypatch):
         (['motion', 'quadrilateral', '--rpm', 'fast'], 'invalid float value'),
         (['motion', 'quadrilateral', '--acceleration', '1e99'], '--acceleration 1e+99: must be'),
         (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
+        (['motion', 'wind_pump', '--reactions'], '--acceleration and --reactions are for a crank'),
+        (['motion', 'wind_pump', '--acceleration', '1'], 'wind_pump moves as its motor drives it'),
+        (['motion', 'wind_pump', '--rpm', '-5'], 'start speed -0.523599 rad/s: must be positive'),
         (['motion'], 'PARAMS'),
         ([], 'COMMAND'),
     ],

@@ -122,7 +122,7 @@ def analyse(
         ConfigurationError: The motor or a speed turns nothing forwards.
         UnreachableError: The pump cannot start from where its slider is.
     """
-    _check(mechanism, torque, damping, speeds)
+    require_forwards(mechanism, torque, damping, speeds)
     section, motor = PoincareMap(mechanism, damping), (torque, damping)
     averaging = Averaging(mechanism)
     averaged = _scan(averaging, motor, speeds, 40 if quick else 90)
@@ -145,7 +145,21 @@ def analyse(
     )  # fmt: skip
 
 
-def _check(mechanism: WindPump, torque: float, damping: float, speeds: Sequence[float]) -> None:
+def require_forwards(
+    mechanism: WindPump, torque: float, damping: float, speeds: Sequence[float]
+) -> None:
+    """Passes if a motor and starts turn the crank forwards.
+
+    Args:
+        mechanism: The pump.
+        torque: Of the motor at rest, N m.
+        damping: What it loses per crank speed, N m s.
+        speeds: Of the crank at the starts, rad/s.
+
+    Raises:
+        ConfigurationError: They do not.
+        UnreachableError: The pump cannot start from where its slider is.
+    """
     if not 0 < torque < math.inf:
         raise ConfigurationError(f'motor.torque {torque:g}: must be positive to turn the crank')
     if not 0 <= damping < math.inf:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from linkage_ros.core.curves import Curves, extent
+from linkage_ros.core.curves import Period, extent
 from linkage_ros.core.numeric import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, GREY, PURPLE, Color, fractions
 from linkage_ros.view.drawing import Drawing
@@ -88,7 +88,7 @@ class _Panel(NamedTuple):
     curves: dict[str, Array]
 
 
-def draw_motion(curves: Curves, title: Sequence[str], path: Path) -> None:
+def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
     """Draws a period: position, rate, acceleration, torque, and reactions if there are any.
 
     Args:
@@ -115,15 +115,18 @@ def draw_motion(curves: Curves, title: Sequence[str], path: Path) -> None:
     page.figure.savefig(path)
 
 
-def _motion_rows(curves: Curves) -> list[list[_Panel]]:
+def _motion_rows(curves: Period) -> list[list[_Panel]]:
     rows = []
-    joints = curves.solver.structure.joints[1:]
+    _, *joints = curves.structure.joints
+    speed = curves.columns['crank.velocity'].values
     for quantity, title in (
         ('position', 'Direction'), ('velocity', 'Rate'), ('acceleration', 'Accel.'),
     ):  # fmt: skip
         row = []
         for slides in (False, True):
             found = [curves.columns[f'{j.name}.{quantity}'] for j in joints if j.slides == slides]
+            if not slides and quantity != 'position' and np.ptp(speed):
+                found.insert(0, curves.columns[f'crank.{quantity}'])
             if found:
                 in_degrees = not slides and quantity == 'position'
                 unit = 'deg' if in_degrees else found[0].unit
@@ -132,7 +135,7 @@ def _motion_rows(curves: Curves) -> list[list[_Panel]]:
                     if in_degrees else column.values
                     for column in found
                 }  # fmt: skip
-                size = curves.solver.mechanism.longest if slides else 1.0
+                size = np.abs(curves.columns['slider.position'].values).max() if slides else 1.0
                 values = {n: _quieted(curves, quantity, size, v) for n, v in values.items()}
                 row.append(_Panel(f'Slider {_SHORT[quantity]}' if slides else title, unit, values))
         rows.append(row)
@@ -141,7 +144,7 @@ def _motion_rows(curves: Curves) -> list[list[_Panel]]:
     return rows
 
 
-def _quieted(curves: Curves, quantity: str, size: float, values: Array) -> Array:
+def _quieted(curves: Period, quantity: str, size: float, values: Array) -> Array:
     """0 for what rounding alone keeps from 0, as the rate of a parallelogram's coupler."""
     acceleration = curves.columns['crank.acceleration'].values
     natural = (
@@ -155,7 +158,7 @@ def _quieted(curves: Curves, quantity: str, size: float, values: Array) -> Array
     return values if np.abs(values).max() > 1e-12 * natural else np.zeros_like(values)
 
 
-def _reaction_rows(curves: Curves) -> list[list[_Panel]]:
+def _reaction_rows(curves: Period) -> list[list[_Panel]]:
     if 'shaking_moment' not in curves.columns:
         return []
     columns = {name: column.values for name, column in curves.columns.items()}
@@ -171,7 +174,7 @@ def _reaction_rows(curves: Curves) -> list[list[_Panel]]:
     ]
 
 
-def _draw(axes: Axes, curves: Curves, panel: _Panel, *, numbered: bool) -> None:
+def _draw(axes: Axes, curves: Period, panel: _Panel, *, numbered: bool) -> None:
     degrees = np.degrees(curves.crank)
     for (name, values), style in zip(panel.curves.items(), _styles(panel), strict=False):
         axes.plot(degrees, values, linestyle=style, color=_color(name), linewidth=1.6)
@@ -196,7 +199,7 @@ def _spans_zero(panel: _Panel) -> bool:
     return any(values.min() < 0 < values.max() for values in panel.curves.values())
 
 
-def _margin(curves: Curves, panel: _Panel) -> list[_Words]:
+def _margin(curves: Period, panel: _Panel) -> list[_Words]:
     """Peaks, where they are, and rms of every curve of a panel, in the curve's colour."""
     heading = f'{panel.unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     lines = [_Words(heading, '0.4', family='monospace')]
@@ -216,28 +219,45 @@ def _margin(curves: Curves, panel: _Panel) -> list[_Words]:
         )
         lines.append(_Words(words, color, family='monospace', style=style))
     if panel.title == _TORQUE:
-        lines.append(_Words(f'mean power {curves.mean_power():.4g} W', family='monospace'))
+        lines.append(_Words(f'mean power {curves.mean_power:.4g} W', family='monospace'))
     return [*lines, _Words('')]
 
 
-def _draw_linkage(axes: Axes, curves: Curves) -> None:
-    """The mechanism at a crank angle of 45 deg, and what its points trace out."""
-    mechanism = curves.solver.mechanism
-    drawing = Drawing(mechanism)
-    state = curves.solver.state([math.pi / 4], 0.0)
-    points = drawing.place(np.stack(state.position, axis=-1))
+def _draw_linkage(axes: Axes, curves: Period) -> None:
+    """The mechanism where the crank is at 45 deg, its pins, and what they trace out."""
+    drawing = Drawing(curves.mechanism)
+    columns = [curves.columns[f'{joint}.position'].values for joint in drawing.joints]
+    tracks = drawing.place(np.stack(columns, axis=-1))
+    now = int(np.argmin(np.abs(curves.crank - math.pi / 4)))
     for line in drawing.ground:
         axes.plot(*line.T, color=fractions(GREY), linewidth=0.9)
-    for link, track in drawing.paths.items():
-        axes.plot(*track.T, color=fractions(COLORS[link]), linewidth=0.8)
-    for link, lines in drawing.links(points).items():
-        axes.plot(
-            *lines[0].T, color=fractions(COLORS[link]), linewidth=2.6, solid_capstyle='round'
-        )
-    pins: Sequence[Array] = [*drawing.pivots, *points[0]]
-    axes.plot(*np.array(pins).T, 'o', color=fractions(DARK), markersize=3.5)
+    owners = {'B': drawing.joints[2], 'C': 'coupler', 'D': 'slider'}
+    for pin, owner in owners.items():
+        if pin in drawing.pins:
+            track = tracks[:, drawing.pins.index(pin)]
+            axes.plot(*track.T, color=_color(owner), linewidth=0.8)
+    for link, lines in drawing.links(tracks[now : now + 1]).items():
+        axes.plot(*lines[0].T, color=_color(link), linewidth=2.6, solid_capstyle='round')
+    pins = np.array([*drawing.pivots, *tracks[now]])
+    axes.plot(*pins.T, 'o', color=fractions(DARK), markersize=3.5)
+    _name_points(axes, (*drawing.pivot_names, *drawing.pins), pins, len(drawing.pivots))
     axes.set_aspect('equal')
+    axes.margins(0.08)
     axes.set_axis_off()
+
+
+def _name_points(axes: Axes, names: Sequence[str], places: Array, fixed: int) -> None:
+    """Writes names beside points: away from the middle of all, or beside the ground."""
+    for number, (name, place) in enumerate(zip(names, places, strict=True)):
+        away = place - places.mean(axis=0)
+        if number < fixed:
+            shift = math.copysign(16.0, away[0]), 0.0
+        else:
+            shift = tuple(11 * away / max(np.hypot(*away), 1e-300))
+        axes.annotate(
+            name, tuple(place), xytext=shift, textcoords='offset points', fontsize=_LABELS,
+            ha='center', va='center', annotation_clip=False,
+        )  # fmt: skip
 
 
 def _color(name: str) -> _Shade:

@@ -6,16 +6,16 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import Linkage
+from linkage_ros.core.mechanism import Linkage, Mechanism
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.solver import Solver
-from linkage_ros.core.state import State
+from linkage_ros.core.state import State, point_motion
+from linkage_ros.core.structure import Structure
 from linkage_ros.errors import ConfigurationError
 
 
@@ -53,15 +53,95 @@ class Extent(NamedTuple):
     rms: float
 
 
-class Curves:
+class Period:
+    """A motion that repeats, over one of its periods.
+
+    Attributes:
+        mechanism: That moves.
+        structure: How its links hang together.
+        crank: Crank angles from 0 to the end of the period, rising, rad.
+        speed: Mean crank speed, rad/s.
+        mean_power: Mean driving power over time, W.
+        columns: All quantities, by name; angles without jumps.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        structure: Structure,
+        crank: Array,
+        state: State,
+        *,
+        speed: float,
+        mean_power: float,
+    ) -> None:
+        """Takes the motion.
+
+        Args:
+            mechanism: That moves.
+            structure: How its links hang together.
+            crank: Crank angles, rad.
+            state: At the crank angles.
+            speed: Mean crank speed, rad/s.
+            mean_power: Mean driving power over time, W.
+        """
+        self.mechanism, self.structure = mechanism, structure
+        self.crank, self.speed, self.mean_power = crank, speed, mean_power
+        columns = [
+            Column('crank_angle', 'rad', crank),
+            *self._links(state),
+            Column('driving_torque', 'N m', state.torque),
+            Column('driving_power', 'W', state.torque * state.velocity[0]),
+        ]
+        if 'C' in structure.points:
+            columns += self._coupler_point(state)
+        self.columns: dict[str, Column] = {column.name: column for column in columns}
+
+    def _links(self, state: State) -> list[Column]:
+        columns = []
+        for joint in self.structure.joints:
+            unit = 'm' if joint.slides else 'rad'
+            position, velocity, acceleration = (
+                np.broadcast_to(x[joint.link], self.crank.shape) for x in state[:3]
+            )
+            columns += [
+                Column(f'{joint.name}.position', unit,
+                       position if joint.slides else np.unwrap(position)),
+                Column(f'{joint.name}.velocity', f'{unit}/s', velocity),
+                Column(f'{joint.name}.acceleration', f'{unit}/s^2', acceleration),
+            ]  # fmt: skip
+        return columns
+
+    def _coupler_point(self, state: State) -> list[Column]:
+        motion = point_motion(self.structure.points['C'], state)
+        units = ('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s^2')
+        return [
+            Column(f'coupler_point.{name}.{axis}', unit, values)
+            for (name, unit), vector in zip(units, motion, strict=True)
+            for axis, values in zip('xy', vector, strict=True)
+        ]
+
+    def save(self, path: Path) -> None:
+        """Writes all columns to a CSV file; every number reads back to the last bit.
+
+        Args:
+            path: The file; replaced if there is one.
+        """
+        columns = self.columns.values()
+        with path.open('w', newline='', encoding='utf-8') as stream:
+            writer = csv.writer(stream)
+            writer.writerow(f'{column.name} [{column.unit}]' for column in columns)
+            rows = zip(*(column.values.tolist() for column in columns), strict=True)
+            writer.writerows([repr(value) for value in row] for row in rows)
+
+
+class Curves(Period):
     """One period of a mechanism, at a speed and an acceleration that hold at every angle.
+
+    The crank angles are 0.5 deg apart, and as fine as it takes next to change points.
 
     Attributes:
         solver: Of the mechanism.
-        crank: Crank angles from 0 to the end of the period, 0.5 deg apart, and as fine as it
-            takes next to change points, rad.
-        speed: rad/s.
-        columns: All quantities, by name; angles without jumps.
     """
 
     def __init__(
@@ -87,43 +167,12 @@ class Curves:
         """
         self.solver = solver = Solver(mechanism)
         solver.require_full_turn()
-        self.speed, self._acceleration = speed, acceleration
-        self.crank = solver.kinematics.map.samples()
-        state = solver.state(self.crank, speed, acceleration)
-        columns = [Column('crank_angle', 'rad', self.crank), *self._links(state)]
-        columns += [
-            Column('driving_torque', 'N m', state.torque),
-            Column('driving_power', 'W', state.torque * speed),
-        ]
-        if 'C' in solver.structure.points:
-            columns += self._coupler_point(state)
+        crank = solver.kinematics.map.samples()
+        state = solver.state(crank, speed, acceleration)
+        power = _mean_power(solver, crank, state, acceleration)
+        super().__init__(mechanism, solver.structure, crank, state, speed=speed, mean_power=power)
         if reactions:
-            columns += self._reactions(state)
-        self.columns: Mapping[str, Column] = {column.name: column for column in columns}
-
-    def _links(self, state: State) -> list[Column]:
-        columns = []
-        for joint in self.solver.structure.joints:
-            unit = 'm' if joint.slides else 'rad'
-            position, velocity, acceleration = (
-                np.broadcast_to(x[joint.link], self.crank.shape) for x in state[:3]
-            )
-            columns += [
-                Column(f'{joint.name}.position', unit,
-                       position if joint.slides else np.unwrap(position)),
-                Column(f'{joint.name}.velocity', f'{unit}/s', velocity),
-                Column(f'{joint.name}.acceleration', f'{unit}/s^2', acceleration),
-            ]  # fmt: skip
-        return columns
-
-    def _coupler_point(self, state: State) -> list[Column]:
-        motion = self.solver.point(state, 'C')
-        units = ('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s^2')
-        return [
-            Column(f'coupler_point.{name}.{axis}', unit, values)
-            for (name, unit), vector in zip(units, motion, strict=True)
-            for axis, values in zip('xy', vector, strict=True)
-        ]
+            self.columns.update({column.name: column for column in self._reactions(state)})
 
     def _reactions(self, state: State) -> list[Column]:
         low, high = self.solver.kinematics.map.extremes()
@@ -146,30 +195,17 @@ class Curves:
         ]
         return [*columns, Column('shaking_moment', 'N m', reactions.shaking_moment)]
 
-    def mean_power(self) -> float:
-        """Mean driving power over the crank angle, W.
 
-        At a constant speed, weights and inertia take back what they give: what remains is the
-        guide's resistance, and what accelerates the crank. No cancellation spoils these.
-        """
-        power = self.speed * self._acceleration * self.solver.inertia(self.crank)
-        if slider := self.solver.structure.slider:
-            rate = self.columns[f'{self.solver.links[2]}.velocity'].values
-            power = power + slider.damping * rate * rate
-        return extent(self.crank, np.broadcast_to(power, self.crank.shape)).mean
+def _mean_power(solver: Solver, crank: Array, state: State, acceleration: float) -> float:
+    """Mean driving power over the crank angle, W.
 
-    def save(self, path: Path) -> None:
-        """Writes all columns to a CSV file; every number reads back to the last bit.
-
-        Args:
-            path: The file; replaced if there is one.
-        """
-        columns = self.columns.values()
-        with path.open('w', newline='', encoding='utf-8') as stream:
-            writer = csv.writer(stream)
-            writer.writerow(f'{column.name} [{column.unit}]' for column in columns)
-            rows = zip(*(column.values.tolist() for column in columns), strict=True)
-            writer.writerows([repr(value) for value in row] for row in rows)
+    At a constant speed, weights and inertia take back what they give: what remains is the guide's
+    resistance, and what accelerates the crank. No cancellation spoils these.
+    """
+    power = state.velocity[0] * acceleration * solver.inertia(crank)
+    if slider := solver.structure.slider:
+        power = power + slider.damping * state.velocity[2] * state.velocity[2]
+    return extent(crank, np.broadcast_to(power, crank.shape)).mean
 
 
 def extent(crank: Array, values: Array) -> Extent:

@@ -35,6 +35,7 @@ class Drawing:
         joints: Names of the joints, in the order of positions.
         turning: Those of links that have a direction: all but a slider.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
+        pivot_names: Their names.
         pins: Names of the moving points, in the order of `place`.
         output: Name of the output link.
         paths: What the pin of the output link and, if there is one, the coupler point C trace
@@ -60,7 +61,7 @@ class Drawing:
         points = structure.points
         fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
         moving = {name: point for name, point in points.items() if name not in fixed}
-        self.pins, self._pivot_names = tuple(moving), tuple(fixed)
+        self.pins, self.pivot_names = tuple(moving), tuple(fixed)
         self._weights = np.array([point.weights for point in moving.values()])
         self._fixed = np.array([point.fixed for point in moving.values()])
         self.pivots = _plane(np.array(list(fixed.values())))
@@ -125,7 +126,7 @@ class Drawing:
             slider a block, (n, 5, 2).
         """
         at = {name: points[:, i] for i, name in enumerate(self.pins)}
-        for name, pivot in zip(self._pivot_names, self.pivots, strict=True):
+        for name, pivot in zip(self.pivot_names, self.pivots, strict=True):
             at[name] = np.broadcast_to(pivot, (len(points), 2))
         lines = {}
         for joint in self.joints:

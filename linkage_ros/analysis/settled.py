@@ -1,0 +1,113 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What one start of a wind pump settles at, and a turn of it as columns of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find
+from linkage_ros.analysis.poincare import PoincareMap
+from linkage_ros.analysis.pump import require_forwards
+from linkage_ros.core.curves import Period
+from linkage_ros.core.mechanism import WindPump
+from linkage_ros.core.numeric import TWO_PI
+from linkage_ros.errors import ConfigurationError
+
+_PARTS = 720  # of a turn
+_LONGEST = 500  # turns, until it is to have settled
+_LOOK = 5  # turns between two looks whether it has
+_NEAR = 0.01  # of crank length and speed: so near to a stable motion, it is going there
+
+
+def settle(
+    mechanism: WindPump,
+    motor: tuple[float, float],
+    speed: float,
+    progress: Callable[[Iterable[int], str], Iterable[int]] = lambda items, _: items,
+) -> tuple[PoincareMap, PeriodicMotion]:
+    """Follows a pump until it has settled.
+
+    Args:
+        mechanism: The pump; its slider starts as it says.
+        motor: Torque at rest, N m, and what it loses per crank speed, N m s.
+        speed: Of the crank at angle 0, rad/s.
+        progress: Wraps what is gone through, with a word for it: a progress bar.
+
+    Returns:
+        The map of its turns, and the settled motion.
+
+    Raises:
+        ConfigurationError: The motor or the speed turns nothing forwards, or it does not settle.
+        LinkageError: The motion leaves what the coordinates describe, or the crank stops.
+    """
+    torque, damping = motor
+    require_forwards(mechanism, torque, damping, [speed])
+    section, slider = PoincareMap(mechanism, damping), mechanism.slider
+    point = np.array([[slider.position], [slider.velocity], [speed]])
+    for turn in progress(range(1, _LONGEST + 1), 'turns'):
+        point = section.image(point, torque)[:3]
+        if turn % _LOOK:
+            continue
+        guess = np.vstack((point, [[torque]]))
+        (found,) = find(section, guess, Wanted(np.array([torque]), is_speed=False))
+        if found and found.stable:
+            length, (_, _, now) = mechanism.crank.length, point[:, 0]
+            sizes = np.array((length, length * now, now))
+            if (np.abs(point[:, 0] - found.point) < _NEAR * sizes).all():
+                return section, found
+    raise ConfigurationError(
+        f'from {speed:g} rad/s the pump does not settle within {_LONGEST} turns: '
+        'linkage_chart pump draws what it does'
+    )
+
+
+class SettledTurn(Period):
+    """A turn of a settled wind pump.
+
+    Attributes:
+        motion: The settled motion.
+    """
+
+    def __init__(
+        self,
+        mechanism: WindPump,
+        motor: tuple[float, float],
+        speed: float,
+        progress: Callable[[Iterable[int], str], Iterable[int]] = lambda items, _: items,
+    ) -> None:
+        """Lets a pump settle and takes a turn of it, 0.5 deg by 0.5 deg.
+
+        Args:
+            mechanism: As for `settle`.
+            motor: Likewise.
+            speed: Likewise.
+            progress: Likewise.
+
+        Raises:
+            LinkageError: As `settle`.
+        """
+        section, self.motion = settle(mechanism, motor, speed, progress)
+        equations, (torque, damping) = section.equations, motor
+        points = np.array([self.motion.point]).T
+        x, v, w, _ = section.orbit(points, torque, _PARTS)[..., 0]
+        crank = np.linspace(0, TWO_PI[0], _PARTS + 1)
+        applied = torque - damping * w
+        q, u = (crank, x), (w, v)
+        state = equations.state(q, u, equations.accelerations(q, u, applied))
+        work = float(np.sum(np.diff(crank) * (applied[1:] + applied[:-1])) / 2)
+        super().__init__(
+            mechanism, equations.structure, crank, state,
+            speed=self.motion.speed, mean_power=work / self.motion.period,
+        )  # fmt: skip
+
+    def words(self) -> list[str]:
+        """What it has settled at."""
+        motion = self.motion
+        return [
+            f'settled at {motion.speed:.4g} rad/s',
+            f'stroke {motion.stroke:.4g} m ({motion.lowest:.4g} to {motion.highest:.4g} m)',
+            f'flow {motion.flow:.4g} m/s',
+        ]
