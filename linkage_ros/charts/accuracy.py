@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -44,16 +44,16 @@ _STYLES = {
 }
 
 
-def draw_accuracy(points: Sequence[Point], title: str, paths: Iterable[Path]) -> None:
+def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
     """Draws the panels of one mechanism.
 
     Args:
         points: Its points.
         title: Of the picture.
-        paths: Where to write it, by ending .png or .svg; replaced if they exist.
+        path: The PNG file; replaced if there is one.
 
     Raises:
-        OSError: A picture cannot be written.
+        OSError: The picture cannot be written.
     """
     figure = Figure(figsize=(13.5, 8.4), dpi=130, layout='constrained')
     figure.suptitle(title, fontsize=12)
@@ -72,8 +72,7 @@ def draw_accuracy(points: Sequence[Point], title: str, paths: Iterable[Path]) ->
     figure.draw_without_rendering()  # places the panels
     for axes, chosen in drawn:
         write_words(axes, chosen, wording)
-    for path in paths:
-        figure.savefig(path)
+    figure.savefig(path)
 
 
 def _series(point: Point) -> tuple[str, bool]:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ _PANELS = (
 
 
 def draw_integration(
-    points: Sequence[Point], methods: Sequence[Integrator], title: str, paths: Iterable[Path]
+    points: Sequence[Point], methods: Sequence[Integrator], title: str, path: Path
 ) -> None:
     """Draws a row of panels for each mechanism.
 
@@ -42,10 +42,10 @@ def draw_integration(
         points: Of all mechanisms.
         methods: The table.
         title: Of the picture.
-        paths: Where to write it, by ending .png or .svg; replaced if they exist.
+        path: The PNG file; replaced if there is one.
 
     Raises:
-        OSError: A picture cannot be written.
+        OSError: The picture cannot be written.
     """
     names = list(dict.fromkeys(point.mechanism for point in points))
     figure = Figure(figsize=(10.8, 1.5 + 3.3 * len(names)), dpi=130, layout='constrained')
@@ -71,8 +71,7 @@ def draw_integration(
     for axes in panels[-1]:
         axes.set_xlabel('time per simulated ms, \N{MICRO SIGN}s')
     _add_legend(figure, methods)
-    for path in paths:
-        figure.savefig(path)
+    figure.savefig(path)
 
 
 def _add_legend(figure: Figure, methods: Sequence[Integrator]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from linkage_ros.core.curves import Period, extent
@@ -34,6 +35,8 @@ _SAMPLE = 0.28  # of a curve's line, before its numbers
 _DPI, _TEXT, _NUMBERS, _LABELS = 140, 10.0, 8.5, 9.0
 _TORQUE = 'Driving torque'
 _SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel.'}
+# Around the names of pins, which may lie on lines.
+_HALO = withStroke(linewidth=2.5, foreground='white')
 _STYLES: tuple[_Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 # That of the link which turns about the pin; what belongs to no link has none's.
 _FORCES: dict[str, Color] = {
@@ -256,7 +259,7 @@ def _name_points(axes: Axes, names: Sequence[str], places: Array, fixed: int) ->
             shift = tuple(11 * away / max(np.hypot(*away), 1e-300))
         axes.annotate(
             name, tuple(place), xytext=shift, textcoords='offset points', fontsize=_LABELS,
-            ha='center', va='center', annotation_clip=False,
+            ha='center', va='center', annotation_clip=False, path_effects=[_HALO],
         )  # fmt: skip
 
 

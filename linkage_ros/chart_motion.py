@@ -1,0 +1,89 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart motion: a period at a given speed, or of what a wind pump settles at."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+from linkage_ros.chart_output import folder, libraries, progress
+from linkage_ros.core.curves import Curves, Period
+from linkage_ros.core.mechanism import Linkage, WindPump
+from linkage_ros.core.travel import travel
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.run.configuration import find, load
+from linkage_ros.run.drives import Drive, Motor, TorqueDrive
+
+
+def motion(options: argparse.Namespace) -> None:
+    """Draws one period of a mechanism and writes its table.
+
+    Args:
+        options: Of the command line.
+
+    Raises:
+        ConfigurationError: The mechanism, the speed or the folder cannot be used.
+    """
+    with libraries():
+        from linkage_ros.charts.motion import draw_motion
+    for flag, value in (('--rpm', options.rpm or 0.0), ('--acceleration', options.acceleration)):
+        if not abs(value) <= 1e9:
+            raise ConfigurationError(f'{flag} {value:g}: must be a number from -1e+09 to 1e+09')
+    configuration, name = load(options.params), find(options.params).stem
+    mechanism = configuration.mechanism
+    if isinstance(mechanism, WindPump):
+        period, words = _settled(options, mechanism, configuration.drive)
+    else:
+        period, words = _driven(options, mechanism, configuration.drive)
+    title = [name, f'{configuration.kind.mechanism}, {mechanism.assembly}{words[0]}', *words[1:]]
+    picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
+    with folder(options.out):
+        period.save(table)
+        draw_motion(period, title, picture)
+    print(', '.join(title))
+    print(f'{picture}\n{table}')
+
+
+def _driven(
+    options: argparse.Namespace, mechanism: Linkage, drive: Drive
+) -> tuple[Period, list[str]]:
+    """A period at a given speed, and words about it.
+
+    Raises:
+        ConfigurationError: No speed is given, or the reactions have no finite value.
+    """
+    if options.rpm is None and isinstance(drive, TorqueDrive):
+        raise ConfigurationError(
+            f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
+        )
+    rpm = drive.target if options.rpm is None else options.rpm
+    curves = Curves(
+        mechanism, rpm * math.pi / 30, options.acceleration, reactions=options.reactions
+    )
+    accelerated = f', {options.acceleration:g} rad/s^2' if options.acceleration else ''
+    grashof = curves.solver.mobility.grashof
+    return curves, [f', {grashof}', f'{rpm:g} rpm{accelerated}', *travel(curves.solver).words()]
+
+
+def _settled(
+    options: argparse.Namespace, mechanism: WindPump, drive: Drive
+) -> tuple[Period, list[str]]:
+    """A turn of what a wind pump settles at, and words about it.
+
+    Raises:
+        ConfigurationError: It does not settle, or options ask for what it does not have.
+    """
+    with libraries():
+        from linkage_ros.analysis.settled import SettledTurn
+    if options.acceleration or options.reactions:
+        raise ConfigurationError(
+            '--acceleration and --reactions are for a crank at a given speed: '
+            f'{options.params} moves as its motor drives it'
+        )
+    motor = drive.motor if isinstance(drive, TorqueDrive) else Motor()
+    rpm = drive.initial_rpm if options.rpm is None else options.rpm
+    line = motor.torque, motor.damping
+    turn = SettledTurn(mechanism, line, rpm * math.pi / 30, progress)
+    start = f'motor {motor.torque:g} N m - {motor.damping:g} N m s x speed, from {rpm:g} rpm'
+    return turn, ['', start, *turn.words()]
