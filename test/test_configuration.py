@@ -528,3 +528,26 @@ def test_text_that_lacks_a_required_setting_is_refused(name):
     del strings[name]
     with pytest.raises(ConfigurationError, match=f'{re.escape(name)} is missing|names no {name}'):
         from_strings(strings)
+
+
+@pytest.mark.parametrize(
+    ('log', 'viewer'),
+    [('run.rrd', 'run.rrd'), ('./a/../run.rrd', 'run.rrd'), ('link.rrd', 'run.rrd')],
+)
+def test_log_and_viewer_are_never_one_file(tmp_path, monkeypatch, log, viewer):
+    monkeypatch.chdir(tmp_path)
+    Path('a').mkdir()
+    Path('link.rrd').symlink_to('run.rrd')
+    words = (
+        r"^log and viewer are one file, 'run\.rrd': give the log another path, that of an \.mcap"
+    )
+    with pytest.raises(ConfigurationError, match=words):
+        configure({'log': log, 'viewer': viewer})
+    assert not Path('run.rrd').exists()
+
+
+@pytest.mark.parametrize(
+    ('log', 'viewer'), [('', ''), ('', 'run.rrd'), ('web', 'web'), ('run.mcap', 'run.rrd')]
+)
+def test_other_logs_and_viewers_are_two(log, viewer):
+    assert configure({'log': log, 'viewer': viewer}).session.viewer == viewer

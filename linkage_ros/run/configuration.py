@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
@@ -81,6 +82,15 @@ class Session(Checked):
     viewer_bind: str = quantity(
         'text', 'address on which a spawned viewer or the page is served', default='127.0.0.1'
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        paths = {os.path.realpath(path) for path in (self.log, self.viewer)}
+        if self.log and self.viewer.endswith('.rrd') and len(paths) == 1:
+            raise ConfigurationError(
+                f'log and viewer are one file, {shown(self.viewer)}: give the log another path, '
+                'that of an .mcap file'
+            )
 
 
 @dataclass(frozen=True)
