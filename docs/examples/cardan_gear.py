@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from linkage_ros.core.bodies import Body, Coupler, Guide, Slider
+from linkage_ros.core.bodies import Body, Coupler, Guide, Slider, gravity_quantity
 from linkage_ros.core.links import Links
 from linkage_ros.core.numeric import HALF_PI, Functions, Real, two_sum
 from linkage_ros.core.quantities import Checked, quantity
@@ -32,9 +32,7 @@ class CardanGear(Checked):
     assembly: str = quantity(
         'choice', 'side of the crank pin on which the slider is', choices=('open',), default='open'
     )
-    gravity: tuple[float, float] = quantity(
-        'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=(0.0, -9.81)
-    )
+    gravity: tuple[float, float] = gravity_quantity()
     grashof: ClassVar[str] = 'crank-slider'
     sums: ClassVar[dict[str, tuple[float, ...]]] = {}  # whose vanishing were a change point
 

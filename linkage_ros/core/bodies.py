@@ -9,6 +9,7 @@ rad counter-clockwise from the x axis of base_link.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from linkage_ros.core.quantities import Checked, quantity
 
@@ -16,6 +17,13 @@ from linkage_ros.core.quantities import Checked, quantity
 # underflow; every linkage that can be built is far inside.
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
+
+
+def gravity_quantity() -> Any:
+    """Declares the field of a mechanism that holds the acceleration of gravity [x, y], m/s^2."""
+    return quantity(
+        'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=(0.0, -9.81)
+    )
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ class MassDistribution:
         powers = [k1 * t1 + k2 * t2 + k3 * t3 for k1, k2, k3 in partial]
         if slide and self._free:
             velocity, acceleration = slide
-            push = self._free.force + self._free_weight - self._free.damping * velocity
+            push = self._free_weight - self._free.damping * velocity
             powers[-1] = powers[-1] + (self._free.mass * acceleration - push)
         return tuple(powers)
 

@@ -13,15 +13,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Piston, Slider
+from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Piston, Slider, gravity_quantity
 from linkage_ros.core.numeric import is_rounding, rounded, short_sum
 from linkage_ros.core.quantities import Checked, quantity
 from linkage_ros.errors import MechanismError
 
 OPEN = 'open'
 CROSSED = 'crossed'
-
-_GRAVITY = (0.0, -9.81)
 
 
 @dataclass(frozen=True)
@@ -46,9 +44,7 @@ class FourBar(Checked):
     assembly: str = quantity(
         'choice', 'side of the coupler-rocker pin', choices=(OPEN, CROSSED), default=OPEN
     )
-    gravity: tuple[float, float] = quantity(
-        'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=_GRAVITY
-    )
+    gravity: tuple[float, float] = gravity_quantity()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -159,9 +155,7 @@ class SliderCrank(Checked):
         'choice', 'side of the crank pin on which the slider is', choices=(OPEN, CROSSED),
         default=OPEN,
     )  # fmt: skip
-    gravity: tuple[float, float] = quantity(
-        'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=_GRAVITY
-    )
+    gravity: tuple[float, float] = gravity_quantity()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -257,9 +251,7 @@ class WindPump(Checked):
     assembly: str = quantity(
         'choice', 'side of the coupler-rod pin', choices=(OPEN, CROSSED), default=OPEN
     )
-    gravity: tuple[float, float] = quantity(
-        'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=_GRAVITY
-    )
+    gravity: tuple[float, float] = gravity_quantity()
 
 
 # Mechanisms of one degree of freedom: the crank angle tells where all links are.
