@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from linkage_ros import __version__
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.progress import progress_bar
 
 
 @contextmanager
@@ -52,8 +52,8 @@ def folder(path: Path) -> Iterator[None]:
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
-    """Goes through items, with a bar where stderr is a terminal."""
-    return tqdm(items, desc=words, disable=None, leave=False, mininterval=1.0)
+    """Goes through items, with a bar."""
+    return progress_bar(items, desc=words)
 
 
 def about() -> dict[str, str]:

@@ -10,18 +10,19 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import NoReturn
-
-from tqdm import tqdm
+from typing import Any
 
 from linkage_ros import __version__, cli
 from linkage_ros.errors import LogError, printable
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.verify import Report, verify
+from linkage_ros.progress import progress_bar
 from linkage_ros.run.machine import Machine
 
 _NAME = 'linkage_log'
+# Of progress bars: in thousands, and none where all is done in 2 s.
+_COUNTED: dict[str, Any] = {'unit_scale': True, 'delay': 2}
 _NS = 10**9
 # Stamps below are times since the start of a record, not dates (s).
 _EPOCH_OF_DATES = 10**9
@@ -105,7 +106,7 @@ def verdict(log: LogReader, report: Report) -> Iterator[str]:
 def _verify(options: argparse.Namespace) -> int:
     with LogReader(options.log) as log:
         most = max((topic.messages for topic in log.topics), default=0)
-        with _bar(most, ' states') as bar:
+        with progress_bar(total=most, unit=' states', **_COUNTED) as bar:
             report = verify(log, bar.update)
         if not report.states and not report.difference:
             raise LogError(f'{options.log} has no states: there is nothing to verify')
@@ -136,7 +137,7 @@ def _recover(options: argparse.Namespace) -> int:
     size = 0
     with suppress(OSError):  # recover says what is wrong
         size = options.log.stat().st_size
-    with _bar(size, 'B') as bar:
+    with progress_bar(total=size, unit='B', **_COUNTED) as bar:
         done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
     print(printable(saved(options.out, done)))
     return 0
@@ -147,14 +148,6 @@ def _info(options: argparse.Namespace) -> int:
         for line in info(log):
             print(printable(line))
     return 0
-
-
-def _bar(total: int, unit: str) -> tqdm[NoReturn]:
-    # Without a bar where stderr is no terminal (disable=None), or where it is done in 2 s.
-    return tqdm(
-        total=total, unit=unit, unit_scale=True, disable=None, delay=2, mininterval=1.0,
-        leave=False,
-    )  # fmt: skip
 
 
 def _parser() -> argparse.ArgumentParser:

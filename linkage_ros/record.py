@@ -8,16 +8,15 @@ import argparse
 import itertools
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-from tqdm import tqdm
-
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, MotionError
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.progress import progress_bar
 from linkage_ros.run.adaptive import AdaptiveSteps
 from linkage_ros.run.configuration import Configuration, configure, find, preset_note
 from linkage_ros.run.machine import Machine, Step
@@ -74,7 +73,10 @@ def record(
         log.write_motion(motion)
         log.write(description, 0, machine.description)
         try:
-            for tick in _shown(last.ticks, progress):
+            ticks: Iterable[int] = progress_bar(
+                last.ticks, wanted=progress, unit=' states', unit_scale=True
+            )
+            for tick in ticks:
                 stamp = machine.elapsed(tick)
                 step = machine.step(motion, stamp)
                 if stopped() or last.reached(stamp, step):
@@ -105,13 +107,18 @@ class _End:
     ) -> None:
         self.ticks: Iterable[int]
         self._turns: int | None = None
-        if revolutions is None or isinstance(motion, CrankMotion):
-            self.ticks = range(_count(machine, duration, revolutions))
+        self._start = machine.configuration.drive.crank_angle
+        if revolutions is None:
+            self.ticks = _ticks(machine, _nanoseconds(duration))
+            return
+        if not 0 < revolutions <= _LONGEST:
+            raise ConfigurationError(
+                f'revolutions = {revolutions}: must be a whole number from 1 to {_LONGEST:g}'
+            )
+        if isinstance(motion, CrankMotion):
+            self.ticks = _ticks(machine, _time_to_turn(motion, revolutions))
         else:
-            _require_revolutions(revolutions)
             self.ticks, self._turns = itertools.count(), revolutions
-            drive = machine.configuration.drive
-            self._start = drive.crank_angle
 
     def reached(self, stamp: int, step: Step) -> bool:
         """Whether a state is at or beyond the end that the motion tells.
@@ -130,52 +137,44 @@ class _End:
         return turned >= self._turns
 
 
-def _require_revolutions(revolutions: int) -> None:
-    if not 0 < revolutions <= _LONGEST:
-        raise ConfigurationError(
-            f'revolutions = {revolutions}: must be a whole number from 1 to {_LONGEST:g}'
-        )
+def _ticks(machine: Machine, end: int) -> range:
+    """The states in [0, end), ns."""
+    return range(machine.tick_at(end - 1) + 1)
 
 
-def _count(machine: Machine, duration: float | None, revolutions: int | None) -> int:
-    """How many states lie in [0, T).
+def _nanoseconds(duration: float | None) -> int:
+    """A duration as it was typed.
 
     Raises:
-        ConfigurationError: T is not a positive number, or is never reached.
+        ConfigurationError: It is not a positive number.
     """
-    motion = machine.begin(0)
-    if revolutions is None or not isinstance(motion, CrankMotion):
-        seconds = _DEFAULT_DURATION if duration is None else duration
-        if not 0 < seconds <= _LONGEST:
-            raise ConfigurationError(
-                f'duration = {seconds!r}: must be a number above 0 up to {_LONGEST:g} s'
-            )
-        # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
-        end = math.ceil(Fraction(repr(float(seconds))) * 10**9)
-    else:
-        _require_revolutions(revolutions)
-        turned = motion.time_to_turn(revolutions)
-        if turned is None:
-            raise ConfigurationError(
-                f'the crank comes to rest before {revolutions} revolutions: '
-                'give a --duration, or an rpm other than 0'
-            )
-        if turned > _LONGEST * 10**9:
-            raise ConfigurationError(
-                f'{revolutions} revolutions take longer than {_LONGEST:g} s: '
-                'give fewer, or a higher rpm'
-            )
-        end = turned
-    return machine.tick_at(end - 1) + 1
+    seconds = _DEFAULT_DURATION if duration is None else duration
+    if not 0 < seconds <= _LONGEST:
+        raise ConfigurationError(
+            f'duration = {seconds!r}: must be a number above 0 up to {_LONGEST:g} s'
+        )
+    # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
+    return math.ceil(Fraction(repr(float(seconds))) * 10**9)
 
 
-def _shown(ticks: Iterable[int], progress: bool) -> Iterator[int]:
-    # Without a bar where stderr is no terminal (disable=None).
-    bar = tqdm(
-        ticks, unit=' states', unit_scale=True, disable=None if progress else True,
-        mininterval=1.0, leave=False,
-    )  # fmt: skip
-    return iter(bar)
+def _time_to_turn(motion: CrankMotion, revolutions: int) -> int:
+    """When the crank has made its revolutions, ns.
+
+    Raises:
+        ConfigurationError: Never, or not in a lifetime.
+    """
+    turned = motion.time_to_turn(revolutions)
+    if turned is None:
+        raise ConfigurationError(
+            f'the crank comes to rest before {revolutions} revolutions: '
+            'give a --duration, or an rpm other than 0'
+        )
+    if turned > _LONGEST * 10**9:
+        raise ConfigurationError(
+            f'{revolutions} revolutions take longer than {_LONGEST:g} s: '
+            'give fewer, or a higher rpm'
+        )
+    return turned
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -12,8 +12,6 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from tqdm import tqdm
-
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
@@ -22,6 +20,7 @@ from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.playback.showing import Showing
+from linkage_ros.progress import progress_bar
 from linkage_ros.run.configuration import VIEWERS
 from linkage_ros.run.punctual import prepare_process, wake_on_time
 
@@ -36,8 +35,8 @@ _SHOW_SECONDS = 1.0
 def _status(log: LogReader, piece: Piece, pace: Pace) -> Iterator[Show]:
     """A line on stderr: where in the log, at which rate, whether paused; only on a terminal."""
     end = (min(piece.end, log.end) - log.start) / _NS
-    bar = tqdm(
-        total=max(end, 1e-9), disable=None, leave=False,
+    bar = progress_bar(
+        total=max(end, 1e-9),
         bar_format='{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s{postfix}',
     )  # fmt: skip
     due, shown = 0.0, ''

@@ -17,11 +17,11 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'linkage_ros'
 FILES = sorted(PACKAGE.rglob('*.py'))
 # The floors, lowest first: each imports those below it. What lies in no folder is an edge, or one
-# of three files that stand apart.
+# of four files that stand apart.
 FLOORS = (
     *('core', 'methods', 'analysis', 'wire', 'run', 'log', 'view', 'charts', 'ros', 'playback'),
 )
-BELOW_ALL = {'errors', 'palette', 'cli'}
+BELOW_ALL = {'errors', 'palette', 'cli', 'progress'}
 
 
 def name_of(path):
@@ -60,7 +60,7 @@ MOTIONS = {
 MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.stability'}
 SCIPY = {'methods.integrators', 'run.adaptive', 'analysis.poincare'}
 ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
-TQDM = {'record', 'replay', 'log_tool', 'chart_output'}
+TQDM = {'progress'}
 ROOMS = {
     'mcap': (MCAP, MCAP),
     'lz4': ({'log.chunks'}, {'log.chunks'}),
