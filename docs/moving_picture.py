@@ -144,7 +144,9 @@ def _make(out: Path) -> None:
 
 
 if __name__ == '__main__':
-    parser = cli.make_parser(_NAME, 'Make the picture in the README; needs rerun-sdk and Vulkan.')
+    parser = cli.make_parser(
+        _NAME, 'Make the picture in the README; needs rerun-sdk and Vulkan.', ('', '--out new.gif')
+    )
     parser.add_argument('--out', type=Path, default=_OUT, help='default: %(default)s')
     arguments = parser.parse_args()
     sys.exit(cli.run(_NAME, lambda: _make(arguments.out)))
