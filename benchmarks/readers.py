@@ -155,7 +155,8 @@ def main():
             print(f'not run: npm could not install the packages: {installed.stderr.strip()[:200]}')
             return 2
         faults, begun = 0, time.perf_counter()
-        for preset in preset_names():
+        # What an oracle solves anew: the motions at a given speed.
+        for preset in (n for n in preset_names() if load(n).kind.drive == 'speed'):
             path = folder / f'{preset}.mcap'
             faults += check(folder, path, *record_preset(preset, path))
         path = folder / 'as_the_node.mcap'
