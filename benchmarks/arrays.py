@@ -17,7 +17,7 @@ import numpy as np
 from plain import compiled, constants
 
 from linkage_ros import Solver
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 
 ROUNDS, STATES = 15, 200_000
 

@@ -31,8 +31,8 @@ import numpy as np
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.palette import BLUE, VERMILION, fractions
+from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.presets import preset_path
 from linkage_ros.wire.messages import JointStateCodec
 
 RATE, SECONDS = 1000.0, 6.0

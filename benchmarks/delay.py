@@ -19,9 +19,9 @@ from pathlib import Path
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.solver import Solver
+from linkage_ros.motion.plant import Plant
 from linkage_ros.palette import BLUE, VERMILION, fractions
-from linkage_ros.run.configuration import configure
-from linkage_ros.run.plant import Plant
+from linkage_ros.parameters.configuration import configure
 
 RATE, RPM, TURNS = 1000.0, 150.0, 10
 DELAYS = tuple(quarter / 4 for quarter in range(17))  # ticks

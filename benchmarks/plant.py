@@ -13,8 +13,8 @@ from pathlib import Path
 
 from linkage_ros import EquationsOfMotion
 from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure, load
 
 ROUNDS = 7
 

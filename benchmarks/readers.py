@@ -16,12 +16,12 @@ import time
 from pathlib import Path
 
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.diagnostics import OK, WARN, Status, encode_diagnostics
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.motion import CrankMotion
-from linkage_ros.run.presets import preset_names
 from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 HERE = Path(__file__).resolve().parent

@@ -23,8 +23,8 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.parameters.configuration import configure
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
 

@@ -12,7 +12,7 @@ import timeit
 from plain import make_plain
 
 from linkage_ros import Solver
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 
 ROUNDS, STATES = 15, 20_000
 

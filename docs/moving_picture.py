@@ -24,8 +24,8 @@ from PIL import Image
 
 from linkage_ros import cli
 from linkage_ros.errors import ViewerError
-from linkage_ros.run.configuration import Configuration, load
-from linkage_ros.run.drives import SpeedDrive
+from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.run.machine import Machine
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_layout import layout

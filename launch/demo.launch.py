@@ -12,7 +12,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from linkage_ros.run.configuration import find, load
+from linkage_ros.parameters.configuration import find, load
 from linkage_ros.wire.urdf import make_urdf
 
 

@@ -12,8 +12,8 @@ from linkage_ros.core.curves import Curves, Period
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.run.configuration import find, load
-from linkage_ros.run.drives import Drive, Motor, TorqueDrive
+from linkage_ros.motion.drives import Drive, Motor, TorqueDrive
+from linkage_ros.parameters.configuration import find, load
 
 
 def motion(options: argparse.Namespace) -> None:

@@ -14,10 +14,10 @@ from linkage_ros.chart_output import about, folder, libraries, progress, save
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.methods.motions import Machines
-from linkage_ros.run.adaptive import AdaptiveSteps
-from linkage_ros.run.configuration import find, load
-from linkage_ros.run.drives import Motor, TorqueDrive
-from linkage_ros.run.presets import preset_names
+from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.motion.drives import Motor, TorqueDrive
+from linkage_ros.parameters.configuration import find, load
+from linkage_ros.parameters.presets import preset_names
 
 _NAME = 'linkage_chart'
 

@@ -21,10 +21,10 @@ from linkage_ros.core.mechanism import Mechanism, WindPump
 from linkage_ros.core.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.parameters.configuration import load, parameters_in_words, without_ros_own
 from linkage_ros.ros.parameters import declare_values
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
-from linkage_ros.run.configuration import load, parameters_in_words, without_ros_own
 
 _NAME = 'linkage_controller'
 

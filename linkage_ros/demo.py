@@ -18,8 +18,8 @@ from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
+from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
-from linkage_ros.run.configuration import load
 from linkage_ros.view.rerun_program import require_screen
 from linkage_ros.view.targets import SPAWN
 

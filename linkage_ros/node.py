@@ -15,6 +15,16 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from linkage_ros import cli
 from linkage_ros.core.state import State
 from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
+from linkage_ros.parameters.configuration import (
+    Configuration,
+    Kind,
+    configure,
+    parameter_leaves,
+    parameters_in_words,
+    preset_note,
+)
 from linkage_ros.ros.commands import CommandInbox
 from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import check_parameter_files, declare
@@ -23,20 +33,10 @@ from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.run.clock_stepper import ClockStepper
-from linkage_ros.run.configuration import (
-    Configuration,
-    Kind,
-    configure,
-    parameter_leaves,
-    parameters_in_words,
-    preset_note,
-)
 from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
-from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.punctual import prepare_process
 from linkage_ros.run.stepper import Stepper
-from linkage_ros.run.torque import RunMotion, TorqueMotion
 from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.messages import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
 

@@ -16,14 +16,14 @@ from pathlib import Path
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, MotionError
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.motion.torque_driven import RunMotion
+from linkage_ros.parameters.configuration import Configuration, configure, find, preset_note
+from linkage_ros.parameters.parameter_file import read_parameter_file
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.progress import progress_bar
-from linkage_ros.run.adaptive import AdaptiveSteps
-from linkage_ros.run.configuration import Configuration, configure, find, preset_note
 from linkage_ros.run.machine import Machine, Step
-from linkage_ros.run.motion import CrankMotion
-from linkage_ros.run.parameter_file import read_parameter_file
-from linkage_ros.run.presets import preset_names
-from linkage_ros.run.torque import RunMotion
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION, qualified
 
 _NAME = 'linkage_record'

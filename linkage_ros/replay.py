@@ -15,13 +15,13 @@ from contextlib import ExitStack, contextmanager
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.parameters.configuration import VIEWERS
 from linkage_ros.playback.feed import Piece, cut, feed
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.playback.showing import Showing
 from linkage_ros.progress import progress_bar
-from linkage_ros.run.configuration import VIEWERS
 from linkage_ros.run.punctual import prepare_process, wake_on_time
 
 _NAME = 'linkage_replay'

@@ -16,9 +16,9 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from linkage_ros.log.records import _seal
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.run.configuration import configure, load
+from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.motion import CrankMotion
 from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 # Where a length, a count, an offset or a time is expected.

@@ -26,8 +26,8 @@ from linkage_ros import (
 )
 from linkage_ros.analysis.settled import SettledTurn
 from linkage_ros.core.curves import Curves, extent
-from linkage_ros.run.configuration import load
-from linkage_ros.run.presets import preset_names
+from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.presets import preset_names
 
 # At a given speed; a wind pump has the speed that it settles at.
 PRESETS = [name for name in preset_names() if load(name).kind.drive == 'speed']

@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 from linkage_ros import ConfigurationError, EquationsOfMotion, MechanismError, Solver, WindPump
 from linkage_ros.core.mechanism import MECHANISMS
 from linkage_ros.core.quantities import MISSING
-from linkage_ros.run.configuration import (
+from linkage_ros.motion.drives import DRIVES
+from linkage_ros.parameters.configuration import (
     DEFAULT_PRESET,
     Kind,
     check_live,
@@ -30,8 +31,7 @@ from linkage_ros.run.configuration import (
     parameter_leaves,
     to_strings,
 )
-from linkage_ros.run.drives import DRIVES
-from linkage_ros.run.presets import preset_names
+from linkage_ros.parameters.presets import preset_names
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 LEAVES = {leaf.name: leaf for leaf in parameter_leaves(Kind('four_bar'))}

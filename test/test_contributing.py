@@ -95,7 +95,7 @@ from linkage_ros.charts.accuracy import draw_accuracy
 from linkage_ros.methods import accuracy, stability, table
 from linkage_ros.methods.measure import Bench
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 
 (two,) = [method for method in table.METHODS if method.name == 'two circles']
 accuracy.METHODS = (table.METHODS[0], two)  # of all, these alone
@@ -157,7 +157,7 @@ PARAMETERS = """
     slider: {mass: 2.0, damping: 30.0}
 """
 TOOLS = """
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.wire.urdf import make_urdf
 mechanism = load('cardan_gear.yaml').mechanism

@@ -12,9 +12,9 @@ import pytest
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.parameters.configuration import configure
 from linkage_ros.playback.feed import cut, feed
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure
 
 PERIOD = 5_000_000
 

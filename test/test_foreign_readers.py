@@ -26,11 +26,11 @@ from rosbags.highlevel import AnyReader
 from solved_messages import TYPES, plain, solved_messages, time_of
 
 from linkage_ros.log.reader import LogReader
+from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.parameters.configuration import Configuration, load
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
-from linkage_ros.run.adaptive import AdaptiveSteps
-from linkage_ros.run.configuration import Configuration, load
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.presets import preset_names
 from linkage_ros.wire.interfaces import DIAGNOSTIC_ARRAY
 from linkage_ros.wire.messages import JointStateCodec
 

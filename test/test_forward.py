@@ -22,7 +22,7 @@ from linkage_ros import (
 )
 from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Slider
 from linkage_ros.core.mechanism import SliderCrank
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 
 MECHANISMS = {
     **{name: load(name).mechanism for name in ('quadrilateral', 'coupler_point', 'compressor')},

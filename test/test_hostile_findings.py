@@ -30,10 +30,10 @@ from linkage_ros.log.records import MOTION_RECORD, _seal, read_motion, write_mot
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.log_tool import info
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.parameter_file import read_parameter_file
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 MOTION = write_motion(Machine(load('quadrilateral')).begin(0))

@@ -25,8 +25,8 @@ from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
 from linkage_ros.methods.motion_bench import MotionBench, even
 from linkage_ros.methods.motion_reference import Accuracy, MotionReference, unit
 from linkage_ros.methods.motions import Machines, Run
-from linkage_ros.run.adaptive import AdaptiveSteps
-from linkage_ros.run.configuration import load
+from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump')
 QUADRILATERAL = load('quadrilateral').mechanism

@@ -10,18 +10,23 @@ import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import get_args
 
 import pytest
+
+from linkage_ros.core.kinematics import KINEMATICS
+from linkage_ros.core.mechanism import Linkage
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'linkage_ros'
 FILES = sorted(PACKAGE.rglob('*.py'))
 # The floors, lowest first: each imports those below it. What lies in no folder is an edge, or one
-# of four files that stand apart.
+# of five files that stand apart.
 FLOORS = (
-    *('core', 'methods', 'analysis', 'wire', 'run', 'log', 'view', 'charts', 'ros', 'playback'),
+    *('core', 'methods', 'analysis', 'wire', 'motion', 'parameters', 'run', 'log'),
+    *('view', 'charts', 'ros', 'playback'),
 )
-BELOW_ALL = {'errors', 'palette', 'cli', 'progress'}
+BELOW_ALL = {'errors', 'files', 'palette', 'cli', 'progress'}
 
 
 def name_of(path):
@@ -58,7 +63,7 @@ MOTIONS = {
     'methods.motion_stability',
 }
 MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.stability'}
-SCIPY = {'methods.integrators', 'run.adaptive', 'analysis.poincare'}
+SCIPY = {'methods.integrators', 'motion.adaptive', 'analysis.poincare'}
 ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'progress'}
 ROOMS = {
@@ -72,7 +77,7 @@ ROOMS = {
         {'methods.reference', 'methods.motion_reference'},
         {'methods.reference', 'methods.motion_reference'},
     ),
-    'yaml': ({'run.parameter_file'}, {'run.parameter_file'}),
+    'yaml': ({'parameters.parameter_file'}, {'parameters.parameter_file'}),
     'tqdm': (TQDM, TQDM),
     'rclpy': (ROS, {*ROS, 'demo'}),
     'rcl_interfaces': (ROS, ROS),
@@ -288,7 +293,7 @@ def test_the_core_works_with_all_libraries_but_numpy_absent():
     ('module', 'library'),
     [
         ('log.writer', 'mcap'),
-        ('run.parameter_file', 'yaml'),
+        ('parameters.parameter_file', 'yaml'),
         ('record', 'tqdm'),
         ('node', 'rclpy'),
     ],
@@ -306,3 +311,10 @@ def test_all_but_the_ros_modules_are_imported_without_ros_viewer_and_charts():
     )
     done = run(f'import {names}\nprint("all")', OPTIONAL)
     assert (done.returncode, done.stdout) == (0, 'all\n'), done.stderr
+
+
+# ---------------------------------------------------------------- tables
+
+
+def test_every_linkage_has_kinematics():
+    assert set(KINEMATICS) == set(get_args(Linkage))

@@ -31,9 +31,9 @@ from linkage_ros import LogError, __version__
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import CONFIGURATION_RECORD, MOTION_RECORD, _seal
 from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
+from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure, load, to_strings
-from linkage_ros.run.motion import CrankMotion
 from linkage_ros.wire.messages import (
     DRIVING_TORQUE,
     JOINT_STATES,
@@ -414,7 +414,7 @@ def test_a_run_that_was_killed_leaves_its_log_to_the_next(tmp_path):
     program = (
         'import os, sys\n'
         'from linkage_ros.log.writer import LogWriter\n'
-        'from linkage_ros.run.configuration import load\n'
+        'from linkage_ros.parameters.configuration import load\n'
         'log = LogWriter(sys.argv[1], load("quadrilateral"), overwrite=False)\n'
         'os.kill(os.getpid(), 9)'
     )
@@ -711,10 +711,10 @@ def test_damage_is_reported_while_iterating(path, tmp_path):
 
 KILLED = """
 import itertools, sys, time
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
-from linkage_ros.run.motion import CrankMotion
+from linkage_ros.motion.speed_driven import CrankMotion
 
 configuration = load('quadrilateral')
 log = LogWriter(sys.argv[1], configuration, overwrite=False)

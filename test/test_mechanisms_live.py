@@ -13,8 +13,8 @@ import pytest
 from ros_harness import Listener, fresh_domain, running, wait_for
 from test_node import logged, set_parameter, stop
 
+from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
-from linkage_ros.run.configuration import load
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import JointStateCodec
 

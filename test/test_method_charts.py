@@ -19,7 +19,7 @@ from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.methods.stability import OUTCOMES
 from linkage_ros.methods.table import DEFAULT, METHODS, integrators, label
-from linkage_ros.run.adaptive import AdaptiveSteps
+from linkage_ros.motion.adaptive import AdaptiveSteps
 
 INTEGRATORS = integrators(AdaptiveSteps)
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}

@@ -23,7 +23,7 @@ from linkage_ros.methods.loop import Loop
 from linkage_ros.methods.measure import Bench, time_pass
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 
 EPSILON = 2.0**-52
 BY_NAME = {method.name: method for method in table.METHODS}

@@ -19,8 +19,8 @@ from mpmath import mp
 
 from linkage_ros import ConfigurationError
 from linkage_ros.log.records import read_motion, write_motion
-from linkage_ros.run.drives import SpeedDrive
-from linkage_ros.run.motion import CrankMotion
+from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.motion.speed_driven import CrankMotion
 
 MINUTE = 60 * 10**9
 # A live stamp: 21 November 2026.

@@ -29,7 +29,7 @@ from ros_harness import (
 )
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.run.configuration import Kind, load, parameter_leaves
+from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import JointStateCodec
 

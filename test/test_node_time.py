@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 from test_node import CODEC, TYPES, call, decoded, logged, set_parameter, stop
 from trajectory_msgs.msg import JointTrajectory
 
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.run.machine import Machine
 
 STATES = {'/joint_states': TYPES['/joint_states']}

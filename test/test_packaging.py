@@ -22,7 +22,7 @@ from packaging.utils import canonicalize_name
 
 import linkage_ros
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.run.presets import preset_names, preset_path
+from linkage_ros.parameters.presets import preset_names, preset_path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = (
@@ -36,12 +36,12 @@ SHARED = (
     'share/linkage_ros/config/quadrilateral.yaml',
 )
 LOOK = """
-import json, linkage_ros, linkage_ros.run.presets as presets
+import json, linkage_ros, linkage_ros.parameters.presets as presets
 names = presets.preset_names()
 path = presets.preset_path('quadrilateral')
 print(json.dumps([linkage_ros.__file__, names, str(path), path.read_text()]))
 """
-LOOK_NAMES = 'import linkage_ros.run.presets as presets; print(presets.preset_names())'
+LOOK_NAMES = 'import linkage_ros.parameters.presets as presets; print(presets.preset_names())'
 
 
 def copy_tree(folder: Path) -> Path:
@@ -191,7 +191,7 @@ def test_a_preset_missing_from_data_files_is_noticed(tmp_path: Path) -> None:
 
 def site_packages(prefix: Path) -> Path:
     """Find the folder that an installation prefix adds to the module search path."""
-    (module,) = prefix.glob('**/linkage_ros/run/presets.py')
+    (module,) = prefix.glob('**/linkage_ros/parameters/presets.py')
     return module.parents[2]
 
 

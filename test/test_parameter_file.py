@@ -17,8 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from linkage_ros import ConfigurationError
-from linkage_ros.run import parameter_file
-from linkage_ros.run.parameter_file import read_parameter_file
+from linkage_ros.parameters import parameter_file
+from linkage_ros.parameters.parameter_file import read_parameter_file
 
 LOADERS = sorted({parameter_file._LOADER, yaml.SafeLoader}, key=lambda loader: loader.__name__)
 

@@ -25,7 +25,7 @@ from linkage_ros.analysis.runs import follow
 from linkage_ros.analysis.table import write_table
 from linkage_ros.charts.pump import draw_pump
 from linkage_ros.errors import MotionError
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump').mechanism
 TORQUE, DAMPING = 8.4, 1.2

@@ -22,11 +22,11 @@ from linkage_ros import ConfigurationError, LogError, Solver
 from linkage_ros import record as record_module
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.motion import CrankMotion
-from linkage_ros.run.presets import preset_names
 from linkage_ros.wire.messages import JointStateCodec, encode_float64, encode_string
 from linkage_ros.wire.urdf import make_urdf
 

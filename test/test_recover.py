@@ -25,8 +25,8 @@ from linkage_ros.log.recover import recover
 from linkage_ros.log.salvage import Losses
 from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
-from linkage_ros.run.configuration import load
 
 NOTHING = Losses()
 
@@ -370,7 +370,7 @@ def test_the_command_says_in_one_line_what_was_saved_and_lost(tmp_path, whole):
 
 KILLED = """
 import itertools, sys, time
-from linkage_ros.run.configuration import configure
+from linkage_ros.parameters.configuration import configure
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION

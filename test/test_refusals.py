@@ -28,8 +28,8 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.run.configuration import Kind, configure, parameter_leaves
-from linkage_ros.run.drives import SpeedDrive
+from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.parameters.configuration import Kind, configure, parameter_leaves
 
 FOUR, SLIDER = 'four_bar', 'slider_crank'
 GOOD = {

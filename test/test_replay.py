@@ -25,11 +25,11 @@ from test_rerun_view import running as viewing
 from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.parameters.configuration import configure
 from linkage_ros.playback import showing
 from linkage_ros.playback.feed import cut, feed
 from linkage_ros.playback.showing import Showing
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
 

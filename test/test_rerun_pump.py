@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from test_rerun_view import read, show
 
 from linkage_ros.core.solver import Solver
+from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.palette import COLORS
-from linkage_ros.run.configuration import configure, load
-from linkage_ros.run.drives import SpeedDrive
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.presets import preset_names
 from linkage_ros.view.axes import MARKS, GrowingAxes, axis
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_view import Sample

@@ -30,11 +30,11 @@ import pytest
 from linkage_ros import ViewerError
 from linkage_ros.core.solver import Solver
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.motion.joints import joint_values
+from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.palette import COLORS
-from linkage_ros.run.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.diagnostics import ERROR, WARN, Health, Watch
-from linkage_ros.run.joints import joint_values
-from linkage_ros.run.motion import CrankMotion
 from linkage_ros.run.stepper import Timekeeping
 from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_program, rerun_sender
@@ -186,7 +186,7 @@ def test_a_run_that_is_killed_is_kept_but_for_its_end(tmp_path):
     code = """
 import os, signal, sys
 from linkage_ros.view import rerun_view
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.view.rerun_view import Sample, View
 rerun_view._FILE_SECONDS = 0.0
 view = View(load('quadrilateral'), sys.argv[1])
@@ -382,7 +382,7 @@ def test_a_full_disk_is_one_error(tmp_path):
 import resource, sys
 from linkage_ros import ViewerError
 from linkage_ros.view import rerun_sender, rerun_view
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.view.rerun_view import Sample, View
 rerun_sender._WRITE_SECONDS, rerun_view._FILE_SECONDS = 0.5, 0.0
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
@@ -621,7 +621,7 @@ def test_without_a_screen_there_is_no_window(monkeypatch):
 
 HOSTING = """
 import sys, time
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.view.rerun_view import View
 view = View(load('quadrilateral'), 'web')
 print(view._program.process.pid, view.page, flush=True)
@@ -815,7 +815,7 @@ def test_a_viewer_that_stops_reading_is_left_out_until_it_reads_again():
 
 STUCK = """
 import socket, sys, threading, time
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.run.worker import Worker
 server = socket.create_server(('127.0.0.1', 0))

@@ -28,8 +28,8 @@ from linkage_ros import (
 from linkage_ros.core.bodies import Guide, Slider
 from linkage_ros.core.numeric import with_turns, within_two_turns
 from linkage_ros.core.simulation import FixedSteps, Motion
-from linkage_ros.run.adaptive import AdaptiveSteps
-from linkage_ros.run.configuration import load
+from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump').mechanism
 FREE = replace(PUMP, slider=replace(PUMP.slider, damping=0.0))

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from linkage_ros.parameters.configuration import configure
 from linkage_ros.run import stepper
-from linkage_ros.run.configuration import configure
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import CLOCK_STEP, Stepper
 

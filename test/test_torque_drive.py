@@ -17,15 +17,15 @@ from linkage_ros.core.numeric import within_two_turns
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.plant import Plant
+from linkage_ros.motion.speed_driven import CrankState
+from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
+from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
-from linkage_ros.run.adaptive import AdaptiveSteps
 from linkage_ros.run.commands import Commands
-from linkage_ros.run.configuration import configure, from_strings, load, to_strings
-from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.motion import CrankState
-from linkage_ros.run.plant import Plant
-from linkage_ros.run.presets import preset_path
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION, JointStateCodec, TrajectoryCodec
 
 START = 1_780_000_000_000_000_000

@@ -18,10 +18,10 @@ from test_node import logged, set_parameter, stop
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
-from linkage_ros.run.configuration import configure, load
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.presets import preset_path
 from linkage_ros.wire.messages import JointStateCodec
 
 STATES = {'/joint_states': 'sensor_msgs/msg/JointState'}

@@ -18,10 +18,10 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Solver
-from linkage_ros.run.configuration import load
-from linkage_ros.run.drives import SpeedDrive
-from linkage_ros.run.joints import joint_values
-from linkage_ros.run.motion import CrankMotion
+from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.motion.joints import joint_values
+from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.parameters.configuration import load
 from linkage_ros.wire.urdf import make_urdf
 
 JOINTS = ('crank', 'coupler', 'rocker')

@@ -20,7 +20,7 @@ import numpy as np
 import registry
 from oracle import Oracle
 
-from linkage_ros.run.configuration import load
+from linkage_ros.parameters.configuration import load
 
 SPEED = 5 * math.pi  # 150 rpm
 TURN = 360  # States of one turn.

@@ -78,7 +78,7 @@ def cases_of(kind, folder):
     else:
         import rclpy
 
-        from linkage_ros.run.configuration import load
+        from linkage_ros.parameters.configuration import load
 
         rclpy.init()
         nodes = [

@@ -30,7 +30,7 @@ with atheris.instrument_imports(include=['linkage_ros', 'mcap', 'yaml']):
     from linkage_ros import LinkageError
     from linkage_ros.log import records
     from linkage_ros.log.recover import recover
-    from linkage_ros.run.presets import preset_names, preset_path
+    from linkage_ros.parameters.presets import preset_names, preset_path
 
 KNOWN = set()  # where findings so far were raised
 

@@ -15,8 +15,8 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 from sensor_msgs.msg import JointState
 
-from linkage_ros.run.configuration import load
-from linkage_ros.run.joints import joint_values
+from linkage_ros.motion.joints import joint_values
+from linkage_ros.parameters.configuration import load
 from linkage_ros.run.machine import Machine
 
 

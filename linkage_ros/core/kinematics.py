@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from linkage_ros.core.four_bar import FourBarKinematics
 from linkage_ros.core.links import Links
-from linkage_ros.core.mechanism import FourBar, Linkage, Mechanism, WindPump
+from linkage_ros.core.mechanism import FourBar, Linkage, Mechanism, SliderCrank, WindPump
 from linkage_ros.core.numeric import Functions, Real
 from linkage_ros.core.slider_crank import SliderCrankKinematics
 from linkage_ros.core.structure import Structure
@@ -36,11 +37,16 @@ class Kinematics(Protocol):
         """The position and its derivatives by the crank angle, where the loop closes."""
 
 
+# A linkage that is not among them has none, and says so at once.
+KINEMATICS: dict[type[Linkage], Callable[..., Kinematics]] = {
+    FourBar: FourBarKinematics,
+    SliderCrank: SliderCrankKinematics,
+}
+
+
 def kinematics_of(mechanism: Linkage) -> Kinematics:
     """The kinematics of a described mechanism."""
-    if isinstance(mechanism, FourBar):
-        return FourBarKinematics(mechanism)
-    return SliderCrankKinematics(mechanism)
+    return KINEMATICS[type(mechanism)](mechanism)
 
 
 def structure_of(mechanism: Mechanism) -> Structure:

@@ -17,6 +17,7 @@ from mcap.records import Channel, ChunkIndex, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.files import open_file
 from linkage_ros.log import mcap_file
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
@@ -24,7 +25,6 @@ from linkage_ros.log.records import (
     read_configuration,
     read_motion,
 )
-from linkage_ros.run.files import open_file
 
 _MAGIC_SIZE = len(MCAP0_MAGIC)
 # ns at which ROS's time ends: its seconds are signed, of 32 bits.

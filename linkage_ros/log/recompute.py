@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from linkage_ros.core.numeric import with_turns, within_two_turns
 from linkage_ros.core.simulation import FixedSteps, Motion
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.run.drives import TorqueDrive
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.plant import start
+from linkage_ros.motion.speed_driven import CrankState
+from linkage_ros.motion.torque_driven import CATCH_UP, RunMotion
 from linkage_ros.run.machine import Machine, Step
-from linkage_ros.run.motion import CrankState
-from linkage_ros.run.plant import start
-from linkage_ros.run.torque import CATCH_UP, RunMotion
 from linkage_ros.wire.messages import MECHANISM_STATE, Topic, TrajectoryCodec
 
 # How far a state may be from where the one before leads: rad and crank lengths, and of rates the

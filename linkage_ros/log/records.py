@@ -17,9 +17,9 @@ from typing import Any
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
-from linkage_ros.run.configuration import Configuration, from_strings, to_strings
-from linkage_ros.run.motion import CrankMotion
-from linkage_ros.run.torque import RunMotion, TorqueMotion
+from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
+from linkage_ros.parameters.configuration import Configuration, from_strings, to_strings
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'

@@ -15,6 +15,7 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.files import is_there, open_file
 from linkage_ros.log.mcap_file import Summary, read_summary
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
@@ -23,7 +24,6 @@ from linkage_ros.log.records import (
     read_motion,
 )
 from linkage_ros.log.salvage import Losses, Stretch, walk
-from linkage_ros.run.files import is_there, open_file
 
 # No chunk of ours is as large: the chunks stay as they were.
 _CHUNK_SIZE = 1 << 23

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from linkage_ros.log.records import write_motion
+from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.torque import RunMotion
 
 _NS = 10**9
 

@@ -17,7 +17,7 @@ from linkage_ros.log.comparison import Column, Comparison, is_stamped
 from linkage_ros.log.differences import differing
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.timeline import Timeline, check_motions, seconds
-from linkage_ros.run.drives import TorqueDrive
+from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import (
     COUPLER_POINT,

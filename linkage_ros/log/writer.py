@@ -17,15 +17,15 @@ from typing import NoReturn, TypeAlias
 from mcap.writer import CompressionType, Writer
 
 from linkage_ros.errors import LogError
+from linkage_ros.files import open_file
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     write_configuration,
     write_motion,
 )
-from linkage_ros.run.configuration import Configuration
-from linkage_ros.run.files import open_file
-from linkage_ros.run.torque import RunMotion
+from linkage_ros.motion.torque_driven import RunMotion
+from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.wire.messages import Topic
 
 # s. What a killed run loses is at most this and the worker's period, and what a busy machine adds

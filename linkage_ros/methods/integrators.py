@@ -3,7 +3,7 @@
 """The ways to follow a motion under a torque, each asked for one time after another.
 
 The package's own are those of live runs (core/simulation.py) and those of records, which stand on
-a floor above this one (run/adaptive.py) and are passed in.
+a floor above this one (motion/adaptive.py) and are passed in.
 """
 
 from __future__ import annotations

@@ -199,7 +199,8 @@ def integrators(records: Begin) -> tuple[Integrator, ...]:
             tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
         ),
         Integrator(
-            RECORDS, MOTION, 'SciPy; a torque that does not leap', f'{_DOP853}; run/adaptive.py',
+            RECORDS, MOTION, 'SciPy; a torque that does not leap',
+            f'{_DOP853}; motion/adaptive.py',
             lambda run, _: OfPackage(run, records),
         ),
         Integrator(

@@ -10,8 +10,8 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.commands import Commands
-from linkage_ros.run.drives import TorqueDrive
 from linkage_ros.wire.commands import LARGEST, decode_command
 from linkage_ros.wire.messages import JOINT_COMMANDS
 

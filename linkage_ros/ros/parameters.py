@@ -18,8 +18,8 @@ from rclpy.parameter import Parameter
 
 from linkage_ros.core.quantities import Leaf, Quantity
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.run.configuration import Configuration, check_live, parameter_leaves
-from linkage_ros.run.parameter_file import read_parameter_file
+from linkage_ros.parameters.configuration import Configuration, check_live, parameter_leaves
+from linkage_ros.parameters.parameter_file import read_parameter_file
 
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,

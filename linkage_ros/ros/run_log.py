@@ -12,9 +12,9 @@ from rclpy.node import Node
 
 from linkage_ros import cli
 from linkage_ros.log.writer import LogItem, LogWriter
-from linkage_ros.run.configuration import Configuration
+from linkage_ros.motion.torque_driven import RunMotion
+from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.run.diagnostics import Health
-from linkage_ros.run.torque import RunMotion
 from linkage_ros.run.worker import Worker
 from linkage_ros.wire.messages import Topic
 

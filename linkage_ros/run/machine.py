@@ -18,12 +18,12 @@ from linkage_ros.core.simulation import FixedSteps, Motion, Phase
 from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State, loop_residual, point_motion
 from linkage_ros.core.travel import travel
-from linkage_ros.run.configuration import Configuration
-from linkage_ros.run.drives import SpeedDrive, TorqueDrive
-from linkage_ros.run.joints import JointValues, joint_values
-from linkage_ros.run.motion import CrankMotion, CrankState
-from linkage_ros.run.plant import Plant, Steps
-from linkage_ros.run.torque import RunMotion, TorqueMotion
+from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
+from linkage_ros.motion.joints import JointValues, joint_values
+from linkage_ros.motion.plant import Plant, Steps
+from linkage_ros.motion.speed_driven import CrankMotion, CrankState
+from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
+from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.wire.messages import (
     COUPLER_POINT,
     DRIVING_TORQUE,

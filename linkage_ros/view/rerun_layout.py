@@ -15,9 +15,9 @@ from linkage_ros.core.kinematics import structure_of
 from linkage_ros.core.mechanism import Mechanism, WindPump
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.solver import Solver
+from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.palette import COLORS, GREY, ORANGE, SKY, Color
-from linkage_ros.run.configuration import Configuration
-from linkage_ros.run.drives import TorqueDrive
+from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import ASPECT
 from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, RATES, TIMELINE
 from linkage_ros.view.series import ENERGIES

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkage_ros.core.mechanism import WindPump
+from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.palette import BLACK, COLORS, GREY, mixed
-from linkage_ros.run.configuration import Configuration
-from linkage_ros.run.drives import TorqueDrive
+from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import ASPECT, MARKS
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, QUANTITIES, RATES

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from linkage_ros.run.configuration import Configuration
+from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.rerun_layout import layout
 from linkage_ros.view.rerun_program import (
     Program,

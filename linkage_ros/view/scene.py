@@ -14,8 +14,8 @@ import numpy.typing as npt
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import Array
-from linkage_ros.run.configuration import Configuration
-from linkage_ros.run.drives import TorqueDrive
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import Axis, GrowingAxes
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.series import Directions, Energies, Flow

@@ -12,8 +12,8 @@ from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.simulation import wound
 from linkage_ros.errors import LinkageError
-from linkage_ros.run.drives import TorqueDrive
-from linkage_ros.run.plant import start
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.plant import start
 
 ENERGIES = ('kinetic', 'potential', 'total')
 # Crank angle between two samples beyond which extremes in between would be missed by more than

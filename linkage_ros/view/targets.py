@@ -13,7 +13,7 @@ from pathlib import Path
 
 from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ViewerError
-from linkage_ros.run.configuration import VIEWERS
+from linkage_ros.parameters.configuration import VIEWERS
 
 SPAWN, WEB = 'spawn', 'web'
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from linkage_ros.run.motion import CrankMotion, CrankState
-from linkage_ros.run.plant import Plant
+from linkage_ros.motion.plant import Plant
+from linkage_ros.motion.speed_driven import CrankMotion, CrankState
 
 _NS = 10**9
 # What a late run makes up for beyond a tick, ns. More would only hold it up further.

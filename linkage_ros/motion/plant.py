@@ -12,8 +12,8 @@ from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import with_turns, within_two_turns
 from linkage_ros.core.simulation import FixedSteps, Motion, Phase
-from linkage_ros.run.drives import TorqueDrive
-from linkage_ros.run.motion import CrankState
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.speed_driven import CrankState
 
 
 class Steps(Protocol):

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
-from linkage_ros.run.drives import SpeedDrive
+from linkage_ros.motion.drives import SpeedDrive
 
 # Phases, speeds and accelerations are whole numbers of 2^-128 turn, rpm and rpm/s. Every rpm
 # above 1e-22 that a double can hold is one exactly; what rounding there is stays below 1e-38.

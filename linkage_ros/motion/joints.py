@@ -10,7 +10,7 @@ from typing import NamedTuple
 from linkage_ros.core.numeric import SCALAR, wrap
 from linkage_ros.core.state import State
 from linkage_ros.core.structure import Joint
-from linkage_ros.run.motion import CrankState
+from linkage_ros.motion.speed_driven import CrankState
 
 
 class JointValues(NamedTuple):

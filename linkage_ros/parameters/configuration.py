@@ -16,11 +16,11 @@ from linkage_ros.core.mechanism import MECHANISMS, Mechanism, WindPump
 from linkage_ros.core.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
-from linkage_ros.run import presets
-from linkage_ros.run.drives import DRIVES, Drive, TorqueDrive
-from linkage_ros.run.files import is_there
-from linkage_ros.run.parameter_file import read_parameter_file
-from linkage_ros.run.plant import Plant
+from linkage_ros.files import is_there
+from linkage_ros.motion.drives import DRIVES, Drive, TorqueDrive
+from linkage_ros.motion.plant import Plant
+from linkage_ros.parameters import presets
+from linkage_ros.parameters.parameter_file import read_parameter_file
 
 DEFAULT_PRESET = 'quadrilateral'
 # What a viewer may be, wherever people are told.

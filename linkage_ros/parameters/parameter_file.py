@@ -17,7 +17,7 @@ from typing import TypeAlias, cast
 import yaml
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.run.files import open_file
+from linkage_ros.files import open_file
 
 _Scalar: TypeAlias = bool | int | float | str
 ParameterValue: TypeAlias = _Scalar | list[bool] | list[int] | list[float] | list[str]
