@@ -60,10 +60,7 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
     if isinstance(mechanism, WindPump):
         pictures = rrb.Vertical(linkage, _phase_view(), row_shares=[2, 3])
     if isinstance(mechanism, WindPump) or isinstance(drive, TorqueDrive):
-        curves, shares = (
-            _curves_of_torque(mechanism),
-            [1, 2],
-        )  # two columns, and room for their tabs
+        curves, shares = _curves_of_torque(mechanism), [1, 2]  # two columns with room for tabs
     else:
         curves, shares = _curves_of_speed(Solver(mechanism), drive.rpm), None
     return rrb.Blueprint(
