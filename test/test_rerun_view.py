@@ -42,6 +42,10 @@ from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
+# First as views import it: from then on the SDK says nothing in this process, not even from a
+# thread that notices after a test that the viewer has gone.
+with suppress(ViewerError):
+    recording._import_rerun()
 rerun = pytest.importorskip('rerun')
 rerun_chunk = pytest.importorskip('rerun.chunk')
 
