@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import rclpy
 from rclpy.context import Context
@@ -20,14 +21,22 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from linkage_ros.ros.topics import message_class
 
-# Each test its own domain, so that leftovers of one never reach another; each of the processes
-# that share the tests (pytest -n 2) has half of them.
+# Each of the processes that share the tests (pytest -n 2) has half of the domains.
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 2
-_domains = itertools.count(os.getpid() % 45)
+_domains = (10 + 45 * _WORKER + n % 45 for n in itertools.count(os.getpid()))
+
+
+def taken_domains():
+    """Those in which somebody on this machine listens: RTPS gives each 250 UDP ports."""
+    sockets = Path('/proc/net/udp').read_text().splitlines()[1:]
+    ports = [int(line.split()[1].rpartition(':')[2], 16) for line in sockets]
+    return {(port - 7400) // 250 for port in ports}
 
 
 def fresh_domain():
-    return 10 + 45 * _WORKER + next(_domains) % 45
+    """Each test its own, so that neither leftovers nor other runs of the tests reach it."""
+    taken = taken_domains()
+    return next(domain for domain in itertools.islice(_domains, 45) if domain not in taken)
 
 
 def environment(domain):
@@ -104,8 +113,11 @@ class Listener:
         self._context.shutdown()
 
 
-def wait_for(condition, seconds=20.0):
-    """Waits until a condition holds; a test that needs it fails clearly where it never does."""
+def wait_for(condition, seconds=60.0):
+    """Waits until a condition holds; a test that needs it fails clearly where it never does.
+
+    The time says that it hangs, not how fast it is: a busy machine may take most of it.
+    """
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, f'not within {seconds} s'
