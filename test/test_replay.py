@@ -55,16 +55,26 @@ def stored(path, topic, start=0, end=None):
 
 
 def played(log, *options):
-    domain = fresh_domain()
-    with (
-        Listener(domain, TYPES) as listener,
-        running('replay', log, '--delay', 0.5, *options, domain=domain) as process,
-    ):
-        out, err = process.communicate(timeout=60)
-        assert process.returncode == 0, err
-        assert 'messages replayed' in out
-        assert err == ''
+    """Plays to a listener; again, where a busy machine did not let it be found in time."""
+    for delay in (0.5, 2.0, 8.0):
+        domain = fresh_domain()
+        with (
+            Listener(domain, TYPES) as listener,
+            running('replay', log, '--delay', delay, *options, domain=domain) as process,
+        ):
+            out, err = process.communicate(timeout=60)
+            assert process.returncode == 0, err
+            assert 'messages replayed' in out
+        if 'nobody listens so far' not in err:
+            break
+    assert err == ''
     return listener
+
+
+def period(times, together=20):
+    """Median time between messages, s; a busy machine lets some come together."""
+    spans = [late - early for early, late in zip(times, times[together:], strict=False)]
+    return statistics.median(spans) / together
 
 
 def clock_times(listener):
@@ -84,8 +94,7 @@ def test_every_message_comes_again_byte_for_byte_and_in_its_rhythm(log, rate):
         assert listener.received[topic] == stored(log, topic, end=round(length * 1e9)), topic
     times = listener.arrived[STATES]
     assert times[-1] - times[0] >= (length - 0.005) / rate - 0.1
-    gaps = [later - earlier for earlier, later in pairwise(times)]
-    assert statistics.median(gaps) == pytest.approx(0.005 / rate, rel=0.3)
+    assert period(times) == pytest.approx(0.005 / rate, rel=0.3)
     # Deadlines are absolute: the second half is not later than the first.
     late = [at - times[0] - n * 0.005 / rate for n, at in enumerate(times)]
     half = len(late) // 2
@@ -149,8 +158,7 @@ def test_the_clock_tells_the_log_time_at_its_frequency(log):
     assert clock == sorted(clock)
     assert clock[0] == 0  # it stands before the start
     assert clock[-1] == 1_995_000_000  # and where the log ends
-    gaps = [later - earlier for earlier, later in pairwise(arrived)]
-    assert statistics.median(gaps) == pytest.approx(0.02, rel=0.5)
+    assert period(arrived, 5) == pytest.approx(0.02, rel=0.5)
     steps = [later - earlier for earlier, later in pairwise(clock) if earlier > 0]
     assert statistics.median(steps) == pytest.approx(40_000_000, rel=0.5)
     # It tells the time of the messages: those that came last before it are as old.
@@ -246,8 +254,7 @@ def test_keys_change_the_rate_and_ctrl_c_gives_the_terminal_back(player):
         begin = len(listener.arrived[STATES])
         wait_for(lambda: len(listener.arrived[STATES]) > begin + 100)
         times = listener.arrived[STATES][begin + 20 :]
-        gaps = [later - earlier for earlier, later in pairwise(times)]
-        assert statistics.median(gaps) == pytest.approx(0.005 / 0.7, rel=0.15)
+        assert period(times) == pytest.approx(0.005 / 0.7, rel=0.15)
         shell.send(b'\x03')
         shell.sees(rb'messages replayed.*ended 0')
         assert held(shell.terminal)
@@ -282,8 +289,9 @@ def test_what_was_suspended_goes_on_where_it_was(log):
         assert process.wait(60) == 0
     assert listener.received[STATES] == stored(log, STATES)
     # Without that, the messages of the time of standing would come all at once.
-    gaps = [late - early for early, late in pairwise(listener.arrived[STATES][before + 25 :])]
-    assert statistics.median(gaps[:75]) == pytest.approx(0.005, rel=0.3)
+    assert period(listener.arrived[STATES][before + 25 : before + 125]) == pytest.approx(
+        0.005, rel=0.3
+    )
 
 
 # ---------------------------------------------------------------- view
