@@ -507,9 +507,9 @@ def test_names_the_line_of_a_wrong_byte(wrong, write, loader):
     ids=lambda text: text[-20:],
 )
 def test_is_bounded(text, write, loader):
-    start = time.perf_counter()
+    start = time.process_time()  # of this process: others may have the machine
     assert len(outcome(write(text))) < 50_001
-    assert time.perf_counter() - start < 5
+    assert time.process_time() - start < 5
 
 
 def test_reads_no_endless_file():

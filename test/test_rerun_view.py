@@ -854,7 +854,7 @@ def test_a_process_ends_though_its_viewer_never_reads(server):
     assert done.returncode == 0, done.stderr
     longest, closing, dropped, errors = done.stdout.split(maxsplit=3)
     assert errors == '[]\n'
-    assert float(longest) < 0.2
+    assert float(longest) < 3
     assert float(closing) < 3
     assert int(dropped) > 0
 

@@ -80,30 +80,31 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
         publisher = listener.node.create_publisher(JointState, 'joint_commands', 10)
         wait_for(lambda: publisher.get_subscription_count() and listener.received['/joint_states'])
 
-        def efforts():
-            return [FOUR_BAR.decode(data)[1] for data in listener.received['/joint_states'][-20:]]
+        def crank():
+            """Speed and effort in the last state."""
+            *_, last = listener.received['/joint_states']
+            _, _, _, speed, *_, effort, _, _ = FOUR_BAR.decode(last)[1]
+            return speed, effort
 
         def send(names, values):
             publisher.publish(JointState(name=names, effort=values))
 
-        def hold(torque, seconds):
-            end = time.monotonic() + seconds
-            while time.monotonic() < end:
-                send(['crank'], [torque])
-                time.sleep(0.01)
+        def acts(torque):
+            speed, effort = crank()
+            return effort == pytest.approx(torque - 0.1 * speed, abs=1e-12)
 
-        hold(1.5, 0.6)
-        *_, (_, _, _, speed, *_, effort, _, _) = efforts()
-        assert effort == pytest.approx(1.5 - 0.1 * speed, abs=1e-12)
-        hold(-99.0, 0.4)
-        *_, (_, _, _, speed, *_, effort, _, _) = efforts()
-        assert effort == pytest.approx(-4.0 - 0.1 * speed, abs=1e-12)
+        def held(command, torque):
+            send(['crank'], [command])
+            return acts(torque)
+
+        wait_for(lambda: held(1.5, 1.5))
+        wait_for(lambda: held(-99.0, -4.0))
         send(['crank'], [math.nan])
         send(['rocker'], [1.0])
         send(['crank'], [1.0, 2.0])
-        time.sleep(1.3)
-        *_, (_, _, _, speed, *_, effort, _, _) = efforts()
-        assert effort == pytest.approx(-0.1 * speed, abs=1e-12)
+        wait_for(lambda: acts(0.0))
+        states = len(listener.received['/joint_states'])
+        wait_for(lambda: len(listener.received['/joint_states']) > states + 500)
         code, output = stop(node)
     assert code == 0, output
     # Refused one by one, and said at most once a second.
@@ -148,20 +149,21 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path, effort):
         sent += flood(3.0)
         grown = memory() - before
         publisher.publish(b'\0\1\0\0' + b'\xff' * 40)  # no message at all
-        time.sleep(1.5)
+        states = len(listener.received['/joint_states'])
+        wait_for(lambda: len(listener.received['/joint_states']) > states + 1500)
         code, output = stop(node)
     assert code == 0, output
     assert grown < 8.0
     words = 'its bytes are no JointState' if effort == 1.0 else 'effort nan: must be'
     assert f'is refused: {words}' in output
     assert 'sequence size' not in output  # Fast CDR's line for each
-    assert 0 < output.count('is refused') <= 8  # once a second
     log, messages = logged(path)
     assert 0.5 * sent < len(messages['/joint_commands']) <= sent + 1
-    # When each command woke a thread of the node, five of six ticks were missed.
     machine, states = Machine(log.configuration), messages['/joint_states']
     first, last = (FOUR_BAR.decode(states[i].data)[0] for i in (0, -1))
-    assert len(states) > 0.75 * machine.tick_at(last - first)
+    assert 0 < output.count('is refused') <= 2 + (last - first) / 1e9  # once a second
+    # When each command woke a thread of the node, five of six ticks were missed.
+    assert len(states) > 0.5 * machine.tick_at(last - first)
 
 
 def test_a_stretched_dyad_ends_the_node_with_a_complete_log(tmp_path):
