@@ -54,12 +54,14 @@ controller: $(VENV)/demo-ready
 reliability: $(VENV)/check-ready
 	@$(RUN) benchmarks/reliability/run.py --out reliability
 
-# Plugins of a sourced ROS break today's pytest, so that only those named here are loaded.
+# Plugins of a sourced ROS break today's pytest, so that only those named here are loaded. Two
+# processes share the tests, a file at a time, since the tests of a file share what they compute.
 check: $(VENV)/check-ready
 	@$(RUN) -m ruff check --quiet
 	@$(RUN) -m ruff format --check --quiet
 	@$(RUN) -m mypy --no-error-summary
-	@PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin
+	@PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin \
+		-p xdist -p no:terminaldistreporter -n 2 --dist loadfile --no-loadscope-reorder
 
 $(VENV)/demo-ready: $(SETUP)
 	@$(if $(BASE),,$(error $(if $(PYTHON),$(PYTHON) is no,No) Python from 3.10 to 3.13 \

@@ -85,6 +85,7 @@ setup(
             'mujoco',
             'mypy',
             'pytest',
+            'pytest-xdist',
             'rosbags',
             'ruff',
             'scipy',
