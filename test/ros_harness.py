@@ -113,6 +113,15 @@ class Listener:
         self._context.shutdown()
 
 
+def unbroken(heard, sent):
+    """Whether all that was sent was heard, in order, from the first of it on up to the last.
+
+    A busy machine may find a subscriber only after the node began, and end before it has all.
+    """
+    begin = sent.index(heard[0])
+    return heard == sent[begin : begin + len(heard)]
+
+
 def wait_for(condition, seconds=60.0):
     """Waits until a condition holds; a test that needs it fails clearly where it never does.
 

@@ -99,7 +99,7 @@ def test_every_message_arrives_in_order_with_stamps_one_period_apart(ten_seconds
     listener, path, output, _ = ten_seconds
     log, messages = logged(path)
     for topic in TYPES:
-        # All from the first on; a busy machine may find one subscriber after the node began.
+        # All up to the last; a busy machine may find one subscriber after the node began.
         sent, heard = [message.data for message in messages[topic]], listener.received[topic]
         assert sent[-len(heard) :] == heard, topic
     stamps = [stamp for stamp, _ in decoded(listener.received['/joint_states'])]
