@@ -45,7 +45,7 @@ from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 # First as views import it: from then on the SDK says nothing in this process, not even from a
 # thread that notices after a test that the viewer has gone.
 with suppress(ViewerError):
-    recording._import_rerun()
+    rerun_sender._import_rerun()
 rerun = pytest.importorskip('rerun')
 rerun_chunk = pytest.importorskip('rerun.chunk')
 

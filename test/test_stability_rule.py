@@ -35,8 +35,8 @@ from linkage_ros.methods.table import (
     Method,
     integrators,
 )
-from linkage_ros.run.adaptive import AdaptiveSteps
-from linkage_ros.run.configuration import load
+from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.parameters.configuration import load
 
 BY_NAME = {situation.name: situation for situation in SITUATIONS}
 PUMP = load('wind_pump')
