@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from linkage_ros import cli
 from linkage_ros.chart_motion import motion
@@ -145,80 +147,72 @@ def _parser() -> argparse.ArgumentParser:
          'accuracy --quick --out charts', 'stability --out charts', 'pump --out charts'),
     )  # fmt: skip
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-
-    def add(name: str, purpose: str, examples: tuple[str, ...]) -> argparse.ArgumentParser:
-        return cli.add_command(commands, _NAME, name, purpose, examples)
-
-    curves = add(
-        'motion',
-        'position, rate, acceleration and torque over one period: PNG and CSV',
-        ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts'),
-    )
-    curves.add_argument(
-        'params',
-        metavar='PARAMS',
-        help=f'parameter file, or a preset: {", ".join(preset_names())}',
-    )
-    curves.add_argument(
-        '--rpm',
-        type=float,
-        metavar='N',
-        help="crank speed instead of the file's, rpm; of a wind_pump, the one it settles from",
-    )
-    curves.add_argument(
-        '--acceleration', type=float, default=0.0, metavar='A',
-        help='crank acceleration at every angle, rad/s^2 (default 0)',
+    _add_motion(commands)
+    _add_measured(
+        commands, accuracy, 'speed against accuracy of all methods: PNG and JSON',
+        '--quick --out charts',
     )  # fmt: skip
-    curves.add_argument(
-        '--reactions', action='store_true', help='add joint forces, shaking force and moment'
-    )
-    curves.set_defaults(draw=motion)
-    compared = add(
-        'accuracy',
-        'speed against accuracy of all methods: PNG and JSON',
-        ('--quick --out charts',),
-    )
-    compared.set_defaults(draw=accuracy)
-    failing = add(
-        'stability',
-        'what comes of all methods where some of them fail: PNG and JSON',
-        ('--quick --out charts',),
-    )
-    failing.set_defaults(draw=stability)
-    settled = add(
-        'pump',
-        'what a wind pump settles at, from where, for which torques: PNG and JSON',
-        ('', 'my_pump.yaml --speeds 2 6 --quick --out charts'),
-    )
-    settled.add_argument(
-        'params',
-        nargs='?',
-        default='wind_pump',
-        metavar='PARAMS',
-        help='parameter file, or a preset (default wind_pump)',
-    )
-    settled.add_argument(
-        '--speeds',
-        type=float,
-        nargs='+',
-        default=[2.0, 6.0],
-        metavar='W',
-        help='crank speeds to start from, rad/s (default 2 6)',
-    )
-    settled.set_defaults(draw=pump)
-    for command in (compared, failing, settled):
-        command.add_argument(
-            '--quick', action='store_true', help='fewer settings, cases and rounds: half a minute'
-        )
-    for command in (curves, compared, failing, settled):
-        command.add_argument(
-            '--out',
-            type=Path,
-            default=Path(),
-            metavar='DIR',
-            help='folder for the results, which are replaced (default: this one)',
-        )
+    _add_measured(
+        commands, stability, 'what comes of all methods where some of them fail: PNG and JSON',
+        '--quick --out charts',
+    )  # fmt: skip
+    _add_pump(commands)
     return parser
+
+
+def _add(
+    commands: Any, draw: Callable[[argparse.Namespace], None], purpose: str, *examples: str
+) -> argparse.ArgumentParser:
+    """A command of the name of what draws it, with what all have."""
+    command = cli.add_command(commands, _NAME, draw.__name__, purpose, examples)
+    command.add_argument(
+        '--out', type=Path, default=Path(), metavar='DIR',
+        help='folder for the results, which are replaced (default: this one)',
+    )  # fmt: skip
+    command.set_defaults(draw=draw)
+    return command
+
+
+def _add_motion(commands: Any) -> None:
+    command = _add(
+        commands, motion, 'position, rate, acceleration and torque over one period: PNG and CSV',
+        'quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
+    )  # fmt: skip
+    add = command.add_argument
+    # fmt: off
+    add('params', metavar='PARAMS',
+        help=f'parameter file, or a preset: {", ".join(preset_names())}')
+    add('--rpm', type=float, metavar='N',
+        help="crank speed instead of the file's, rpm; of a wind_pump, the one it settles from")
+    add('--acceleration', type=float, default=0.0, metavar='A',
+        help='crank acceleration at every angle, rad/s^2 (default 0)')
+    add('--reactions', action='store_true', help='add joint forces, shaking force and moment')
+    # fmt: on
+
+
+def _add_measured(
+    commands: Any, draw: Callable[[argparse.Namespace], None], purpose: str, *examples: str
+) -> argparse.ArgumentParser:
+    """A command that has a quick form."""
+    command = _add(commands, draw, purpose, *examples)
+    command.add_argument(
+        '--quick', action='store_true', help='fewer settings, cases and rounds: half a minute'
+    )
+    return command
+
+
+def _add_pump(commands: Any) -> None:
+    command = _add_measured(
+        commands, pump, 'what a wind pump settles at, from where, for which torques: PNG and JSON',
+        '', 'my_pump.yaml --speeds 2 6 --quick --out charts',
+    )  # fmt: skip
+    add = command.add_argument
+    # fmt: off
+    add('params', nargs='?', default='wind_pump', metavar='PARAMS',
+        help='parameter file, or a preset (default wind_pump)')
+    add('--speeds', type=float, nargs='+', default=[2.0, 6.0], metavar='W',
+        help='crank speeds to start from, rad/s (default 2 6)')
+    # fmt: on
 
 
 def main() -> int:

@@ -35,7 +35,7 @@ from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.run.clock_stepper import ClockStepper
 from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.punctual import prepare_process
+from linkage_ros.run.punctual import leave_out_of_collection
 from linkage_ros.run.stepper import Stepper
 from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.messages import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
@@ -83,7 +83,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     def start(self) -> None:
         """Starts turning."""
         await_listeners(self._outputs)
-        prepare_process()
+        leave_out_of_collection()
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._stepper.start(self._begin)
         # Simulated time may stand still; whether all goes well is asked in real time.

@@ -22,7 +22,7 @@ from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.playback.showing import Showing
 from linkage_ros.progress import progress_bar
-from linkage_ros.run.punctual import prepare_process, wake_on_time
+from linkage_ros.run.punctual import insist, leave_out_of_collection, wake_on_time
 
 _NAME = 'linkage_replay'
 _NS = 10**9
@@ -163,7 +163,8 @@ def _run(arguments: list[str]) -> int:
         pace = Pace(piece.start, options.rate)
         sinks = _sinks(stack, options, of_ros, log, piece, pace)
         keyboard = stack.enter_context(Keyboard())
-        prepare_process()
+        leave_out_of_collection()
+        insist()
         wake_on_time()
         stop.wait(options.delay)
         items = stack.enter_context(feed(log, piece, loop=options.loop))

@@ -74,6 +74,45 @@ def interval():
 
 
 def test_what_was_made_so_far_is_searched_no_more(interval):
-    punctual.prepare_process()
+    punctual.leave_out_of_collection()
     assert gc.get_freeze_count() > 0
-    assert sys.getswitchinterval() <= 1e-4
+
+
+class Clock:
+    def __init__(self):
+        self.now = 100.0
+
+    def monotonic(self):
+        return self.now
+
+
+def patient_for(insistence, clock):
+    """How long it is patient, s."""
+    begin = clock.now
+    while sys.getswitchinterval() > 1e-4:
+        assert clock.now < begin + 1000
+        clock.now += 0.5
+        insistence.follow(0)
+    return clock.now - begin
+
+
+def test_who_is_far_too_late_is_patient_and_ever_longer(monkeypatch, interval):
+    clock = Clock()
+    monkeypatch.setattr(punctual, 'time', clock)
+    insistence = punctual.Insistence()
+    found = [patient_for(insistence, clock)]
+    insistence.follow(19_000_000)
+    assert sys.getswitchinterval() < 1e-4
+    for _ in range(6):
+        insistence.follow(21_000_000)
+        found.append(patient_for(insistence, clock))
+    assert found == [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 64.0]
+    clock.now += 65
+    insistence.follow(21_000_000)
+    assert patient_for(insistence, clock) == 2.0
+    insistence.follow(21_000_000)
+    clock.now += 3.9
+    insistence.follow(21_000_000)  # still far too late: the four seconds begin anew
+    clock.now += 3.9
+    insistence.follow(0)
+    assert patient_for(insistence, clock) == 0.5

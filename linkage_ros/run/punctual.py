@@ -6,23 +6,33 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import math
 import os
 import sys
+import time
 from contextlib import suppress
 
 _PR_SET_TIMERSLACK = 29  # of prctl
 _PRIORITY = 50  # as ros2_control's
+# s for which a thread may keep the interpreter while another waits: Python's own, and where ticks
+# are due.
+_PATIENT, _INSISTENT = 5e-3, 1e-5
+_FAR_TOO_LATE = 20_000_000  # ns
+_CALM, _LONGEST = 2.0, 64.0  # s to be patient
 
 
-def prepare_process() -> None:
-    """Lets no other thread of Python hold up one that is due; call it when all has been set up.
+def leave_out_of_collection() -> None:
+    """Lets searches for garbage leave out what is there now; call it when all has been set up.
 
-    By default a thread may keep the interpreter for 5 ms, and each search for garbage walks
-    through everything made so far.
+    Each would walk through everything made so far.
     """
-    sys.setswitchinterval(1e-5)
     gc.collect()
     gc.freeze()
+
+
+def insist() -> None:
+    """Lets no other thread of Python keep the interpreter; by default each may for 5 ms."""
+    sys.setswitchinterval(_INSISTENT)
 
 
 def wake_on_time() -> None:
@@ -48,3 +58,37 @@ def go_first() -> bool:
     except (AttributeError, OSError):
         return False
     return True
+
+
+class Insistence:
+    """Insists on the interpreter while ticks are on time, and is patient where they are not.
+
+    A thread that insists asks every 10 us. Where whoever has the interpreter gets no core, as
+    among sixty nodes that find each other, these questions take that core for ever. So a thread is
+    patient at first and after a tick that is far too late; each next time for twice as long.
+    """
+
+    def __init__(self) -> None:
+        self._insists, self._pause, self._again = True, _CALM, -math.inf
+        self._be_patient()
+
+    def follow(self, late: int) -> None:
+        """To be called at each tick.
+
+        Args:
+            late: How late it is, ns.
+        """
+        if late > _FAR_TOO_LATE:
+            self._be_patient()
+        elif not self._insists and time.monotonic() >= self._again:
+            self._insists = True
+            insist()
+
+    def _be_patient(self) -> None:
+        now = time.monotonic()
+        if self._insists:
+            has_lasted = now - self._again > _LONGEST
+            self._pause = _CALM if has_lasted else min(2 * self._pause, _LONGEST)
+            self._insists = False
+            sys.setswitchinterval(_PATIENT)
+        self._again = now + self._pause

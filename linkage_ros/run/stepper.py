@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from linkage_ros.run.lateness import Lateness
-from linkage_ros.run.punctual import go_first, wake_on_time
+from linkage_ros.run.punctual import Insistence, go_first, wake_on_time
 
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
@@ -118,10 +118,11 @@ class Stepper(Stepping):
     def _run(self) -> None:
         wake_on_time()
         self.counts.favoured = go_first()
+        insistence = Insistence()
         try:
             tick = 0
             while not self._stop.is_set():
-                due = self._await(tick)
+                due = self._await(tick, insistence)
                 if self._stop.is_set():
                     return
                 self.counts.missed += due - tick
@@ -131,7 +132,7 @@ class Stepper(Stepping):
         except BaseException as error:  # noqa: BLE001, the node must learn of it, whatever it is
             self._fail(error)
 
-    def _await(self, tick: int) -> int:
+    def _await(self, tick: int, insistence: Insistence) -> int:
         """Sleeps until a tick is due; returns it, or a later one where it is too late for it."""
         deadline = self._origin + self._ticks.elapsed(tick)
         while (left := deadline - time.monotonic_ns()) > 0:
@@ -141,6 +142,7 @@ class Stepper(Stepping):
             else:
                 time.sleep(left * 1e-9)
         self.counts.late.add(-left)
+        insistence.follow(-left)
         return self._ticks.tick_at(time.monotonic_ns() - self._origin)
 
     def _stamp(self, tick: int) -> int:
