@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -121,6 +122,7 @@ def end(nodes: list[Process]) -> int:
     hung = [one for one in nodes if one.alive]
     for one in hung:
         print(f'process {one.pid} does not end: {one.output[-300:]}')
+        one.send(signal.SIGKILL)
     return len(hung)
 
 
@@ -144,9 +146,10 @@ def measure(number: int, domains: list[int], seconds: float) -> dict[str, Any]:
         computed, elapsed = total(nodes) - computed, time.monotonic() - since
         alive = [n for n in nodes if n.alive]
         memory = [held(n) for n in alive]
-        listener.end()
         hung = end(nodes)
-        stamp, arrival = np.load(times).T
+        with suppress(subprocess.TimeoutExpired):  # Fast DDS may spin for ever, as in the nodes
+            listener.end(patience=20.0)
+        stamp, arrival = np.load(times).T if times.exists() else np.empty((2, 0))
     late = (arrival - stamp)[arrival > at] * 1e-6
     kept, missed = (after[:, :2].sum(axis=0) - before[:, :2].sum(axis=0)).tolist()
     return {
