@@ -20,8 +20,8 @@ from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
-from linkage_ros.run.diagnostics import OK, WARN, Status, encode_diagnostics
 from linkage_ros.run.machine import Machine
+from linkage_ros.wire.diagnostics import OK, WARN, Status, encode_diagnostics
 from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 HERE = Path(__file__).resolve().parent

@@ -33,11 +33,12 @@ from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.run.clock_stepper import ClockStepper
-from linkage_ros.run.diagnostics import WARN, Health, Watch, encode_diagnostics
+from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.punctual import leave_out_of_collection
 from linkage_ros.run.stepper import Stepper
 from linkage_ros.view.rerun_view import Sample
+from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
 from linkage_ros.wire.messages import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
 
 _NAME = 'linkage_node'

@@ -31,8 +31,9 @@ from linkage_ros.log.recover import recover
 from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.diagnostics import ERROR, OK, WARN, Health, Watch
+from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.stepper import Timekeeping
+from linkage_ros.wire.diagnostics import ERROR, OK, WARN
 from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
 
 HEARD = {

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from linkage_ros.ros.topics import message_class
-from linkage_ros.run.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
+from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
 from linkage_ros.wire.interfaces import (
     CLOCK,
     DIAGNOSTIC_ARRAY,

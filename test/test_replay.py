@@ -25,13 +25,20 @@ from test_rerun_view import running as viewing
 from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import configure
+from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.playback import showing
 from linkage_ros.playback.feed import cut, feed
 from linkage_ros.playback.showing import Showing
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
+from linkage_ros.wire.messages import (
+    DRIVING_TORQUE,
+    JOINT_COMMANDS,
+    JOINT_STATES,
+    JointStateCodec,
+    encode_float64,
+    qualified,
+)
 
 STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'
 TYPES = {
@@ -323,6 +330,25 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
                 sink(next(items))
     stamps = [sample.stamp for sample in shown]
     assert stamps == [n * 5_000_000 for n in range(len(stamps))]
+
+
+def test_commands_in_a_log_are_no_states_to_show(tmp_path):
+    configuration = load('quadrilateral')
+    machine = Machine(configuration)
+    motion = machine.begin(0)
+    path = tmp_path / 'run.mcap'
+    command = JointStateCodec(('crank',)).encode(0, (0.0,), (0.0,), (1.0,))
+    with LogWriter(path, configuration, overwrite=False) as log:
+        states, commands = (
+            log.add_topic(topic, qualified(topic)) for topic in (JOINT_STATES, JOINT_COMMANDS)
+        )
+        log.write_motion(motion)
+        for stamp in range(0, 50_000_000, 5_000_000):
+            log.write(commands, stamp, command)
+            log.write(states, stamp, machine.step(motion, stamp).messages[0])
+    done = run(path, '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert '20 messages replayed' in done.stdout
 
 
 def test_a_viewer_that_does_not_answer_is_one_line_before_anything_is_played(log):

@@ -34,12 +34,13 @@ from linkage_ros.motion.joints import joint_values
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.palette import COLORS
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.diagnostics import ERROR, WARN, Health, Watch
+from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.stepper import Timekeeping
 from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_program, rerun_sender
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.wire.diagnostics import ERROR, WARN
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 # First as views import it: from then on the SDK says nothing in this process, not even from a

@@ -9,27 +9,22 @@ place shows even where its value would do.
 
 from __future__ import annotations
 
-import struct
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.differences import differing
+from linkage_ros.log.pairing import Column
 from linkage_ros.log.reader import LoggedMessage
 from linkage_ros.log.recompute import Recomputation
 from linkage_ros.log.timeline import Timeline, seconds
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import CLOCK_STEP
-from linkage_ros.wire.messages import Topic
+from linkage_ros.wire.messages import Topic, stamp_of
 
-_STAMP = struct.Struct('<iI')
-_NS = 10**9
-_HEADER = 12  # bytes up to the end of a stamp
 # Messages that one topic may be behind the others before it counts as broken off.
 _BEHIND = 10_000
-
-Column = tuple[str, Topic]
 
 
 def is_stamped(topic: Topic) -> bool:
@@ -124,7 +119,7 @@ class Comparison:
             self._read_on(messages)
             return self._out_of_line(times)
         logged = [head.data for head in heads]
-        stamps = [_stamp(logged[i]) for i in self._stamped if i < len(logged)]
+        stamps = [stamp_of(logged[i]) for i in self._stamped if i < len(logged)]
         stamp = stamps[0] if stamps.count(stamps[0]) == len(stamps) else self._likeliest(stamps)
         expected, wrong = self._explain(logged, stamp)
         if wrong := wrong or self._mistimed(stamp, times[0]):
@@ -231,7 +226,7 @@ class Comparison:
             queue = self._queues[column]
             if len(queue) < 2:
                 continue
-            this, following = (_stamp(queue[i].data) for i in range(2))
+            this, following = (stamp_of(queue[i].data) for i in range(2))
             if this == stamp < following:
                 nexts = [q[min(1, len(q) - 1)].data for q in self._queues]
                 with suppress(LinkageError):
@@ -243,13 +238,5 @@ class Comparison:
         """Tells which topic has no more messages while others have."""
         fewest = min(range(len(self._queues)), key=lambda i: len(self._queues[i]))
         heads = [self._queues[i][0].data for i in self._stamped if self._queues[i]]
-        where = f', stamp {seconds(_stamp(heads[0]))}' if heads else ''
+        where = f', stamp {seconds(stamp_of(heads[0]))}' if heads else ''
         return f'{self._columns[fewest][0]} has no message in state {self.states + 1}{where}'
-
-
-def _stamp(data: bytes) -> int:
-    if len(data) < _HEADER:
-        return -1
-    whole, rest = _STAMP.unpack_from(data, 4)
-    stamp: int = whole * _NS + rest
-    return stamp

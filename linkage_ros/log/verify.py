@@ -13,8 +13,9 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from linkage_ros.errors import LogError
-from linkage_ros.log.comparison import Column, Comparison, is_stamped
+from linkage_ros.log.comparison import Comparison, is_stamped
 from linkage_ros.log.differences import differing
+from linkage_ros.log.pairing import Column, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.timeline import Timeline, check_motions, seconds
 from linkage_ros.motion.drives import TorqueDrive
@@ -25,7 +26,6 @@ from linkage_ros.wire.messages import (
     JOINT_COMMANDS,
     ROBOT_DESCRIPTION,
     TOPICS,
-    Topic,
 )
 
 
@@ -65,7 +65,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         LogError: The file is damaged, or has states but nothing that explains or dates them.
     """
     machine = Machine(log.configuration)
-    columns = _pair(log, machine.topics)
+    columns = paired(log, machine.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
     difference = _check_topics(log, columns, descriptions, machine)
     difference = difference or check_motions(machine, log.motions)
@@ -82,32 +82,16 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         deque(messages, maxlen=0)
     names = [topic.name for topic in log.topics]
     known = {*(name for name, _ in columns), *descriptions}
-    paired = [*(topic for _, topic in columns), *[ROBOT_DESCRIPTION][: len(descriptions)]]
+    carried = [*(topic for _, topic in columns), *[ROBOT_DESCRIPTION][: len(descriptions)]]
     return Report(
         states,
         tuple(name for name in names if name in known),
         tuple(name for name in names if name not in known),
-        tuple(t.name for t in (*machine.topics, ROBOT_DESCRIPTION) if t not in paired),
+        tuple(t.name for t in (*machine.topics, ROBOT_DESCRIPTION) if t not in carried),
         missed,
         cut,
         wrong[0] if wrong else difference,
     )
-
-
-def _pair(log: LogReader, topics: tuple[Topic, ...]) -> list[Column]:
-    """The channels of a log that carry a machine's topics, whatever they are called.
-
-    Of several channels of one type, those that kept their name come first, then the others in
-    the order in which they were declared, which is that of the topics.
-    """
-    free, pairs = list(log.topics), []
-    for topic in topics:
-        fitting = [channel for channel in free if channel.type == topic.interface.name]
-        fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
-        if fitting:
-            free.remove(fitting[0])
-            pairs.append((fitting[0].name, topic))
-    return pairs
 
 
 def _check_topics(
@@ -122,13 +106,13 @@ def _check_topics(
         known = interfaces.get(channel.type)
         if known and channel.layout != ('cdr', 'ros2msg', known.definition):
             return f'{channel.name}: its schema is not that of {channel.type}'
-    paired, known_types = dict(columns), {t.interface.name for _, t in columns}
+    carrying, known_types = dict(columns), {t.interface.name for _, t in columns}
     kinds = {topic.name: topic.interface.name for topic in machine.topics}
     # What was commanded is logged with what came of it.
     heard = 1 if isinstance(machine.configuration.drive, TorqueDrive) else 0
     for channel in log.topics:
         kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
-        if channel.name in paired:
+        if channel.name in carrying:
             continue
         if heard and channel.type == JOINT_COMMANDS.interface.name:
             heard -= 1

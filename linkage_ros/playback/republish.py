@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import struct
 import threading
 import time
 from collections.abc import Iterable, Iterator
@@ -26,12 +25,10 @@ from linkage_ros.ros.session import (
 )
 from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.wire.interfaces import CLOCK
-from linkage_ros.wire.messages import ENCAPSULATION, TOPICS, Topic, effort_commands
+from linkage_ros.wire.messages import TOPICS, Topic, effort_commands, encode_clock
 
 # One message only: whoever lags wants the latest time.
 _CLOCK_TOPIC = Topic('/clock', CLOCK, depth=1)
-_STAMP = struct.Struct('<iI')
-_NS = 10**9
 # s given to subscribers to be found, because a replay loses what nobody hears, and for the last
 # messages.
 _PATIENCE, _SETTLE, _ACKNOWLEDGE = 3.0, 0.5, 2.0
@@ -105,7 +102,7 @@ def _ticking(node: Node, pace: Pace, frequency: float) -> Iterator[None]:
     done = threading.Event()
 
     def publish() -> None:
-        publisher.publish(clock_message(pace.position()))
+        publisher.publish(encode_clock(pace.position()))
 
     def tick() -> None:
         due = time.monotonic()
@@ -121,15 +118,3 @@ def _ticking(node: Node, pace: Pace, frequency: float) -> Iterator[None]:
         done.set()
         thread.join()
         publish()
-
-
-def clock_message(stamp: int) -> bytes:
-    """A Clock message.
-
-    Args:
-        stamp: ns.
-
-    Returns:
-        Its CDR bytes.
-    """
-    return ENCAPSULATION + _STAMP.pack(*divmod(stamp, _NS))

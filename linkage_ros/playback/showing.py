@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from linkage_ros import cli
 from linkage_ros.errors import LogError, ViewerError
+from linkage_ros.log.pairing import paired
 from linkage_ros.log.reader import LogReader
 from linkage_ros.playback.feed import Item
 from linkage_ros.run.machine import Machine
@@ -36,6 +37,8 @@ class Showing:
         self._name, self._log, self._alone = name, log, alone
         joints = Machine(log.configuration).joints
         self._codec, self._joints = JointStateCodec(joints), len(joints)
+        # Commands are of the same type.
+        self._topics = {name for name, _ in paired(log, [JOINT_STATES])}
         self._view = View(log.configuration, target)
         if self._view.trouble:
             raise ViewerError(
@@ -56,7 +59,7 @@ class Showing:
         """
         self._check()
         message = item.message
-        if message.type != JOINT_STATES.interface.name:
+        if message.topic not in self._topics:
             return
         try:
             stamp, numbers = self._codec.decode(message.data)

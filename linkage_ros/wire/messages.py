@@ -142,12 +142,11 @@ class _RowsCodec:
         count = len(self.names)
         if numbers[:: count + 1] != (count,) * self._rows:
             raise ValueError(f'no message of the joints {", ".join(self.names)}')
-        seconds, nanoseconds = _STAMP.unpack_from(data, 4)
         rows = (
             numbers[start + 1 : start + 1 + count]
             for start in range(0, self._rows * (count + 1), count + 1)
         )
-        return seconds * _NS + nanoseconds, tuple(value for row in rows for value in row)
+        return stamp_of(data), tuple(value for row in rows for value in row)
 
 
 class JointStateCodec(_RowsCodec):
@@ -206,6 +205,34 @@ def encode_string(text: str) -> bytes:
     bytes that are logged.
     """
     return align(ENCAPSULATION + string(b'', text), 4)
+
+
+def encode_clock(stamp: int) -> bytes:
+    """A rosgraph_msgs/Clock message as CDR bytes.
+
+    Args:
+        stamp: ns.
+
+    Returns:
+        The bytes.
+    """
+    return ENCAPSULATION + _STAMP.pack(*divmod(stamp, _NS))
+
+
+def stamp_of(data: bytes) -> int:
+    """The stamp in the header of a message.
+
+    Args:
+        data: CDR bytes of a message with a header.
+
+    Returns:
+        ns; -1 where the bytes are too few.
+    """
+    if len(data) < len(ENCAPSULATION) + _STAMP.size:
+        return -1
+    whole, rest = _STAMP.unpack_from(data, len(ENCAPSULATION))
+    stamp: int = whole * _NS + rest
+    return stamp
 
 
 def header(frame_id: str, stamp: int = 0) -> bytes:

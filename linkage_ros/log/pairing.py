@@ -1,0 +1,35 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which channel of a log carries which topic of a machine: names may have been remapped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from linkage_ros.log.reader import LogReader
+from linkage_ros.wire.messages import Topic
+
+Column = tuple[str, Topic]  # a channel's name, and its topic
+
+
+def paired(log: LogReader, topics: Iterable[Topic]) -> list[Column]:
+    """The channels of a log that carry a machine's topics, whatever they are called.
+
+    Of several channels of one type, those that kept their name come first, then the others in
+    the order in which they were declared, which is that of the topics.
+
+    Args:
+        log: The log.
+        topics: In the order of the machine.
+
+    Returns:
+        One for each topic that is there.
+    """
+    free, pairs = list(log.topics), []
+    for topic in topics:
+        fitting = [channel for channel in free if channel.type == topic.interface.name]
+        fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
+        if fitting:
+            free.remove(fitting[0])
+            pairs.append((fitting[0].name, topic))
+    return pairs

@@ -1,0 +1,50 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""diagnostic_msgs/DiagnosticArray as CDR bytes."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from linkage_ros.wire.messages import ENCAPSULATION, align, header, string
+
+OK, WARN, ERROR = 0, 1, 2
+
+
+class Status(NamedTuple):
+    """The health of one part, as diagnostics have it.
+
+    Attributes:
+        level: OK, WARN or ERROR.
+        name: Of the part.
+        message: In a few words.
+        values: Figures, as text.
+    """
+
+    level: int
+    name: str
+    message: str
+    values: dict[str, str]
+
+
+def encode_diagnostics(stamp: int, statuses: Sequence[Status]) -> bytes:
+    """A diagnostic_msgs/DiagnosticArray message as CDR bytes.
+
+    Args:
+        stamp: ns.
+        statuses: One for each part.
+
+    Returns:
+        The bytes, filled up to a multiple of 4 as those of `encode_string`.
+    """
+    body = align(header('', stamp), 4) + struct.pack('<I', len(statuses))
+    for level, name, message, values in statuses:
+        body += struct.pack('<B', level)
+        for text in (name, message, ''):
+            body = string(align(body, 4), text)
+        body = align(body, 4) + struct.pack('<I', len(values))
+        for text in (text for pair in values.items() for text in pair):
+            body = string(align(body, 4), text)
+    return align(ENCAPSULATION + body, 4)
