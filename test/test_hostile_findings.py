@@ -341,7 +341,7 @@ def test_messages_of_one_time_are_not_heaped_up_without_end(tmp_path, monkeypatc
     path = stored(tmp_path, whole(*[tight(message * 1000)] * 3))
     with LogReader(path) as log:
         assert sum(1 for _ in log.messages()) == 3000
-        monkeypatch.setattr('linkage_ros.log.mcap_file._MOST_WAITING', 2000 * 500)
+        monkeypatch.setattr('linkage_ros.log.untrusted_mcap._MOST_WAITING', 2000 * 500)
         with pytest.raises(LogError, match='same times'):
             list(log.messages())
 

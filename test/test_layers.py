@@ -42,7 +42,14 @@ ROS = {name for name in MODULES if name.startswith('ros.')} | {
     'node',
     'controller',
 }
-MCAP = {'log.chunks', 'log.mcap_file', 'log.writer', 'log.reader', 'log.recover', 'log.salvage'}
+MCAP = {
+    'log.chunks',
+    'log.untrusted_mcap',
+    'log.writer',
+    'log.reader',
+    'log.recover',
+    'log.salvage',
+}
 UNPACKING = {'log.chunks', 'log.salvage'}
 RERUN = {name for name in MODULES if name.startswith('view.rerun_')} - {'view.rerun_program'}
 CHARTS = {

@@ -18,7 +18,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.files import open_file
-from linkage_ros.log import mcap_file
+from linkage_ros.log import untrusted_mcap
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
@@ -108,7 +108,7 @@ class LogReader(AbstractContextManager['LogReader']):
         offsets = [index.offset for index in summary.metadata]
         if any(b <= a for a, b in itertools.pairwise(offsets)):  # one large record, many times
             raise LogError('it is damaged: its metadata index goes back')
-        records = [mcap_file.read_metadata(self._stream, offset) for offset in offsets]
+        records = [untrusted_mcap.read_metadata(self._stream, offset) for offset in offsets]
         # The index is under the summary's checksum, the records' names are under none.
         if [record.name for record in records] != [i.name for i in summary.metadata]:
             raise LogError('it is damaged: its metadata records are not those of its index')
@@ -132,7 +132,7 @@ class LogReader(AbstractContextManager['LogReader']):
         if not self.start <= self.end < _TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are none of ROS')
 
-    def _read_summary(self) -> mcap_file.Summary:
+    def _read_summary(self) -> untrusted_mcap.Summary:
         """What stands at the end of the file, if that is whole and the file an MCAP file.
 
         Raises:
@@ -145,7 +145,7 @@ class LogReader(AbstractContextManager['LogReader']):
         self._stream.seek(self._stream.seek(0, os.SEEK_END) - _MAGIC_SIZE)
         if self._stream.read(_MAGIC_SIZE) != MCAP0_MAGIC:
             raise LogError(_CUT)
-        summary = mcap_file.read_summary(self._stream)
+        summary = untrusted_mcap.read_summary(self._stream)
         if summary is None:
             raise LogError(_CUT)
         if summary.statistics.chunk_count != len(summary.chunks):
@@ -184,7 +184,7 @@ class LogReader(AbstractContextManager['LogReader']):
         }
         last = _TIME_END if end is None else end
         with _damage_reported(self.path):
-            for message in mcap_file.in_order(
+            for message in untrusted_mcap.in_order(
                 self._stream, summary, set(wanted), start or 0, last
             ):
                 yield _logged(summary.schemas, wanted[message.channel_id], message)
@@ -205,7 +205,7 @@ class LogReader(AbstractContextManager['LogReader']):
         with _damage_reported(self.path), open_file(self.path) as stream:
             schemas: dict[int, Schema] = {}
             channels: dict[int, Channel] = {}
-            for record in mcap_file.read_data(stream):
+            for record in untrusted_mcap.read_data(stream):
                 if isinstance(record, Message):
                     number = record.channel_id
                     found[number] = count = found.get(number, 0) + 1

@@ -16,7 +16,6 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.files import is_there, open_file
-from linkage_ros.log.mcap_file import Summary, read_summary
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
@@ -24,6 +23,7 @@ from linkage_ros.log.records import (
     read_motion,
 )
 from linkage_ros.log.salvage import Losses, Stretch, walk
+from linkage_ros.log.untrusted_mcap import Summary, read_summary
 
 # No chunk of ours is as large: the chunks stay as they were.
 _CHUNK_SIZE = 1 << 23
