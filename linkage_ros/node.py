@@ -25,7 +25,7 @@ from linkage_ros.parameters.configuration import (
     parameters_in_words,
     preset_note,
 )
-from linkage_ros.ros.commands import CommandInbox
+from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import check_parameter_files, declare
 from linkage_ros.ros.run_log import RunLog

@@ -24,8 +24,8 @@ from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
-from linkage_ros.run.commands import Commands
 from linkage_ros.run.machine import Machine
+from linkage_ros.run.torque_commands import Commands
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION, JointStateCodec, TrajectoryCodec
 
 START = 1_780_000_000_000_000_000

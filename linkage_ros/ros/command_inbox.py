@@ -11,8 +11,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.run.commands import Commands
-from linkage_ros.wire.commands import LARGEST, decode_command
+from linkage_ros.run.torque_commands import Commands
+from linkage_ros.wire.command_bytes import LARGEST, decode_command
 from linkage_ros.wire.messages import JOINT_COMMANDS
 
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
