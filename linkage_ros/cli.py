@@ -8,16 +8,19 @@ import argparse
 import atexit
 import io
 import os
+import select
 import signal
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from linkage_ros import __version__
 from linkage_ros.errors import LinkageError, one_line
 
 STOPPED_BY_USER = 130
+_PATIENCE = 1.0  # s, for whoever reads an error
 
 
 class Parser(argparse.ArgumentParser):
@@ -131,7 +134,8 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         sys.stdout.reconfigure(errors='backslashreplace')
     try:
         code = command() or 0
-        sys.stdout.flush()
+        if sys.stdout is not None:  # it was closed
+            sys.stdout.flush()
     except LinkageError as error:
         print_error(name, error)
         return 2
@@ -157,5 +161,9 @@ def _close_output() -> None:
 
 
 def print_error(name: str, error: object) -> None:
-    """Prints one line."""
-    print(f'{name}: {one_line(str(error))}', file=sys.stderr)
+    """Prints one line, unless nobody reads it within a second: a full pipe, Ctrl-S."""
+    if sys.stderr is None:  # it was closed
+        return
+    with suppress(OSError, ValueError):
+        if select.select([], [sys.stderr.fileno()], [], _PATIENCE)[1]:
+            print(f'{name}: {one_line(str(error))}', file=sys.stderr)

@@ -75,6 +75,16 @@ def _lock(number: int) -> None:
         return
 
 
+def is_written(path: Path | str) -> bool:
+    """Whether somebody writes a file who opened it here."""
+    with suppress(OSError), open_file(path) as stream:
+        try:
+            fcntl.flock(stream.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
 def is_there(path: Path | str) -> bool:
     """Whether there is something under a name; Path.exists raises where none can have it."""
     with suppress(OSError, ValueError):

@@ -32,6 +32,7 @@ from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.diagnostics import Health, Watch
+from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import Timekeeping
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN
 from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
@@ -305,12 +306,14 @@ def test_a_view_is_served_elsewhere_only_if_asked_and_with_a_warning(given, addr
     assert len(warned) == len(given)
 
 
-@pytest.mark.parametrize('size', [0, 1000])
+@pytest.mark.parametrize('size', [0, 1000, 10_000])
 def test_a_log_that_is_cut_off_is_said(tmp_path, size):
     path = tmp_path / 'run.mcap'
     log = LogWriter(path, configure({'rpm': 60.0}), overwrite=False)
+    motion = Machine(configure({'rpm': 60.0})).begin(0)
     log.flush()
     os.truncate(path, size)
+    log.write_motion(motion)  # which would fill the hole
     with pytest.raises(LogError, match='somebody else cuts it off or writes to it'):
         log.flush()
     with suppress(LogError):
@@ -331,6 +334,8 @@ def test_a_second_node_on_one_log_is_refused(tmp_path):
         assert f'{path} is being written by another run and is kept' in words
         wait_for(lambda: path.stat().st_size > 10_000)
         assert recover(path, saved).messages > 0
+        with pytest.raises(LogError, match='is being written by a run and is kept'):
+            recover(saved, path, overwrite=True)
         code, _ = stop(first)
     assert code == 0
     for log in (path, saved):

@@ -30,7 +30,9 @@ _MAGIC_SIZE = len(MCAP0_MAGIC)
 # ns at which ROS's time ends: its seconds are signed, of 32 bits.
 _TIME_END = 2**31 * 10**9
 _NO_SCHEMA = Schema(0, b'', '', '')
-_CUT = 'it is not complete: its run was killed; linkage_log recover saves what is there'
+_CUT = (
+    'it is not complete: its run was killed, or goes on; linkage_log recover saves what is there'
+)
 
 
 class LoggedMessage(NamedTuple):

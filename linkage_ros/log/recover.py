@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import ConfigurationError, LogError
-from linkage_ros.files import is_there, open_file
+from linkage_ros.files import is_there, is_written, open_file
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
@@ -117,6 +117,8 @@ def _replaced(target: Path, *, overwrite: bool) -> Iterator[Path]:
             raise LogError(
                 f'{target} exists already and is kept: choose another name, or give --overwrite'
             )
+        if is_written(target):
+            raise LogError(f'{target} is being written by a run and is kept: choose another name')
     # A name of its own: what an earlier run left beside the target may be the source.
     part = target.with_name(f'{target.name}.{os.getpid()}.part')
     try:

@@ -98,6 +98,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self.flush()
         except LogError:
             self._close_stream()
+            with suppress(OSError):  # nothing is in it
+                self.path.unlink()
             raise
         self._begun = True
 
@@ -161,6 +163,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written, or was removed, which ends the log.
         """
+        self._check_size()  # what is written now would hide that somebody cut it off
         with self._reported():
             self._writer.flush()
         if self._is_removed():
@@ -195,10 +198,13 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: Somebody cut it off, or wrote over it.
         """
-        status = os.fstat(self._stream.fileno())
-        if stat.S_ISREG(status.st_mode) and status.st_size != self._stream.tell():
+        number = self._stream.fileno()
+        status = os.fstat(number)
+        if stat.S_ISREG(status.st_mode) and status.st_size != (
+            written := os.lseek(number, 0, os.SEEK_CUR)
+        ):
             raise LogError(
-                f'{self.path} has {status.st_size} bytes instead of {self._stream.tell()}: '
+                f'{self.path} has {status.st_size} bytes instead of {written}: '
                 'somebody else cuts it off or writes to it; give each run a log of its own'
             )
 

@@ -86,7 +86,8 @@ class Session(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         paths = {os.path.realpath(path) for path in (self.log, self.viewer)}
-        if self.log and self.viewer.endswith('.rrd') and len(paths) == 1:
+        linked = all(map(is_there, paths)) and Path(self.log).samefile(self.viewer)
+        if self.log and self.viewer.endswith('.rrd') and (len(paths) == 1 or linked):
             raise ConfigurationError(
                 f'log and viewer are one file, {shown(self.viewer)}: give the log another path, '
                 'that of an .mcap file'

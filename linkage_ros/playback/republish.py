@@ -15,6 +15,7 @@ from rclpy.publisher import Publisher
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.playback.feed import Item
 from linkage_ros.playback.pace import Pace
 from linkage_ros.playback.player import Sink
 from linkage_ros.ros.session import (
@@ -69,7 +70,17 @@ def republishing(
             stack.enter_context(_ticking(node, pace, clock_hz))
         if not await_listeners(publishers.values(), _PATIENCE, _SETTLE):
             node.get_logger().info('nobody listens so far; --delay S gives them time')
-        yield lambda item: publishers[item.message.topic].publish(item.message.data)
+
+        def publish(item: Item) -> None:
+            try:
+                publishers[item.message.topic].publish(item.message.data)
+            except RuntimeError as error:  # RCLError, which has no public name
+                raise LogError(
+                    f'{log.path}: a message on {item.message.topic} is none of its type: no '
+                    'middleware publishes it; --topics leaves a topic out'
+                ) from error
+
+        yield publish
         end = time.monotonic() + _ACKNOWLEDGE
         for publisher in publishers.values():
             left = max(0.0, end - time.monotonic())

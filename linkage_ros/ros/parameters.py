@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -18,6 +19,7 @@ from rclpy.parameter import Parameter
 
 from linkage_ros.core.quantities import Leaf, Quantity
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.files import is_there
 from linkage_ros.parameters.configuration import Configuration, check_live, parameter_leaves
 from linkage_ros.parameters.parameter_file import read_parameter_file
 
@@ -130,4 +132,6 @@ def check_parameter_files(arguments: list[str], node: str) -> None:
     ]
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
+            if is_there(path) and not Path(path).is_file():  # rcl would read, or wait, once more
+                raise ConfigurationError(f'{path} is no file: give the path of a parameter file')
             read_parameter_file(path, names[-1] if names else node)

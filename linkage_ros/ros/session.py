@@ -75,7 +75,8 @@ def _check_domain(domain: str) -> None:
     Raises:
         ConfigurationError: It is a number beyond the last.
     """
-    if domain.isdecimal() and int(domain) > _LAST_DOMAIN:
+    number = re.match(r'\s*\+?0*(\d+)', domain)  # as rcl reads it
+    if number and int(number[1][:10]) > _LAST_DOMAIN:
         raise ConfigurationError(
             f'ROS_DOMAIN_ID = {domain}: must be a whole number from 0 to {_LAST_DOMAIN}'
         )

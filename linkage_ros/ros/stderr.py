@@ -22,6 +22,10 @@ def never_waited_for() -> Iterator[None]:
     All lines go through a pipe of ours; those that it cannot hold any more, beyond 64 KiB, are
     lost, and so are the last ones if nobody reads them within a second of the end.
     """
+    if sys.stderr is None:  # it was closed: lines go nowhere, instead of into the next file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        yield
+        return
     sys.stderr.flush()
     theirs = os.dup(2)
     if os.isatty(theirs):  # rcutils would look at our pipe
@@ -63,7 +67,8 @@ def held_back() -> Iterator[Callable[[], None]]:
     Yields:
         Call it to let the words out after all.
     """
-    sys.stderr.flush()
+    if sys.stderr is not None:
+        sys.stderr.flush()
     saved = os.dup(2)
     with tempfile.TemporaryFile() as held:
 

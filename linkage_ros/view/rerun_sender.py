@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ViewerError
 from linkage_ros.view.scene import TIMELINE, Kind, Rows
 from linkage_ros.view.targets import (
@@ -91,7 +92,10 @@ class Sender:
             where = reachable(host) if target == WEB else host
             self.url = f'rerun+http://{where}:{port}/proxy'
         elif self._address:
-            self._sink = rr.GrpcSink(target)
+            try:
+                self._sink = rr.GrpcSink(target)
+            except RuntimeError as error:
+                raise ViewerError(f'viewer = {shown(target)} is no address of a viewer') from error
             self._absent = True
         else:
             create_file(target, overwrite=overwrite)
@@ -214,4 +218,8 @@ def _import_rerun() -> None:
     finally:
         if quiet:
             del os.environ['RUST_LOG']
+    if not rr.is_enabled():
+        raise ViewerError(
+            'Rerun is switched off: unset RERUN in the environment, or set no viewer'
+        )
     rr.unregister_shutdown()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ViewerError
+from linkage_ros.files import open_file
 from linkage_ros.parameters.configuration import VIEWERS
 
 SPAWN, WEB = 'spawn', 'web'
@@ -78,7 +79,7 @@ def answers(address: tuple[str, int], patience: float) -> bool:
     """
     deadline = time.monotonic() + patience
     while True:
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, UnicodeError):  # a name that no host can have
             socket.create_connection(address, timeout=1).close()
             return True
         if time.monotonic() > deadline:
@@ -143,7 +144,9 @@ def create_file(target: str, *, overwrite: bool) -> None:
     if path.suffix != '.rrd' or path.is_dir() or '://' in target:
         raise ViewerError(f'viewer = {shown(target)} is not one of: {VIEWERS}')
     try:
-        path.open('wb' if overwrite else 'xb').close()
+        open_file(path, 'wb' if overwrite else 'xb').close()
+    except BlockingIOError as error:
+        raise ViewerError(f'{target} is being written: choose another name') from error
     except FileExistsError as error:
         raise ViewerError(
             f'{target} exists already and is kept: choose another name, or delete it first'
