@@ -45,6 +45,12 @@ def test_the_table_of_the_controller_is_the_code_s():
     assert found == {parameter_row(*leaf) for leaf in leaves(Settings)}
 
 
+def test_the_lines_of_a_parameter_file_are_the_preset_s():
+    preset = (ROOT / 'config' / 'quadrilateral.yaml').read_text().splitlines()
+    shown = block(README, 'ros__parameters').splitlines()
+    assert set(shown) <= set(preset)
+
+
 def test_a_row_has_unit_range_and_default():
     rows = '\n'.join(rows_of('four_bar', 'torque'))
     assert '| `torque_limit` | 0 to 1e12 N m | `1.0e12` |' in rows
