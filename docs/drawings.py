@@ -57,7 +57,7 @@ class Picture(Sheet):
         self.other = self.at
         self._links(mechanism, crank, '')
         for name, shift in names.items():
-            self.text(self.at[name], 'O' if name == 'A0' and 'D' in self.at else name, shift=shift)
+            self.text(self.at[name], name, shift=shift)
 
     def _links(self, mechanism: Mechanism, crank: float, look: str) -> None:
         if isinstance(mechanism, lr.WindPump):

@@ -230,12 +230,12 @@ class SliderCrank(Checked):
 
 @dataclass(frozen=True)
 class WindPump(Checked):
-    """A wind pump, closed by inertia: crank O-A, coupler A-B, rod B-D, slider D on the x axis.
+    """A wind pump, closed by inertia: crank A0-A, coupler A-B, rod B-D, slider D on the x axis.
 
     Two degrees of freedom: the crank angle and the slider's position are independent.
 
     Attributes:
-        crank: Driven link, from O, the origin.
+        crank: Driven link, from A0, the origin.
         coupler: From the crank pin A to B.
         rod: From B to the slider's pin D.
         slider: The pump's piston, at D.
