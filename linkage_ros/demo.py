@@ -45,7 +45,7 @@ class Heard:
         if len(self.stamps) < 2:
             raise LinkageError(
                 f'received {len(self.stamps)} joint states; is multicast blocked on this machine, '
-                'or ROS_LOCALHOST_ONLY set for one process only?'
+                'or ROS_AUTOMATIC_DISCOVERY_RANGE=OFF?'
             )
         span = (self.stamps[-1] - self.stamps[0]) * 1e-9
         gaps = [later - earlier for earlier, later in itertools.pairwise(self.stamps)]

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dataclass fields that carry their meaning, unit and range, and check themselves.
 
-The fields of the mechanisms and of their drive are declared with `quantity`. The ROS
-parameters, their descriptors, the checks and the error messages are all read from these
-declarations, so that nothing is described twice.
+The fields of the mechanisms and of their drives, of the kind and the session of a run, and of the
+controller's settings are declared with `quantity`. The ROS parameters, their descriptors, the
+checks and the error messages are all read from these declarations, so that nothing is described
+twice.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motion that a torque makes, in steps as long as accuracy allows: for records, not live.
 
-The only file of the runs that knows SciPy. Its DOP853 is Dormand and Prince's method of order 8
+The only file of this folder that knows SciPy. Its DOP853 is Dormand and Prince's method of order 8
 with a continuous solution of order 7 between its steps.
 """
 

@@ -70,7 +70,7 @@ class Plant:
             speed: Of the crank, rad/s.
 
         Returns:
-            Of the motor line, the command and what is fed.
+            Of the motor line and the command.
         """
         return self._motor - self._damping * speed + self._command
 
