@@ -83,7 +83,7 @@ def _settled(
         )
     motor = drive.motor if isinstance(drive, TorqueDrive) else Motor()
     rpm = drive.initial_rpm if options.rpm is None else options.rpm
-    line = motor.torque, motor.damping
-    turn = SettledTurn(mechanism, line, rpm * math.pi / 30, progress)
-    start = f'motor {motor.torque:g} N m - {motor.damping:g} N m s x speed, from {rpm:g} rpm'
-    return turn, ['', start, *turn.words()]
+    line, speed = (motor.torque, motor.damping), rpm * math.pi / 30
+    turn = SettledTurn(mechanism, line, speed, progress)
+    driven = f'motor {motor.torque:g} N m - {motor.damping:g} N m s x speed'
+    return turn, ['', driven, f'from {speed:.4g} rad/s', *turn.words()]

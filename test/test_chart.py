@@ -25,6 +25,7 @@ from linkage_ros import (
     chart_tool,
 )
 from linkage_ros.analysis.settled import SettledTurn
+from linkage_ros.charts.motion import _wrapped
 from linkage_ros.core.curves import Curves, extent
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_names
@@ -123,6 +124,13 @@ def test_pins_are_named_in_the_drawing(tmp_path, monkeypatch, preset):
         box = text.get_window_extent()
         middle = (box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2
         assert np.argmin(np.hypot(*(places - middle).T)) == number
+
+
+def test_a_number_stands_beside_its_unit():
+    for length in range(20, 48):
+        lines = _wrapped('x' * length + ' 19.0986 rpm')
+        assert lines[-1].endswith('19.0986 rpm')
+        assert max(map(len, lines)) <= 48
 
 
 @pytest.mark.parametrize(

@@ -109,5 +109,5 @@ class SettledTurn(Period):
         return [
             f'settled at {motion.speed:.4g} rad/s',
             f'stroke {motion.stroke:.4g} m ({motion.lowest:.4g} to {motion.highest:.4g} m)',
-            f'flow {motion.flow:.4g} m/s',
+            f'flow (stroke x speed) {motion.flow:.4g} m/s',
         ]

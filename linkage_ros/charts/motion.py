@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -38,7 +39,8 @@ _SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel
 # Around the names of pins, which may lie on lines.
 _HALO = withStroke(linewidth=2.5, foreground='white')
 _STYLES: tuple[_Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
-# That of the link which turns about the pin; what belongs to no link has none's.
+# That of the link on which the pin's force acts; B0's has the rod's, which no linkage with
+# reactions has, so that B and B0 differ. What belongs to no link has none's.
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': COLORS['rod'],
     'guide': BLACK, 'x': BLACK, 'y': PURPLE, 'moment': BLACK, 'power, W': BLACK,
@@ -104,7 +106,7 @@ def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
     width = _WIDTH - _MARGIN - _LEFT
     _draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves)
     first, *others = title
-    words = [_Words(line) for text in others for line in textwrap.wrap(text, 48)]
+    words = [_Words(line) for text in others for line in _wrapped(text)]
     page.write(0.15, _TEXT, [_Words(textwrap.shorten(first, 40), weight='bold'), *words])
     for number, row in enumerate(rows):
         top = _HEADER + _ROW * number
@@ -116,6 +118,12 @@ def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
             _draw(axes, curves, panel, numbered=len(below) != len(row))
         page.write(top, _NUMBERS, [line for panel in row for line in _margin(curves, panel)])
     page.figure.savefig(path)
+
+
+def _wrapped(text: str) -> list[str]:
+    """The lines of a text beside the linkage; a number keeps its unit."""
+    bound = re.sub(r'(?<=\d) (?=[a-zA-Z])', '\N{NO-BREAK SPACE}', text)
+    return [line.replace('\N{NO-BREAK SPACE}', ' ') for line in textwrap.wrap(bound, 48)]
 
 
 def _motion_rows(curves: Period) -> list[list[_Panel]]:
