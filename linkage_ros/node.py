@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -228,15 +229,31 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stop.set()
 
 
+def _parameters() -> str:
+    """Those of a four_bar at a given speed, and what other mechanisms and drives have besides."""
+    usual = Kind('four_bar', 'speed')
+    leaves = parameter_leaves(usual)
+    parts = ['parameters of a four_bar, with defaults; README.md has the ranges:']
+    parts.append(parameters_in_words(leaves))
+    known = {leaf.name for leaf in leaves}
+    others = ('drive', 'torque'), ('mechanism', 'slider_crank'), ('mechanism', 'wind_pump')
+    for name, value in others:
+        found = parameter_leaves(replace(usual, **{name: value}))
+        parts.append(f'with {name}:={value}, beside some of these:')
+        parts.append(parameters_in_words(leaf for leaf in found if leaf.name not in known))
+    return '\n'.join(parts)
+
+
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
     parser = cli.make_parser(
         _NAME,
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
-        ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap', '--ros-args --params-file linkage.yaml'),
-        'parameters of a four_bar, with defaults; README.md has those of others, and ranges:\n'
-        + parameters_in_words(parameter_leaves(Kind('four_bar', 'speed'))),
-    )
+        ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
+         '--ros-args -p drive:=torque -p motor.torque:=9.0 -p motor.damping:=0.5',
+         '--ros-args --params-file linkage.yaml'),
+        _parameters(),
+    )  # fmt: skip
     check_parameter_files(arguments, _NAME)
     with never_waited_for(), on_ros(arguments) as others:
         parser.parse_args(others)

@@ -11,7 +11,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import pytest
@@ -27,7 +27,9 @@ from ros_harness import (
     wait_for,
 )
 
+from linkage_ros.core.mechanism import MECHANISMS
 from linkage_ros.log.reader import LogReader
+from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import JointStateCodec
@@ -195,6 +197,16 @@ def test_rpm_is_set_live_and_the_phase_goes_on(tmp_path):
         mean = (a[3] + b[3]) / 2
         # The trapezoid is exact but where a ramp ends or begins inside the gap.
         assert b[0] - a[0] == pytest.approx(mean * seconds, abs=20.0 * seconds**2)
+
+
+def test_the_help_lists_the_parameters_of_every_kind():
+    shown = subprocess.run(
+        command('node', '--help'), env=environment(fresh_domain()), capture_output=True,
+        text=True, timeout=30, check=True,
+    ).stdout  # fmt: skip
+    named = re.findall(r'^  ([a-z_.]+)[,:]', shown, re.MULTILINE)
+    for mechanism, drive in product(MECHANISMS, DRIVES):
+        assert {leaf.name for leaf in parameter_leaves(Kind(mechanism, drive))} <= set(named)
 
 
 def test_parameters_are_described_and_bad_values_refused():
