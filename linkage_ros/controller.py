@@ -126,7 +126,12 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
         )  # fmt: skip
         self._last: float | None = None
         self._commands = self.create_publisher(JointState, 'joint_commands', 10)
-        self.create_subscription(JointState, 'joint_states', self._answer, 10)
+        states = self.create_subscription(JointState, 'joint_states', self._answer, 10)
+        ahead = 'the exact torque' if settings.feed_forward else 'nothing'
+        self.get_logger().info(
+            f'keeps the crank of {settings.plant} at {settings.rpm:g} rpm, with {ahead} fed '
+            f'forward; waits for {states.topic_name}'
+        )
 
     def _answer(self, state: JointState) -> None:
         now = state.header.stamp.sec + state.header.stamp.nanosec * 1e-9
