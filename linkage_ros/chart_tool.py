@@ -204,7 +204,7 @@ def _add_measured(
 def _add_pump(commands: Any) -> None:
     command = _add_measured(
         commands, pump, 'what a wind pump settles at, from where, for which torques: PNG and JSON',
-        '', 'my_pump.yaml --speeds 2 6 --quick --out charts',
+        '', 'my_pump.yaml --speeds 1 4 --quick --out charts',
     )  # fmt: skip
     add = command.add_argument
     # fmt: off

@@ -11,6 +11,7 @@ import os
 import select
 import signal
 import sys
+import textwrap
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -74,8 +75,9 @@ def _described(
     name: str, purpose: str, examples: tuple[str, ...], notes: str = ''
 ) -> dict[str, Any]:
     lines = ['examples:', *(f'  {name} {example}'.rstrip() for example in examples), '', notes]
+    sentence = f'{purpose[0].upper()}{purpose[1:].rstrip(".")}.'
     return {
-        'description': f'{purpose[0].upper()}{purpose[1:].rstrip(".")}.',
+        'description': textwrap.fill(sentence, 80),
         'epilog': '\n'.join(lines).rstrip(),
         'formatter_class': argparse.RawDescriptionHelpFormatter,
     }
