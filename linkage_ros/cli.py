@@ -154,6 +154,26 @@ def run(name: str, command: Callable[[], int | None]) -> int:
     return code
 
 
+def leave(code: int) -> int:
+    """Ends a process that has done its work, at once where it was one of ROS.
+
+    While Python takes itself apart, Fast DDS may spin for ever or crash (Fast-DDS#6513), and a
+    second Ctrl-C would be an error.
+
+    Args:
+        code: Of the exit.
+
+    Returns:
+        The same, where Python may end as usual.
+    """
+    if 'rclpy' not in sys.modules:
+        return code
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):  # closed, or nobody reads
+            stream.flush()
+    os._exit(code)
+
+
 def _close_output() -> None:
     """Gives up stdout: Python would complain once more at exit of what cannot be written."""
     try:

@@ -11,6 +11,8 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 
+from linkage_ros.cli import leave
+
 
 def node() -> int:
     """linkage_node."""
@@ -45,7 +47,7 @@ def controller() -> int:
 def _start(name: str, module: str) -> int:
     try:
         program = import_module(f'linkage_ros.{module}')
-        code: int = program.main()
+        return leave(program.main())
     except KeyboardInterrupt:
         return 130
     except ModuleNotFoundError as error:
@@ -57,4 +59,3 @@ def _start(name: str, module: str) -> int:
         )
         print(f'{name}: {missing} is not installed: {cure}', file=sys.stderr)
         return 2
-    return code

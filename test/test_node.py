@@ -266,6 +266,7 @@ BAD = [
     (['-p', 'use_sim_time:=3'], 'use_sim_time'),
     (['-r', '__ns:=9x'], 'remap rule'),
     (['--params-file', '/nowhere.yaml'], '/nowhere.yaml'),
+    (['--params-file', '/dev/null'], 'is no file'),
 ]
 
 

@@ -332,6 +332,18 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
     assert stamps == [n * 5_000_000 for n in range(len(stamps))]
 
 
+def test_what_no_middleware_publishes_is_one_line(tmp_path):
+    configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
+    with LogWriter(path, configuration, overwrite=False) as log:
+        channel = log.add_topic(DRIVING_TORQUE, '/driving_torque')
+        log.write_motion(Machine(configuration).begin(0))
+        log.write(channel, 0, b'none' * 20)
+    done = run(path)
+    assert done.returncode == 2
+    assert re.search('a message on /driving_torque is none of its type', done.stderr)
+    assert 'Traceback' not in done.stderr
+
+
 def test_commands_in_a_log_are_no_states_to_show(tmp_path):
     configuration = load('quadrilateral')
     machine = Machine(configuration)

@@ -37,7 +37,7 @@ from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.stepper import Timekeeping
 from linkage_ros.run.worker import Worker
-from linkage_ros.view import rerun_program, rerun_sender
+from linkage_ros.view import rerun_program, rerun_sender, targets
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.wire.diagnostics import ERROR, WARN
@@ -868,3 +868,25 @@ def test_a_page_for_everybody_asks_for_this_machine_by_name(window, bind):
         assert re.fullmatch(rf'rerun\+http://{host}:\d+/proxy', view.url)
         asked = urllib.parse.quote(view.url, safe='')
         assert re.fullmatch(rf'http://{host}:\d+/\?url={asked}', view.page)
+
+
+@pytest.mark.parametrize('host', ['a..b', 'a' * 70])
+def test_a_name_that_no_host_can_have_does_not_answer(host):
+    assert not targets.answers((host, 9876), 0.0)
+
+
+def test_what_is_no_address_is_refused():
+    with pytest.raises(ViewerError, match='is no address of a viewer'):
+        View(CONFIGURATION, 'rerun+http://[:::::]:9876/proxy')
+
+
+def test_rerun_switched_off_is_said(tmp_path, monkeypatch):
+    monkeypatch.setenv('RERUN', 'off')
+    with pytest.raises(ViewerError, match='unset RERUN'):
+        View(CONFIGURATION, str(tmp_path / 'run.rrd'))
+
+
+def test_a_pipe_is_no_recording(tmp_path):
+    os.mkfifo(tmp_path / 'run.rrd')
+    with pytest.raises(ViewerError, match='cannot be written'):
+        View(CONFIGURATION, str(tmp_path / 'run.rrd'), overwrite=True)

@@ -16,6 +16,9 @@ import pytest
 from ros_harness import Listener, command, environment, fresh_domain, node_arguments, wait_for
 from test_node import TYPES, logged
 
+from linkage_ros import ConfigurationError
+from linkage_ros.ros import session
+
 STUCK = """
 import rclpy
 from rclpy.node import Node
@@ -44,6 +47,20 @@ def test_a_node_that_never_ends_is_ended(turns, code):
     assert done.returncode == code, done.stderr
     assert done.stdout == 'all is logged\n'
     assert done.stderr == ''
+
+
+@pytest.mark.parametrize(('module', 'code', 'words'), [('rclpy', 3, ''), ('json', 4, 'the end\n')])
+def test_a_process_of_ros_leaves_before_python_takes_it_apart(module, code, words):
+    program = f"""
+import atexit, sys, {module}
+from linkage_ros import cli
+atexit.register(print, 'the end')
+sys.exit(cli.leave({code}))
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout) == (code, words)
 
 
 def filled_pipe():
@@ -110,3 +127,42 @@ def test_who_asks_for_the_end_many_times_gets_it_in_order(tmp_path):
     finally:
         node.kill()
         node.communicate()
+
+
+def test_an_error_that_nobody_reads_ends_the_program_as_well():
+    outlet, inlet = filled_pipe()
+    done = subprocess.run(
+        command('node', *node_arguments(rate_hz=-1.0)), env=environment(fresh_domain()),
+        stderr=inlet, timeout=60, check=False,
+    )  # fmt: skip
+    os.close(inlet)
+    os.close(outlet)
+    assert done.returncode == 2
+
+
+@pytest.mark.parametrize('closed', ['2>&-', '>&-'])
+def test_a_program_without_stderr_or_stdout_does_its_work(tmp_path, closed):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    words = ' '.join(command('node', *node_arguments(log=path)))
+    with Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener:
+        node = subprocess.Popen(['sh', '-c', f'exec {words} {closed}'], env=environment(domain))
+        try:
+            wait_for(lambda: len(listener.received['/joint_states']) > 20)
+            node.send_signal(signal.SIGINT)
+            assert node.wait(30) == 0
+        finally:
+            node.kill()
+            node.wait()
+    _, messages = logged(path)
+    assert len(messages['/joint_states']) >= len(listener.received['/joint_states'])
+
+
+@pytest.mark.parametrize('domain', ['233', '+300', ' 300', '300abc', '0233', '9' * 30])
+def test_a_domain_without_ports_is_refused(domain):
+    with pytest.raises(ConfigurationError, match='from 0 to 232'):
+        session._check_domain(domain)
+
+
+@pytest.mark.parametrize('domain', ['', '0', '232', '007', 'abc'])
+def test_other_domains_are_left_to_rcl(domain):
+    session._check_domain(domain)

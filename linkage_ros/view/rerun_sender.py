@@ -218,7 +218,7 @@ def _import_rerun() -> None:
     finally:
         if quiet:
             del os.environ['RUST_LOG']
-    if not rr.is_enabled():
+    if os.environ.get('RERUN', '').lower() in {'0', 'false', 'off'}:  # as Rerun reads it
         raise ViewerError(
             'Rerun is switched off: unset RERUN in the environment, or set no viewer'
         )
