@@ -15,7 +15,7 @@ import textwrap
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from linkage_ros import __version__
 from linkage_ros.errors import LinkageError, one_line
@@ -184,8 +184,15 @@ def _close_output() -> None:
 
 def print_error(name: str, error: object) -> None:
     """Prints one line, unless nobody reads it within a second: a full pipe, Ctrl-S."""
-    if sys.stderr is None:  # it was closed
-        return
-    with suppress(OSError, ValueError):
-        if select.select([], [sys.stderr.fileno()], [], _PATIENCE)[1]:
+    if sys.stderr is not None and _is_read(sys.stderr):
+        with suppress(OSError):
             print(f'{name}: {one_line(str(error))}', file=sys.stderr)
+
+
+def _is_read(stream: TextIO) -> bool:
+    """Whether a stream takes a line within a second; one without a file always does."""
+    try:
+        number = stream.fileno()
+    except OSError:
+        return True
+    return bool(select.select([], [number], [], _PATIENCE)[1])

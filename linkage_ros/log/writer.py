@@ -97,9 +97,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
                 self._writer.add_metadata(CONFIGURATION_RECORD, record)
             self.flush()
         except LogError:
+            with suppress(OSError):
+                if stat.S_ISREG(os.fstat(self._stream.fileno()).st_mode):  # and no device
+                    self.path.unlink()  # nothing is in it
             self._close_stream()
-            with suppress(OSError):  # nothing is in it
-                self.path.unlink()
             raise
         self._begun = True
 
