@@ -80,8 +80,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             ) from error
         except BlockingIOError as error:
             raise LogError(
-                f'{path} is being written by another run and is kept: choose another name, or end '
-                'that run'
+                f'{path} is being written by another run and is kept: choose another name'
             ) from error
         except OSError as error:
             self._fail(error)
@@ -199,11 +198,9 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: Somebody cut it off, or wrote over it.
         """
-        number = self._stream.fileno()
-        status = os.fstat(number)
-        if stat.S_ISREG(status.st_mode) and status.st_size != (
-            written := os.lseek(number, 0, os.SEEK_CUR)
-        ):
+        status = os.fstat(number := self._stream.fileno())
+        written = os.lseek(number, 0, os.SEEK_CUR) if stat.S_ISREG(status.st_mode) else None
+        if written not in {None, status.st_size}:
             raise LogError(
                 f'{self.path} has {status.st_size} bytes instead of {written}: '
                 'somebody else cuts it off or writes to it; give each run a log of its own'
