@@ -85,6 +85,15 @@ def is_written(path: Path | str) -> bool:
     return False
 
 
+def is_one_file(path: str, other: str) -> bool:
+    """Whether two names are of one file, or will be where none is there yet."""
+    with suppress(OSError, ValueError):
+        if os.path.realpath(path) == os.path.realpath(other):
+            return True
+        return Path(path).samefile(other)
+    return False
+
+
 def is_there(path: Path | str) -> bool:
     """Whether there is something under a name; Path.exists raises where none can have it."""
     with suppress(OSError, ValueError):

@@ -552,3 +552,15 @@ def test_log_and_viewer_are_never_one_file(tmp_path, monkeypatch, log, viewer):
 )
 def test_other_logs_and_viewers_are_two(log, viewer):
     assert configure({'log': log, 'viewer': viewer}).session.viewer == viewer
+
+
+def test_a_hard_link_to_the_viewers_file_is_no_log(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('run.rrd').touch()
+    Path('run.mcap').hardlink_to('run.rrd')
+    with pytest.raises(ConfigurationError, match='are one file'):
+        configure({'log': 'run.mcap', 'viewer': 'run.rrd'})
+
+
+def test_names_that_no_file_can_have_are_two():
+    assert configure({'log': 'a\0b', 'viewer': 'c\0.rrd'}).session.log == 'a\0b'

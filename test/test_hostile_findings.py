@@ -147,6 +147,15 @@ def test_devices_are_no_logs(tmp_path, path):
             recover(path, tmp_path / 'out.mcap')
 
 
+def test_a_log_that_cannot_begin_leaves_nothing_but_what_is_no_file(tmp_path):
+    """A device that was given as the log had been removed, as root may."""
+    device = tmp_path / 'run.mcap'
+    device.symlink_to('/dev/full')
+    with pytest.raises(LogError, match='No space left'):
+        LogWriter(device, configure({'rpm': 60.0}), overwrite=True)
+    assert device.is_symlink()
+
+
 # ---------------------------------------------------------------- words
 
 

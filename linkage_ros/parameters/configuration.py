@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import difflib
 import json
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from linkage_ros.core.mechanism import MECHANISMS, Mechanism, WindPump
 from linkage_ros.core.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
-from linkage_ros.files import is_there
+from linkage_ros.files import is_one_file, is_there
 from linkage_ros.motion.drives import DRIVES, Drive, TorqueDrive
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters import presets
@@ -85,9 +84,7 @@ class Session(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        paths = {os.path.realpath(path) for path in (self.log, self.viewer)}
-        linked = all(map(is_there, paths)) and Path(self.log).samefile(self.viewer)
-        if self.log and self.viewer.endswith('.rrd') and (len(paths) == 1 or linked):
+        if self.log and self.viewer.endswith('.rrd') and is_one_file(self.log, self.viewer):
             raise ConfigurationError(
                 f'log and viewer are one file, {shown(self.viewer)}: give the log another path, '
                 'that of an .mcap file'

@@ -23,7 +23,7 @@ def never_waited_for() -> Iterator[None]:
     lost, and so are the last ones if nobody reads them within a second of the end.
     """
     if sys.stderr is None:  # it was closed: lines go nowhere, instead of into the next file
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        _go_nowhere()
         yield
         return
     sys.stderr.flush()
@@ -42,13 +42,18 @@ def never_waited_for() -> Iterator[None]:
     finally:
         with suppress(OSError):
             sys.stderr.flush()
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 2)  # our pipe ends with that
-        os.close(nowhere)
+        _go_nowhere()  # our pipe ends with that
         thread.join(_PATIENCE)
         if not thread.is_alive():
             os.dup2(theirs, 2)
             os.close(theirs)
+
+
+def _go_nowhere() -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    if nowhere != 2:
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
 
 
 def _carry(outlet: int, theirs: int) -> None:
