@@ -302,7 +302,7 @@ def test_a_log_of_a_linkage_at_rest_stays_far_below_what_may_unpack(tmp_path, mo
     path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
     record(at_rest, path, duration=30.0)
     monkeypatch.setattr(chunks, '_FREE', 0)
-    monkeypatch.setattr(chunks, '_COST_PER_BYTE', chunks._COST_PER_BYTE // 8)
+    monkeypatch.setattr(chunks, '_COST_PER_BYTE', chunks._COST_PER_BYTE // 4)
     recover(path, saved)
     for file in (path, saved):
         with LogReader(file) as log:

@@ -24,12 +24,12 @@ from linkage_ros.errors import LogError
 LARGEST = 1 << 24
 HEAD = struct.Struct('<BQ')  # opcode and length of a record
 _MESSAGE = struct.Struct('<HIQQ')  # channel, sequence, log and publish time
-# What a file unpacks to costs time: a message as much as 10 000 bytes, a byte of a channel as 250,
-# because 8 may be a field. A file may cost 1 GiB and 5000 for each of its bytes: two bytes for a
+# What a file unpacks to costs time: a message as much as 5000 bytes, a byte of a channel as 250,
+# because 8 may be a field. A file may cost 1 GiB and 1000 for each of its bytes: five bytes for a
 # message. Our logs and rosbag2's have an index of 16 bytes per message; ours have 22 in all, even
-# of a linkage that stands still. Black images pack 4900 times.
-_MESSAGE_COST, _CHANNEL_COST = 10_000, 250
-_FREE, _COST_PER_BYTE = 1 << 30, 5000
+# of a linkage that stands still.
+_MESSAGE_COST, _CHANNEL_COST = 5000, 250
+_FREE, _COST_PER_BYTE = 1 << 30, 1000
 
 
 class Allowance:
@@ -67,7 +67,7 @@ class Allowance:
         if self._left < 0:
             raise LogError(
                 f'its {self._size} bytes unpack to more than is read, {_COST_PER_BYTE} times as '
-                'many or a message for every two; if that is right, unpack it with "mcap '
+                'many or a message for every five; if that is right, unpack it with "mcap '
                 'decompress" first'
             )
 
