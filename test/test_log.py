@@ -472,7 +472,7 @@ def test_a_disk_that_fills_up_is_one_clear_error(tmp_path):
     log = LogWriter(tmp_path / 'run.mcap', CONFIGURATION, overwrite=False)
     channel = log.add_topic(DRIVING_TORQUE, '/driving_torque')
     full = os.open('/dev/full', os.O_WRONLY)
-    os.dup2(full, log._stream.fileno())
+    os.dup2(full, log._file.stream.fileno())
     os.close(full)
     log.write(channel, 0, encode_float64(1.0))
     with pytest.raises(LogError, match=r'run\.mcap.*No space left') as caught:
@@ -480,7 +480,7 @@ def test_a_disk_that_fills_up_is_one_clear_error(tmp_path):
     one_line(caught)
     with suppress(LogError):  # which may be said again, but nothing else
         log.close()
-    assert log._stream.closed
+    assert log._file.stream.closed
 
 
 # ---------------------------------------------------------------- damage

@@ -1,0 +1,179 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The file of a log, whatever becomes of it meanwhile: full, removed, renamed or cut off."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import shutil
+import stat
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NoReturn, cast
+
+from linkage_ros.errors import LogError
+from linkage_ros.files import open_file
+
+
+class LogFile:
+    """A new file, written by one thread.
+
+    Attributes:
+        path: Its name.
+        stream: What to write to.
+        begun: Whether it holds enough for a recovery; to be set.
+    """
+
+    def __init__(self, path: Path | str, *, overwrite: bool) -> None:
+        """Creates the file.
+
+        Args:
+            path: Its name.
+            overwrite: Whether to replace an existing file.
+
+        Raises:
+            LogError: The file exists and is not to be replaced, is being written by another run,
+                or cannot be created.
+        """
+        self.path, self.begun = Path(path), False
+        try:
+            opened = open_file(self.path, 'wb' if overwrite else 'xb')
+        except FileExistsError as error:
+            raise LogError(
+                f'{path} exists already and is kept: choose another name, or ask to overwrite it'
+            ) from error
+        except BlockingIOError as error:
+            raise LogError(
+                f'{path} is being written by another run and is kept: choose another name'
+            ) from error
+        except OSError as error:
+            self.fail(error)
+        self.stream = cast('io.BufferedWriter', opened)
+
+    def fail(self, error: OSError) -> NoReturn:
+        """Says that the file cannot be written.
+
+        Args:
+            error: Why.
+
+        Raises:
+            LogError: Always.
+        """
+        words = f'{self.path} cannot be written: {error.strerror or error}'
+        rescue = '; linkage_log recover saves what it holds' if self.begun else ''
+        raise LogError(words + rescue) from error
+
+    @contextmanager
+    def reported(self) -> Iterator[None]:
+        """Fails where the system does within.
+
+        Raises:
+            LogError: It cannot.
+        """
+        try:
+            yield
+        except OSError as error:
+            self.fail(error)
+
+    def check_size(self) -> None:
+        """Passes if the file is as long as what was written; else nothing more is written.
+
+        Raises:
+            LogError: Somebody cut it off, or wrote to it.
+        """
+        status = os.fstat(number := self.stream.fileno())
+        written = os.lseek(number, 0, os.SEEK_CUR) if stat.S_ISREG(status.st_mode) else None
+        if written not in {None, status.st_size}:
+            self.stream.raw.close()  # what waits would be written behind a hole
+            raise LogError(
+                f'{self.path} has {status.st_size} bytes instead of {written}: '
+                'somebody else cuts it off or writes to it; give each run a log of its own'
+            )
+
+    def is_removed(self) -> bool:
+        """Whether it has no name any more; a log that is renamed goes on there."""
+        return os.fstat(self.stream.fileno()).st_nlink == 0
+
+    def put_back(self) -> NoReturn:
+        """Copies the file without a name to where it was: Linux gives none back to a file.
+
+        Raises:
+            LogError: In any case: the log ends here, by the will or the mistake of somebody.
+        """
+        source, words = self.stream.fileno(), f'{self.path} was removed while it was written'
+        try:
+            _copy(source, self.path)
+        except OSError as error:
+            # It is there as long as somebody has it open.
+            place = f'/proc/{os.getpid()}/fd/{os.dup(source)}'
+            raise LogError(
+                f'{words} and cannot be put back ({error.strerror or error}): copy it from '
+                f'{place} before this process ends'
+            ) from error
+        raise LogError(f'{words}; it is put back with what was logged until then')
+
+    def close(self) -> None:
+        """Ends the writing."""
+        with suppress(OSError):  # closing flushes once more what could not be written before
+            self.stream.close()
+
+    def discard(self) -> None:
+        """Removes the file, in which there is nothing."""
+        with suppress(OSError):
+            if stat.S_ISREG(os.fstat(self.stream.fileno()).st_mode):  # and no device
+                self.path.unlink()
+        self.close()
+
+
+def _copy(source: int, path: Path) -> None:
+    """Copies an open file to a new one; one that cannot be completed is not left there.
+
+    Raises:
+        OSError: It cannot be copied.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open('xb') as target:
+        try:
+            with Path(f'/proc/self/fd/{source}').open('rb') as whole:
+                shutil.copyfileobj(whole, target, 1 << 20)
+        except OSError:
+            path.unlink()
+            raise
+
+
+class DiskSync:
+    """Brings a log from the system's memory to the disk, where it outlives a power cut as well.
+
+    A disk may take seconds for that, in which the log is still to be flushed: hence a worker of
+    its own.
+    """
+
+    def __init__(self, path: Path, number: int) -> None:
+        """Begins.
+
+        Args:
+            path: Of the log, for messages.
+            number: Of its open file; it may be closed before this is.
+        """
+        self._path, self._number = path, os.dup(number)
+
+    def consume(self, _: Sequence[object]) -> None:
+        """Brings to the disk what was flushed so far.
+
+        Raises:
+            LogError: The disk fails.
+        """
+        try:
+            os.fdatasync(self._number)
+        except OSError as error:
+            if error.errno != errno.EINVAL:  # a pipe or a device: there is no disk to wait for
+                raise LogError(
+                    f'{self._path} does not reach the disk: {error.strerror}'
+                ) from error
+
+    def close(self) -> None:
+        """Lets the file go."""
+        os.close(self._number)
