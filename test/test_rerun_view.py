@@ -20,7 +20,7 @@ import time
 import urllib.parse
 import urllib.request
 import warnings
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -890,3 +890,13 @@ def test_a_pipe_is_no_recording(tmp_path):
     os.mkfifo(tmp_path / 'run.rrd')
     with pytest.raises(ViewerError, match='cannot be written'):
         View(CONFIGURATION, str(tmp_path / 'run.rrd'), overwrite=True)
+
+
+def test_a_recording_that_another_run_writes_is_kept(tmp_path):
+    path = tmp_path / 'run.rrd'
+    with closing(View(CONFIGURATION, str(path))) as view:
+        view.consume(run_of(CONFIGURATION, 5)[0])
+        with pytest.raises(ViewerError, match='is being written by another run and is kept'):
+            View(CONFIGURATION, str(path), overwrite=True)
+    assert len(read(path)['/joint_states/effort']['ros2_timestamp']) == 5
+    View(CONFIGURATION, str(path), overwrite=True).close()  # of a run that has ended

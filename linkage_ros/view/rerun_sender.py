@@ -16,7 +16,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
 import numpy as np
 
@@ -54,7 +54,6 @@ class Sender:
     """Sends to a viewer elsewhere, to whoever connects here, or to a file.
 
     Attributes:
-        is_file: Whether it is a file.
         url: Where windows connect; None: nothing is served here.
         exposed: Whether other machines can read what is served.
     """
@@ -74,11 +73,11 @@ class Sender:
         _import_rerun()
         import rerun as rr
 
-        self.is_file = False
         self.url: str | None = None
         self.exposed = False
         self._absent = False
         self._port = 0
+        self._file: BinaryIO | None = None
         self._target, self._begin = target, begin
         self._address = viewer_address(target)
         self._lags = False
@@ -98,14 +97,18 @@ class Sender:
                 raise ViewerError(f'viewer = {shown(target)} is no address of a viewer') from error
             self._absent = True
         else:
-            create_file(target, overwrite=overwrite)
+            self._file = create_file(target, overwrite=overwrite)
             self._sink = rr.FileSink(target, write_footer=False)
-            self.is_file = True
         self._stream = rr.RecordingStream('linkage_ros')
         if self._absent:
             self._find(_ANSWER_SECONDS)
         else:
             self._connect()
+
+    @property
+    def is_file(self) -> bool:
+        """Whether it is a file."""
+        return self._file is not None
 
     @property
     def trouble(self) -> str:
@@ -160,6 +163,8 @@ class Sender:
         thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
         thread.start()
         thread.join(_LAST_SECONDS if self._lags or self._absent else _CLOSE_SECONDS)
+        if self._file:
+            self._file.close()
 
     def _find(self, patience: float) -> bool:
         """Connects to the viewer elsewhere if it answers in time; returns whether it does."""

@@ -10,6 +10,7 @@ import re
 import socket
 import time
 from pathlib import Path
+from typing import BinaryIO
 
 from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ViewerError
@@ -129,24 +130,29 @@ def reachable(host: str) -> str:
     return socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
 
 
-def create_file(target: str, *, overwrite: bool) -> None:
+def create_file(target: str, *, overwrite: bool) -> BinaryIO:
     """Creates an empty recording.
 
     Args:
         target: Its path.
         overwrite: Whether to replace an existing file.
 
+    Returns:
+        The file, which is kept from other runs as long as it is open.
+
     Raises:
         ViewerError: It is no path of an .rrd file, the file exists and is not to be replaced,
-            or it cannot be created.
+            another run writes it, or it cannot be created.
     """
     path = Path(target)
     if path.suffix != '.rrd' or path.is_dir() or '://' in target:
         raise ViewerError(f'viewer = {shown(target)} is not one of: {VIEWERS}')
     try:
-        open_file(path, 'wb' if overwrite else 'xb').close()
+        return open_file(path, 'wb' if overwrite else 'xb')
     except BlockingIOError as error:
-        raise ViewerError(f'{target} is being written: choose another name') from error
+        raise ViewerError(
+            f'{target} is being written by another run and is kept: choose another name'
+        ) from error
     except FileExistsError as error:
         raise ViewerError(
             f'{target} exists already and is kept: choose another name, or delete it first'
