@@ -19,6 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from linkage_ros.ros.shared_memory import remove_half_made
 from linkage_ros.ros.topics import message_class
 
 # Each of the processes that share the tests (pytest -n 2) has half of the domains.
@@ -36,7 +37,9 @@ def taken_domains():
 def fresh_domain():
     """Each test its own, so that neither leftovers nor other runs of the tests reach it."""
     taken = taken_domains()
-    return next(domain for domain in itertools.islice(_domains, 45) if domain not in taken)
+    domain = next(domain for domain in itertools.islice(_domains, 45) if domain not in taken)
+    remove_half_made(domain)
+    return domain
 
 
 def environment(domain):
