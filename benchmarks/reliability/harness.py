@@ -19,9 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from linkage_ros.ros.shared_memory import remove_half_made
+
 
 def environment(domain: int) -> dict[str, str]:
     """Of a process that meets only its own domain on this machine."""
+    remove_half_made(domain)  # processes of an earlier benchmark were killed
     own = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     return {**os.environ, **own, 'PYTHONUNBUFFERED': '1'}
 
@@ -141,15 +144,15 @@ class Diagnostics:
 
     def __init__(self, domain: int) -> None:
         """Begins to listen; this process must not listen to anything else."""
-        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.executors import SingleThreadedExecutor
 
         self.parts: dict[str, tuple[int, str, dict[str, str]]] = {}
         self.history: list[dict[str, tuple[int, str, dict[str, str]]]] = []
+        os.environ.update(environment(domain))
         self._context = rclpy.Context()
-        rclpy.init(context=self._context, domain_id=domain)
+        rclpy.init(context=self._context)
         node = rclpy.create_node(f'diagnosed_{domain}', context=self._context)
         node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 10)
         self._executor = SingleThreadedExecutor(context=self._context)

@@ -25,7 +25,7 @@ from typing import Any, ClassVar
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from harness import Process, finish, options, quantiles, running, wait_for, words
+from harness import Process, environment, finish, options, quantiles, running, wait_for, words
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
@@ -49,8 +49,9 @@ class Monitor:
 
     def __init__(self, domain: int) -> None:
         self.counts: dict[str, tuple[float, ...]] = {}
+        os.environ.update(environment(domain))
         self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain)
+        rclpy.init(context=self._context)
         node = rclpy.create_node(f'monitor_{domain}', context=self._context)
         node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 1000)
         self.executor = SingleThreadedExecutor(context=self._context)
@@ -180,7 +181,6 @@ def show(one: dict[str, Any]) -> None:
 
 def main() -> None:
     given = options(__doc__, seconds=8.0, most=max(NUMBERS))
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rows = []
     for number in (n for n in NUMBERS if n <= given.most):
         rows.append(measure(number, [DOMAIN], given.seconds))
