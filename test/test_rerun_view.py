@@ -665,6 +665,14 @@ def test_a_page_is_hosted_here_alone_without_a_screen_while_the_run_lasts(monkey
     assert reached(view.page) == ''
 
 
+def test_a_page_whose_host_is_stopped_ends_with_the_run_as_well():
+    with opened('web') as (view, process):
+        wait_until(lambda: reached(view.page))
+        process.send_signal(signal.SIGSTOP)
+        wait_until(lambda: ') T ' in Path(f'/proc/{process.pid}/stat').read_text())
+    assert process.poll() == -signal.SIGKILL
+
+
 @pytest.mark.parametrize(
     ('number', 'words'),
     [(signal.SIGKILL, '9, Killed'), (signal.SIGTERM, '15, Terminated')],

@@ -18,6 +18,7 @@ from linkage_ros.view.targets import free_address, reachable
 
 _LOOPBACK = '127.0.0.1'
 _MEMORY = '1GB'  # beyond which the window forgets the oldest
+_PATIENCE = 1.0  # s for a page's host to end
 # How a user ends a window: by closing it, or by one of these signals.
 _CLOSED = (0, *(-number for number in (
     signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGKILL,
@@ -84,7 +85,11 @@ class Program:
         """Leaves it to itself, or ends it if it is not to outlive us."""
         if not self._outlives:
             self.process.terminate()
-            self.process.wait()
+            try:
+                self.process.wait(_PATIENCE)
+            except subprocess.TimeoutExpired:  # it is stopped
+                self.process.kill()
+                self.process.wait()
         self._errors.close()
 
 
