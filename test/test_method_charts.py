@@ -4,26 +4,39 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from linkage_ros import __version__
-from linkage_ros.methods.accuracy import NEAR, RIGHT
+from linkage_ros.charts.accuracy import draw_accuracy
+from linkage_ros.charts.integration import draw_integration
+from linkage_ros.charts.stability import draw_stability
+from linkage_ros.methods.accuracy import NEAR, RIGHT, Point
 from linkage_ros.methods.motion_accuracy import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.stability import OUTCOMES
+from linkage_ros.methods.stability import OUTCOMES, Cell
 from linkage_ros.methods.table import DEFAULT, METHODS, integrators, label
 from linkage_ros.motion.adaptive import AdaptiveSteps
 
 INTEGRATORS = integrators(AdaptiveSteps)
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
 PLACES = {situation.name for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
+
+
+def committed(name):
+    """The records in the docs."""
+    path = Path(__file__).parents[1] / 'docs' / f'{name}.json'
+    return json.loads(path.read_text())['records']
 
 
 def run_quick(command, folder):
@@ -103,9 +116,75 @@ def test_every_method_and_situation_has_its_place_in_the_docs():
 
 
 def test_the_charts_of_the_docs_are_of_these_methods_and_situations():
-    docs = Path(__file__).parents[1] / 'docs'
-    records = json.loads((docs / 'stability.json').read_text())['records']
+    records = committed('stability')
     assert {r['method'] for r in records} == EVERY
     assert {r['situation'] for r in records} == PLACES
-    points = json.loads((docs / 'accuracy.json').read_text())['records']
-    assert {r['method'] for r in points} == EVERY
+    assert {r['method'] for r in committed('accuracy')} == EVERY
+
+
+# ---------------------------------------------------------------- how they look
+
+
+def redrawn(monkeypatch):
+    """The charts of the docs as figures, from the numbers in the docs: nothing is measured."""
+    pages = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
+    unknown = {'max_error': math.inf, 'us_per_state': math.inf}  # null in JSON
+    points = [
+        Point(**{name: unknown[name] if value is None else value for name, value in one.items()})
+        for one in committed('accuracy')
+    ]
+    solved = [point for point in points if point.mode not in (MEAN, SLOWEST)]
+    for name in dict.fromkeys(point.mechanism for point in solved):
+        draw_accuracy([p for p in solved if p.mechanism == name], name, Path(name))
+    draw_integration([p for p in points if p.mode in (MEAN, SLOWEST)], INTEGRATORS, 'it', Path())
+    cells = [Cell(**record) for record in committed('stability')]
+    own = {situation.name for situation in SITUATIONS}
+    draw_stability(
+        [cell for cell in cells if cell.situation in own],
+        [cell for cell in cells if cell.situation not in own], INTEGRATORS, 'it', Path(),
+    )  # fmt: skip
+    assert len(pages) == 5
+    return pages
+
+
+def overlaps(figure):
+    """Pairs of texts in the panels of a figure that hide each other, or leave the picture."""
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        places = [(text.get_text(), text.get_window_extent()) for text in axes.texts]
+        for (one, box), (other, place) in itertools.combinations(places, 2):
+            if box.overlaps(place):
+                yield one, other
+        for words, box in places:
+            if not (figure.bbox.x0 < box.x0 and box.x1 < figure.bbox.x1):
+                yield words, 'the edge'
+
+
+def test_charts_can_be_read_at_half_their_size(monkeypatch):
+    for figure in redrawn(monkeypatch):
+        pixels = 700 / figure.get_figwidth() / 72  # of a point
+        sizes = [text.get_fontsize() * pixels for text in figure.findobj(Text) if text.get_text()]
+        assert min(sizes) > 7.9
+        assert list(overlaps(figure)) == []
+
+
+def test_settings_hide_neither_points_nor_lines(monkeypatch):
+    for figure in redrawn(monkeypatch)[:2]:
+        figure.draw_without_rendering()
+        for axes in figure.axes:
+            boxes = [text.get_window_extent() for text in axes.texts]
+            assert len(boxes) >= 3
+            for line in axes.lines:
+                path = line.get_transform().transform_path(line.get_path())
+                assert not any(path.intersects_bbox(box, filled=False) for box in boxes)
+                assert not any(box.contains(*point) for box in boxes for point in path.vertices)
+
+
+def test_letters_that_hide_each_other_are_seen():
+    figure = Figure()
+    axes = figure.subplots()
+    axes.text(0.5, 0.5, 'one')
+    axes.text(0.51, 0.51, 'two')
+    axes.text(1.2, 0.1, 'beyond')
+    assert list(overlaps(figure)) == [('one', 'two'), ('beyond', 'the edge')]

@@ -18,6 +18,7 @@ from linkage_ros.charts.front import (
     front_handles,
     write_words,
 )
+from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.methods.accuracy import Point
 from linkage_ros.methods.chain import BATCH, ONE, QUANTITIES
 from linkage_ros.methods.table import DEFAULT, METHODS
@@ -55,19 +56,21 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
     Raises:
         OSError: The picture cannot be written.
     """
-    figure = Figure(figsize=(13.5, 8.4), dpi=130, layout='constrained')
-    figure.suptitle(title, fontsize=12)
+    figure = Figure(figsize=(WIDTH, 10.8), dpi=DPI, layout='constrained')
+    figure.suptitle(title, fontsize=TITLE)
     wording = Wording(_series, _style, _words, _SPAN)
-    panels = figure.subplots(2, 4, sharey=True, sharex='row')
+    # One row for each quantity, one column for each way to ask: what all share is written once.
+    panels = figure.subplots(len(QUANTITIES), 2, sharey=True, sharex='col')
     drawn = []
-    for row, mode in zip(panels, (ONE, BATCH), strict=True):
-        for axes, quantity in zip(row, QUANTITIES, strict=True):
+    for row, quantity in zip(panels, QUANTITIES, strict=True):
+        for axes, mode in zip(row, (ONE, BATCH), strict=True):
             chosen = [p for p in points if p.mode == mode and p.quantity == quantity]
             draw_panel(axes, chosen, wording)
             drawn.append((axes, chosen))
-            axes.set_title(f'{quantity}, {mode}', fontsize=10)
-            axes.set_xlabel('time per state, \N{MICRO SIGN}s')
-        row[0].set_ylabel('largest error, relative (angles: rad)')
+            axes.set_title(f'{quantity}, {mode}', fontsize=TEXT)
+    for axes in panels[-1]:
+        axes.set_xlabel('time per state, \N{MICRO SIGN}s', fontsize=TEXT)
+    figure.supylabel('largest error, relative (angles: rad)', fontsize=TEXT)
     _add_legend(figure)
     figure.draw_without_rendering()  # places the panels
     for axes, chosen in drawn:
@@ -101,17 +104,18 @@ def _values(setting: str) -> dict[str, str]:
 def _add_legend(figure: Figure) -> None:
     handles = [
         Line2D(
-            [], [], linewidth=0.7 if len(method.settings) > 1 else 0, label=_name(method.name),
+            [], [], linewidth=0.9 if len(method.settings) > 1 else 0, label=_name(method.name),
             **style._replace(size=style.size * 0.9).look,
         )
         for method in METHODS
         for style in [_STYLES[method.name]]
     ]  # fmt: skip
     figure.legend(
-        handles=[*handles, *front_handles()], loc='outside lower center', ncols=5, fontsize=8.5,
-        frameon=False, title_fontsize=8.5,
-        title='Settings: N nodes, H harmonics, h step in rad, n steps a turn; a '
-        f"bare number is Newton's tolerance. Errors above {CEILING:g} are drawn at {CEILING:g}.",
+        handles=[*handles, *front_handles()], loc='outside lower center', ncols=3, fontsize=SMALL,
+        frameon=False, title_fontsize=SMALL,
+        title=f'Settings, the first of a line and the last with an error above {_SPAN[0]:g}: '
+        'N nodes, H harmonics, h step in rad,\nn steps a turn; a bare number is '
+        f"Newton's tolerance. Errors above {CEILING:g} are drawn at {CEILING:g}.",
     )  # fmt: skip
 
 

@@ -7,18 +7,30 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.path import Path as MplPath
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
+from linkage_ros.charts.sizes import SMALL
 from linkage_ros.methods.accuracy import RIGHT, Point
 from linkage_ros.palette import BLACK, Color, fractions
 
+_Across: TypeAlias = Literal['left', 'center', 'right']
+_Up: TypeAlias = Literal['bottom', 'center', 'top']
+
 CEILING = 10.0  # where errors without bound are drawn
 _LEAST = 1e-17  # an error of nothing, on a logarithmic axis
+# Where words may stand beside a point: how far off, and how they are aligned.
+_SIDES: tuple[tuple[tuple[float, float], _Across, _Up], ...] = (
+    ((6, 0), 'left', 'center'), ((-6, 0), 'right', 'center'),
+    ((0, 5), 'center', 'bottom'), ((0, -6), 'center', 'top'),
+    ((5, 4), 'left', 'bottom'), ((-5, 4), 'right', 'bottom'),
+)  # fmt: skip
 
 
 class Style(NamedTuple):
@@ -36,7 +48,7 @@ class Style(NamedTuple):
     marker: str
     color: Color
     filled: bool = True
-    size: float = 5.0
+    size: float = 6.0
     dotted: bool = False
     above: bool = False
 
@@ -59,8 +71,8 @@ class Wording(NamedTuple):
     Attributes:
         series: Of a point: those with the same one are joined.
         style: Of a series' first point.
-        words: Written at a point; empty: nothing.
-        span: Errors between which anything is written; beyond, points lie close together.
+        words: Written at the first and the last point of a series; empty: nothing.
+        span: Errors of which these points are: beyond, points lie close together.
     """
 
     series: Callable[[Point], Hashable]
@@ -86,17 +98,20 @@ def draw_panel(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
         _draw_series(axes, list(group), wording)
     front = sorted((p for p in points if p.pareto), key=lambda p: p.us_per_state)
     if front:
-        axes.step(
-            [p.us_per_state for p in front], [max(p.max_error, _LEAST) for p in front],
-            where='post', color=fractions(BLACK), linewidth=1.0, alpha=0.7, zorder=2,
-        )  # fmt: skip
+        # Steps with corners of their own, so that words see where they run.
+        x = np.repeat([p.us_per_state for p in front], 2)[1:]
+        y = np.repeat([max(p.max_error, _LEAST) for p in front], 2)[:-1]
+        axes.plot(x, y, color=fractions(BLACK), linewidth=1.2, alpha=0.7, zorder=2)
     failed = dict.fromkeys(p.method for p in points if p not in drawn)
     if failed:
         axes.text(
-            0.98, 0.55, 'no answer at some angle,\nin some setting:\n' + '\n'.join(failed),
-            fontsize=7.5, ha='right', va='top', transform=axes.transAxes, color='0.3',
+            0.98, 0.565, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
+            fontsize=SMALL, ha='right', va='top', transform=axes.transAxes, color='0.3',
         )  # fmt: skip
-    axes.set_ylim(2e-17, 2 * CEILING)
+    axes.set_ylim(2e-17, 30 * CEILING)
+    axes.set_yticks([10.0**exponent for exponent in range(-15, 1, 3)])
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.tick_params(labelsize=SMALL)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -107,12 +122,12 @@ def _draw_series(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
     axes.plot(
         [p.us_per_state for p in points],
         [min(max(p.max_error, _LEAST), CEILING) for p in points],
-        linewidth=0.7, zorder=5 if style.above else 3, **style.look,
+        linewidth=0.9, zorder=5 if style.above else 3, **style.look,
     )  # fmt: skip
 
 
 def write_words(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
-    """Writes at the points of a panel, where there is room.
+    """Writes at the first and the last point of each series, where there is room.
 
     Args:
         axes: With its points drawn, and placed for good.
@@ -122,20 +137,34 @@ def write_words(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
     least, most = wording.span
     drawn = [p for p in points if math.isfinite(p.max_error) and math.isfinite(p.us_per_state)]
     places = axes.transData.transform([(p.us_per_state, p.max_error) for p in drawn])
-    taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in places]
-    for point in drawn:
-        if not ((words := wording.words(point)) and least < point.max_error < most):
-            continue
-        color = fractions(wording.style(point).color)
+    taken = [Bbox.from_bounds(x - 6, y - 6, 12, 12) for x, y in places]
+    taken += [text.get_window_extent() for text in axes.texts]
+    lines = [line.get_transform().transform_path(line.get_path()) for line in axes.lines]
+    for _, group in itertools.groupby(drawn, key=wording.series):
+        named = [p for p in group if wording.words(p) and least < p.max_error < most]
+        for point in (*named[:1], *named[1:][-1:]):
+            if box := _write(axes, point, wording, taken, lines):
+                taken.append(box)
+
+
+def _write(
+    axes: Axes, point: Point, wording: Wording, taken: Sequence[Bbox], lines: Sequence[MplPath]
+) -> Bbox | None:
+    """Writes beside a point, on the first side where nothing is; returns where, if anywhere."""
+    inside, color = axes.get_window_extent(), fractions(wording.style(point).color)
+    for shift, across, up in _SIDES:
         text = axes.annotate(
-            words, (point.us_per_state, point.max_error), fontsize=7, xytext=(5, 1),
-            color=color, textcoords='offset points', annotation_clip=True,
+            wording.words(point), (point.us_per_state, point.max_error), xytext=shift,
+            textcoords='offset points', fontsize=SMALL, color=color, ha=across, va=up,
         )  # fmt: skip
         box = text.get_window_extent()
-        if any(box.overlaps(other) for other in taken):
-            text.remove()
-        else:
-            taken.append(box)
+        free = inside.x0 < box.x0 and box.x1 < inside.x1
+        free = free and inside.y0 < box.y0 and box.y1 < inside.y1
+        free = free and not any(box.overlaps(other) for other in taken)
+        if free and not any(line.intersects_bbox(box, filled=False) for line in lines):
+            return box
+        text.remove()
+    return None
 
 
 def front_handles() -> list[Line2D]:

@@ -11,7 +11,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linkage_ros.charts.front import Style, Wording, draw_panel, front_handles
+from linkage_ros.charts.front import CEILING, Style, Wording, draw_panel, front_handles
+from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.methods.accuracy import Point
 from linkage_ros.methods.motion_accuracy import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.methods.table import LIVE, RECORDS, Integrator, label
@@ -48,8 +49,8 @@ def draw_integration(
         OSError: The picture cannot be written.
     """
     names = list(dict.fromkeys(point.mechanism for point in points))
-    figure = Figure(figsize=(10.8, 1.5 + 3.3 * len(names)), dpi=130, layout='constrained')
-    figure.suptitle(title, fontsize=12)
+    figure = Figure(figsize=(WIDTH, 2.6 + 2.6 * len(names)), dpi=DPI, layout='constrained')
+    figure.suptitle(title, fontsize=TITLE)
     defaults = {(method.name, label(method.steady or {})) for method in methods[:2]}
     # The settings stand in the legend: written at the points they would hide each other.
     wording = Wording(
@@ -65,11 +66,11 @@ def draw_integration(
             for point in chosen:
                 if point.method == LIVE and (point.method, point.setting) in defaults:
                     axes.plot([point.us_per_state], [point.max_error], zorder=6, **_STAR.look)
-            axes.set_title(f'{name.replace("_", " ")}, {caption}', fontsize=10)
-            axes.set_ylim(2e-16, 20)
-        row[0].set_ylabel('largest error: rad, crank lengths, or relative')
+            axes.set_title(f'{name.replace("_", " ")}, {caption}', fontsize=TEXT)
+            axes.set_ylim(2e-16, 2 * CEILING)
     for axes in panels[-1]:
-        axes.set_xlabel('time per simulated ms, \N{MICRO SIGN}s')
+        axes.set_xlabel('time per simulated ms, \N{MICRO SIGN}s', fontsize=TEXT)
+    figure.supylabel('largest error: rad, crank lengths, or relative', fontsize=TEXT)
     _add_legend(figure, methods)
     figure.savefig(path)
 
@@ -77,7 +78,7 @@ def draw_integration(
 def _add_legend(figure: Figure, methods: Sequence[Integrator]) -> None:
     handles = [
         Line2D(
-            [], [], linewidth=0.7 if len(method.settings) > 1 else 0,
+            [], [], linewidth=0.9 if len(method.settings) > 1 else 0,
             label=_name(method.name), **_STYLES[method.name].look,
         )
         for method in methods
@@ -85,7 +86,7 @@ def _add_legend(figure: Figure, methods: Sequence[Integrator]) -> None:
     star = Line2D([], [], linewidth=0, label='its default: steps of 1 ms', **_STAR.look)
     figure.legend(
         handles=[handles[0], star, *handles[1:], *front_handles()], loc='outside lower center',
-        ncols=5, fontsize=8.5, frameon=False, title_fontsize=8.5,
+        ncols=3, fontsize=SMALL, frameon=False, title_fontsize=SMALL,
         title=textwrap.fill(f'From left to right: {_settings(methods)}.', 110) + '\n'
         'At 1000 \N{MICRO SIGN}s a motion would be as fast as the world.',
     )  # fmt: skip

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from linkage_ros.charts.sizes import DPI, NUMBERS, SMALL, TITLE, WIDTH
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS, MotionSituation
 from linkage_ros.methods.situations import SITUATIONS, Situation
 from linkage_ros.methods.stability import (
@@ -37,11 +39,14 @@ _WORDS = {
     RIGHT: 'right', REFUSED: 'refused: an error says why', DIVERGED: 'diverged: a wrong value',
     WRONG_BRANCH: "wrong branch: the other assembly's", NAN: 'NaN, an arithmetic error, or stuck',
 }  # fmt: skip
+_SHORT = {WRONG_BRANCH: 'branch'}  # in a cell
 _DEFAULTS = {DEFAULT: 'default', LIVE: 'default, live', RECORDS: 'default for records'}
 # Sizes in inches: a cell; the names to the left; those above, aslant; what is above and below all.
-_WIDE, _HIGH = 0.92, 0.38
-_LEFT, _ABOVE, _RIGHT = 2.1, 1.25, 0.8
-_TOP, _FOOT = 0.45, 0.45
+# Cells of whole pixels are alike: the file is smaller by a third.
+_WIDE, _HIGH = 89 / DPI, 53 / DPI
+_LEFT, _ABOVE = 1.2, 1.4
+_TOP, _FOOT = 0.35, 0.75
+_NAMES, _SAID = 16, 52  # letters in a line, of situations and of what is said of them
 
 
 class _Grid(NamedTuple):
@@ -88,22 +93,21 @@ def draw_stability(
         (_of_linkages(SITUATIONS), cells),
         (_of_motions(MOTION_SITUATIONS, [method.name for method in integrators]), motions),
     ]
-    width = _LEFT + _WIDE * len(METHODS) + _RIGHT
     height = _TOP + sum(grid.height for grid, _ in grids) + _FOOT
-    figure = Figure(figsize=(width, height), dpi=125)
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI)
     y = height - _TOP
     for grid, chosen in grids:
         y -= grid.height
         across, down = _WIDE * len(grid.columns), _HIGH * len(grid.rows)
-        axes = figure.add_axes((_LEFT / width, y / height, across / width, down / height))
+        axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
         _draw_grid(axes, grid, chosen)
-    figure.suptitle(title, fontsize=12, y=1 - 0.15 / height)
+    figure.suptitle(title, fontsize=TITLE, y=1 - 0.15 / height)
     figure.legend(
         handles=[
             Patch(facecolor=fractions(fill), label=_WORDS[name])
             for name, (fill, _) in _COLORS.items()
         ],
-        loc='lower center', ncols=len(_COLORS), fontsize=8.5, frameon=False,
+        loc='lower center', ncols=3, fontsize=SMALL, frameon=False,
     )  # fmt: skip
     figure.savefig(path)
 
@@ -113,7 +117,7 @@ def _of_linkages(situations: Sequence[Situation]) -> _Grid:
     exists = {situation.name: situation.exists for situation in situations}
     return _Grid(
         [method.name for method in METHODS],
-        {name: name if exists[name] else f'{name} (no state exists)' for name in names},
+        {name: name if exists[name] else f'{name}, no state exists' for name in names},
         {name: (RIGHT,) if exists[name] else (REFUSED,) for name in names},
         {},
     )
@@ -139,22 +143,26 @@ def _draw_grid(axes: Axes, grid: _Grid, cells: Sequence[Cell]) -> None:
         axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
         good = cell.outcome in grid.good[cell.situation]
         axes.text(
-            x + 0.5, y + 0.36, cell.outcome, ha='center', va='center', color=ink, fontsize=8,
-            fontweight='normal' if good else 'bold',
+            x + 0.5, y + 0.3, _SHORT.get(cell.outcome, cell.outcome), ha='center', va='center',
+            color=ink, fontsize=NUMBERS, fontweight='normal' if good else 'bold',
         )  # fmt: skip
         if cell.worst_error is not None:
             words = f'{cell.worst_error:.0e}' + (' s' if cell.outcome == REFUSED else '')
-            axes.text(x + 0.5, y + 0.72, words, ha='center', va='center', color=ink, fontsize=7.5)
+            axes.text(
+                x + 0.5, y + 0.74, words, ha='center', va='center', color=ink, fontsize=NUMBERS
+            )
     for name, words in grid.words.items():
         axes.text(
-            len(grid.columns) + 0.15, rows.index(name) + 0.5, words, va='center', fontsize=8.5,
-            color='0.3',
+            len(grid.columns) + 0.15, rows.index(name) + 0.5, textwrap.fill(words, _SAID),
+            va='center', fontsize=SMALL, color='0.3',
         )  # fmt: skip
     axes.set_xticks([i + 0.5 for i in range(len(grid.columns))])
-    axes.set_xticklabels(map(_name, grid.columns), rotation=35, ha='left', fontsize=8.5)
+    axes.set_xticklabels(map(_name, grid.columns), rotation=52, ha='left', fontsize=SMALL)
     axes.xaxis.tick_top()
     axes.set_yticks([i + 0.5 for i in range(len(rows))])
-    axes.set_yticklabels(list(grid.rows.values()), fontsize=8.5)
+    axes.set_yticklabels(
+        [textwrap.fill(words, _NAMES) for words in grid.rows.values()], fontsize=SMALL
+    )
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
 
