@@ -30,7 +30,7 @@ import numpy as np
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
-from linkage_ros.palette import BLUE, VERMILION, fractions
+from linkage_ros.palette import FIRST, SECOND, fractions
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import JointStateCodec
@@ -131,18 +131,20 @@ def run(path: Path, rpm: float, plant: Path, delay: float, *, feed_forward: bool
 
 
 def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
-    """The ripple of the second half of a log, and time, speed and effort of its last 3 turns."""
+    """The ripple of the second half of a log; angle, speed and effort of its last turn."""
     with LogReader(path) as log:
         difference = verify(log).difference
         assert not difference, difference
         codec = JointStateCodec(Machine(log.configuration).joints)
         rows = [codec.decode(m.data) for m in log.messages(['/joint_states'])]
         commands = list(log.messages(['/joint_commands']))
-    stamps = np.array([stamp for stamp, _ in rows]) * 1e-9
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])
     half = len(rows) // 2
     ripple = speed / (rpm * math.pi / 30) - 1
-    last = stamps > stamps[-1] - 3 * 60 / rpm
+    # A run ends at any angle: over the crank angle, the last whole turns of all can be compared.
+    # The peaks are about 0: they stand in the middle.
+    turns = np.array([values[0] for _, values in rows]) / (2 * math.pi) + 0.5
+    last = np.floor(turns) == math.floor(turns[-1]) - 1
     figures = {
         'peak_ripple': float(np.abs(ripple[half:]).max()),
         'p99_ripple': float(np.quantile(np.abs(ripple[half:]), 0.99)),
@@ -151,7 +153,7 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
         'states': len(rows),
         **respond(rows, commands),
     }
-    return figures, np.array([stamps[last] - stamps[last][0], ripple[last], effort[last]])
+    return figures, np.array([360 * (turns[last] % 1) - 180, ripple[last], effort[last]])
 
 
 def respond(rows, commands) -> dict[str, float]:
@@ -180,32 +182,37 @@ def respond(rows, commands) -> dict[str, float]:
 
 
 def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
-    """Ripple and effort over the last turns, without and with feed-forward."""
+    """Ripple and effort over the last turn of the crank, without and with feed-forward."""
     from matplotlib.figure import Figure
+
+    from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 
     speeds = list(dict.fromkeys(rpm for rpm, _, _ in curves))
     names = list(dict.fromkeys(name for _, name, _ in curves))
-    rows, columns = 2 * len(speeds), len(names)
-    figure = Figure(figsize=(3.8 * columns, 2.5 * rows), dpi=100, layout='constrained')
-    axes = figure.subplots(rows, columns, squeeze=False)
-    for rpm, name in dict.fromkeys((rpm, name) for rpm, name, _ in curves):
-        row, column = 2 * speeds.index(rpm), names.index(name)
-        for feed_forward, color, words in (
-            (False, BLUE, 'PI alone'), (True, VERMILION, 'with feed-forward'),
-        ):  # fmt: skip
-            times, ripple, effort = curves[rpm, name, feed_forward]
-            axes[row, column].plot(times, 100 * ripple, color=fractions(color), label=words)
-            axes[row + 1, column].plot(times, effort, color=fractions(color))
-        axes[row, column].set_title(f'{rpm:g} rpm, {name}', fontsize=10)
-        axes[row + 1, column].set_xlabel('time, s')
-    for row in range(0, rows, 2):
-        axes[row, 0].set_ylabel('speed error, %')
-        axes[row + 1, 0].set_ylabel('applied torque, N m')
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside upper center', ncols=2, frameon=False)
+    rows = 2 * len(speeds)
+    figure = Figure(figsize=(WIDTH, 1.0 + 2.0 * rows), dpi=DPI, layout='constrained')
+    axes = figure.subplots(rows, len(names), squeeze=False, sharex=True, sharey='row')
+    for (rpm, name, fed), (degrees, ripple, effort) in curves.items():
+        above, below = axes[2 * speeds.index(rpm) :, names.index(name)][:2]
+        color, words = (SECOND, 'with feed-forward') if fed else (FIRST, 'PI alone')
+        above.plot(degrees, 100 * ripple, color=fractions(color), label=words)
+        below.plot(degrees, effort, color=fractions(color))
+        above.set_title(f'{rpm:g} rpm, {name}', fontsize=TEXT)
+    for above, below in zip(axes[::2, 0], axes[1::2, 0], strict=True):
+        above.set_ylabel('speed error, %', fontsize=TEXT)
+        below.set_ylabel('applied torque, N m', fontsize=TEXT)
     for one in axes.flat:
+        one.set_xticks(range(-180, 181, 90))
+        one.tick_params(labelsize=SMALL)
         one.grid(color='0.9')
         one.spines[['top', 'right']].set_visible(False)
+    for one in axes[-1]:
+        one.set_xlabel('crank angle, deg', fontsize=TEXT)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc='outside upper center', ncols=2, fontsize=TITLE, frameon=False,
+        title='The last whole turn of each run', title_fontsize=TITLE,
+    )  # fmt: skip
     figure.savefig(path)
 
 

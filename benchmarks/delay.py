@@ -20,7 +20,7 @@ from pathlib import Path
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.solver import Solver
 from linkage_ros.motion.plant import Plant
-from linkage_ros.palette import BLUE, VERMILION, fractions
+from linkage_ros.palette import BLACK, FIRST, fractions
 from linkage_ros.parameters.configuration import configure
 
 RATE, RPM, TURNS = 1000.0, 150.0, 10
@@ -56,7 +56,7 @@ def draw(records: list[dict[str, float]], path: Path) -> None:
     axes = figure.subplots()
     delays = [record['delay_ticks'] for record in records]
     percent = [100 * record['largest_deviation'] for record in records]
-    axes.plot(delays, percent, marker='o', color=fractions(BLUE))
+    axes.plot(delays, percent, marker='o', color=fractions(FIRST))
     for delay, words in (
         (0.0, 'of mid-tick'),
         (0.5, "of the tick's start"),
@@ -67,7 +67,7 @@ def draw(records: list[dict[str, float]], path: Path) -> None:
             f'{words}: {value:.2g} %',
             (delay, value),
             (delay + 0.25, value - 0.35),
-            color=fractions(VERMILION),
+            color=fractions(BLACK),
         )
     axes.set_xlabel('delay of the torque from mid-tick, ticks of 1 ms')
     axes.set_ylabel('largest deviation of the crank speed, %')

@@ -3,7 +3,9 @@
 """All colours, wherever something is shown: in Rerun, in charts, in the documents, in URDF.
 
 The palette of Okabe and Ito, which colour-blind people can tell apart, and greys. A link and its
-curves have the same colour; those of links stand out from black and from white alike.
+curves have the same colour; those of links stand out from black and from white alike. Two things
+that are no link, as states, energies or ways to control, have two colours that no link has. Where
+no mechanism is shown but methods or modules are told apart, colours mean what a legend says.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ COLORS: dict[str, Color] = {
     'rod': PURPLE,
     'slider': GREEN,
 }
+# Of two things that are no link; what is third is grey.
+FIRST, SECOND = SKY, ORANGE
 
 
 def mixed(color: Color, other: Color, share: float) -> Color:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from linkage_ros.palette import BLACK, COLORS, GREEN, WHITE, fractions, mixed
+from linkage_ros.palette import BLACK, COLORS, FIRST, GREEN, SECOND, WHITE, fractions, mixed
 
 ROOT = Path(__file__).resolve().parents[1]
 PALETTE = ROOT / 'linkage_ros' / 'palette.py'
@@ -73,3 +73,23 @@ def test_mixtures_lie_between():
     assert mixed(GREEN, WHITE, 1.0) == WHITE
     assert mixed((0, 100, 200), BLACK, 0.5) == (20, 70, 120)
     assert fractions((0, 51, 255)) == (0.0, 0.2, 1.0)
+
+
+def test_what_is_no_link_has_no_links_colour():
+    assert FIRST != SECOND
+    assert not {FIRST, SECOND} & set(COLORS.values())
+
+
+# Where methods, outcomes or modules are told apart, and no mechanism is shown.
+LEGENDS = {'accuracy.py', 'integration.py', 'stability.py', 'layers.py'}
+
+
+def test_colours_of_links_are_taken_by_their_names_alone():
+    hues = {'VERMILION', 'BLUE', 'GREEN', 'PURPLE', 'ORANGE', 'SKY'}
+    taken = {
+        path.name
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and hues & {alias.name for alias in node.names}
+    }
+    assert taken == LEGENDS

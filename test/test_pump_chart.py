@@ -11,6 +11,8 @@ from dataclasses import replace
 import numpy as np
 import oracle_pump
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from linkage_ros import ConfigurationError, UnreachableError
 from linkage_ros.analysis import branch as branches
@@ -309,3 +311,21 @@ def test_an_extremum_between_samples_is_found(sign):
     course = 0.3 + np.cos(fine - 0.7) + 0.2 * np.sin(2 * fine)
     assert sign * extremum(values, sign) == pytest.approx(np.max(sign * course), abs=1e-11)
     assert extremum(np.full(8, 0.25), sign) == 0.25
+
+
+def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch):
+    pages = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
+    draw_pump(analysis, 'wind_pump', None)
+    (figure,) = pages
+    pixels = 700 / figure.get_figwidth() / 72  # of a point
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in texts) * pixels > 7.9
+    figure.draw_without_rendering()
+    for axes in figure.axes[:3]:  # those with a legend below
+        below = axes.get_legend().get_window_extent()
+        assert not below.overlaps(axes.xaxis.label.get_window_extent())
+    table = figure.axes[-1].texts[0].get_window_extent()
+    assert figure.bbox.x0 < table.x0
+    assert table.x1 < figure.bbox.x1
+    assert figure.bbox.y0 < table.y0

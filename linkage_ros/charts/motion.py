@@ -21,7 +21,7 @@ from matplotlib.ticker import MaxNLocator
 
 from linkage_ros.core.curves import Period, extent
 from linkage_ros.core.numeric import Array
-from linkage_ros.palette import BLACK, COLORS, DARK, GREY, PURPLE, Color, fractions
+from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color, fractions
 from linkage_ros.view.drawing import Drawing
 
 # As matplotlib has them: a line that is solid or dashed, and a colour.
@@ -39,11 +39,11 @@ _SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel
 # Around the names of pins, which may lie on lines.
 _HALO = withStroke(linewidth=2.5, foreground='white')
 _STYLES: tuple[_Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
-# That of the link on which the pin's force acts; B0's has the rod's, which no linkage with
-# reactions has, so that B and B0 differ. What belongs to no link has none's.
+# That of the link on which the pin's force acts; B0's has the ground's, so that B and B0 differ.
+# What belongs to no link has none's.
 _FORCES: dict[str, Color] = {
-    'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': COLORS['rod'],
-    'guide': BLACK, 'x': BLACK, 'y': PURPLE, 'moment': BLACK, 'power, W': BLACK,
+    'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
+    'guide': BLACK, 'x': BLACK, 'y': DARK, 'moment': BLACK, 'power, W': BLACK,
 }  # fmt: skip
 
 

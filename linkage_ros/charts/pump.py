@@ -14,29 +14,22 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import Patch
+from matplotlib.transforms import blended_transform_factory
 
 from linkage_ros.analysis.basins import ELSEWHERE, LEAVES
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.pump import Analysis
 from linkage_ros.analysis.table import write_table
+from linkage_ros.charts.sizes import DPI, NUMBERS, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.core.numeric import TWO_PI
-from linkage_ros.palette import (
-    BLACK,
-    BLUE,
-    DARK,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    WHITE,
-    fractions,
-)
+from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, WHITE, fractions, mixed
 
 _Shade: TypeAlias = tuple[float, float, float]
 # Stable states by growing speed; the unstable are grey and dashed.
-_STABLE = tuple(map(fractions, (BLUE, VERMILION, GREEN, PURPLE)))
-_UNSTABLE, _AVERAGED, _MOTOR, _REST = map(fractions, (DARK, ORANGE, BLACK, GREY))
+_STABLE = tuple(
+    map(fractions, (FIRST, SECOND, mixed(FIRST, BLACK, 0.6), mixed(SECOND, BLACK, 0.6)))
+)
+_UNSTABLE, _AVERAGED, _MOTOR, _REST = map(fractions, (DARK, BLACK, BLACK, GREY))
 _MARKERS = 'osD^v<>'
 _PARTS = 256  # of a turn
 
@@ -52,46 +45,48 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
     Raises:
         OSError: The picture cannot be written.
     """
-    figure = Figure(figsize=(16, 11.2), dpi=110, layout='constrained')
-    figure.suptitle(title, fontsize=14)
-    cells = figure.add_gridspec(3, 3, height_ratios=(1, 1, 0.2))
+    figure = Figure(figsize=(WIDTH, 13.0), dpi=DPI, layout='constrained')
+    figure.suptitle(title, fontsize=TITLE)
+    cells = figure.add_gridspec(4, 2, height_ratios=(1, 1, 1, 0.29))
     colors = _colors(analysis)
     _draw_phase_plane(_panel(figure, cells[0, 0], 'Settled motions'), analysis, colors)
     _draw_section(
         _panel(figure, cells[0, 1], 'Poincaré section at crank angle 0, turn by turn'),
         analysis, colors,
     )  # fmt: skip
-    _draw_basins(_panel(figure, cells[0, 2], 'Where starts settle'), analysis, colors)
-    _draw_load(_panel(figure, cells[1, 0], 'Load curve and motor line'), analysis, colors)
-    _draw_torques(figure, cells[1, 1], analysis, colors)
-    _draw_runs(_panel(figure, cells[1, 2], 'Crank speed from single starts'), analysis, colors)
-    table = figure.add_subplot(cells[2, :])
+    _draw_basins(_panel(figure, cells[1, 0], 'Where starts settle'), analysis, colors)
+    _draw_load(_panel(figure, cells[2, 0], 'Load curve and motor line'), analysis, colors)
+    _draw_torques(figure, cells[2, 1], analysis, colors)
+    _draw_runs(_panel(figure, cells[1, 1], 'Crank speed from single starts'), analysis, colors)
+    table = figure.add_subplot(cells[3, :])
     table.axis('off')
-    table.text(
+    words = table.text(
         0.5, 1, '\n'.join(write_table(analysis)), va='top', ha='center', family='monospace',
-        multialignment='left', fontsize=10.5, linespacing=1.35,
+        multialignment='left', fontsize=NUMBERS, linespacing=1.35,
+        transform=blended_transform_factory(figure.transFigure, table.transAxes),
     )  # fmt: skip
+    words.set_in_layout(False)  # it is as wide as the picture
     figure.savefig(path)
 
 
 def _panel(figure: Figure, cell: SubplotSpec, title: str) -> Axes:
     axes = figure.add_subplot(cell)
-    axes.set_title(title, fontsize=12)
+    axes.set_title(title, fontsize=TEXT)
     axes.grid(color='0.9', linewidth=0.6)
     axes.set_axisbelow(True)
     return axes
 
 
 def _label(axes: Axes, x: str, y: str) -> None:
-    axes.set_xlabel(x, fontsize=11)
-    axes.set_ylabel(y, fontsize=11)
+    axes.set_xlabel(x, fontsize=TEXT)
+    axes.set_ylabel(y, fontsize=TEXT)
 
 
 def _legend(axes: Axes, columns: int, **options: Any) -> None:
     """Below, where it hides nothing."""
     axes.legend(
-        fontsize=10, title_fontsize=10, ncols=columns, frameon=False, columnspacing=1.2,
-        loc='upper center', bbox_to_anchor=(0.5, -0.11), borderpad=0, **options,
+        fontsize=SMALL, title_fontsize=SMALL, ncols=columns, frameon=False, columnspacing=1.2,
+        loc='upper center', bbox_to_anchor=(0.5, -0.16), borderpad=0, **options,
     )  # fmt: skip
 
 
@@ -132,7 +127,12 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> N
         _legend(axes, 2)
     else:
         axes.text(
-            0.5, 0.5, 'no settled motion found', ha='center', transform=axes.transAxes, fontsize=12
+            0.5,
+            0.5,
+            'no settled motion found',
+            ha='center',
+            transform=axes.transAxes,
+            fontsize=TEXT,
         )
 
 
@@ -222,7 +222,7 @@ def _draw_load(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
         axes.plot(state.speed, state.torque - damping * state.speed, **_style(state, color))
     axes.set_xlim(0, top)
     axes.set_ylim(0, None)
-    axes.legend(fontsize=10)
+    axes.legend(fontsize=SMALL)
     _label(axes, 'Mean crank speed w, rad/s', 'Mean torque on the crank, N m')
 
 
@@ -246,10 +246,11 @@ def _draw_torques(
         axes.set_xlim(0, None)
         axes.set_ylim(0, None)
         axes.tick_params(labelbottom=number == len(labels) - 1)
-        axes.set_ylabel(label, fontsize=10)
+        axes.set_ylabel(label, fontsize=SMALL)
     two = ', '.join(f'{one.low:.4g} to {one.high:.4g}' for one in analysis.branch.ranges())
     axes.set_xlabel(
-        f"Motor's torque at rest M0, N m (two stable states: {two or 'nowhere here'})", fontsize=11
+        f"Motor's torque at rest M0, N m\n(two stable states: {two or 'nowhere here'})",
+        fontsize=TEXT,
     )
 
 
@@ -258,13 +259,14 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
         axes.plot(run.times, run.speeds, '-', color=color, linewidth=0.7)
         if run.ended:
             axes.plot(run.times[-1], run.speeds[-1], 'X', color='black', markersize=9)
-    for state, color in zip(analysis.states, colors, strict=True):
+    for state in analysis.states:
         axes.axhline(
             state.speed, color='black', linewidth=1, linestyle='-' if state.stable else '--'
         )
         axes.annotate(
             _name(state), (0.98, state.speed), xycoords=('axes fraction', 'data'), ha='right',
-            xytext=(0, 9), textcoords='offset points', fontsize=10, color=color, weight='bold',
+            xytext=(0, 9), textcoords='offset points', fontsize=SMALL,
+            color='0.2', weight='bold',
         )  # fmt: skip
     axes.margins(y=0.1)
     axes.set_xlim(0, None)

@@ -16,7 +16,7 @@ from linkage_ros.core.mechanism import Mechanism, WindPump
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.solver import Solver
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.palette import COLORS, GREY, ORANGE, SKY, Color
+from linkage_ros.palette import COLORS, FIRST, GREY, SECOND, Color
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import ASPECT
 from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, RATES, TIMELINE
@@ -31,7 +31,7 @@ _FEW_TURNS, _MANY_TURNS, _FOR_THE_EYE, _FOR_PATIENCE = 4, 10, 2.0, 60.0  # s the
 _STANDING_SECONDS = 10.0  # plotted where the crank stands still,
 _DRIVEN_SECONDS = 5.0  # and under a torque: of a longer time axis Rerun leaves out the numbers
 _TRAIL_SECONDS = 10.0  # in the phase plane
-_ENERGY_COLORS = ORANGE, SKY, GREY  # which no link has
+_ENERGY_COLORS = FIRST, SECOND, GREY
 
 
 def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
