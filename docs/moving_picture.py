@@ -46,9 +46,9 @@ _FRAMES = 50  # a turn: as many as a View draws, so that each shows another stat
 _FRAME_MS = 40  # half as fast as the crank turns: eyes can follow
 _SHOWN = (-0.06, 1.06)  # s, on the axis of time: with room for the numbers at its ends
 _SIZE = '960x500'
-_ZOOMS = 5  # each makes letters and lines a tenth larger: the picture is read at half size too
-_BAND = 56  # above the views, where the viewer keeps its title bar even if that is hidden
-_COLORS = 48
+_ZOOMS = 3  # each makes letters and lines a tenth larger: the picture is read at half size too
+_BAND = 46  # above the views, where the viewer keeps its title bar even if that is hidden
+_COLORS = 64
 _PATIENCE = 30.0  # s, for the viewer to start
 
 
@@ -68,13 +68,14 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
     import rerun as rr
     import rerun.blueprint as rrb
 
-    usual = layout(configuration, Drawing(configuration.mechanism).bounds)
+    usual = layout(configuration, Drawing(configuration.mechanism))
     linkage, curves = usual.root_container.contents
     torque = curves.contents[-1]
     start, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in _SHOWN)
     turn = rr.TimeRange(start=start, end=end)
     # The usual axis ends at the cursor: there the curve moves, and the cursor stands.
     torque.properties['TimeAxis'] = rrb.archetypes.TimeAxis(view_range=turn)
+    del torque.properties['VisibleTimeRanges']
     return rrb.Blueprint(
         rrb.Horizontal(linkage, torque, column_shares=[2, 3]),
         rrb.TopPanel(state='hidden'),

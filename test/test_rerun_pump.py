@@ -21,7 +21,7 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.view.axes import MARKS, GrowingAxes, axis
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_view import Sample
-from linkage_ros.view.scene import Scene
+from linkage_ros.view.scene import Scene, angles_of
 from linkage_ros.view.series import Directions, Flow
 
 PUMP = load('wind_pump')
@@ -103,11 +103,17 @@ def test_directions_are_those_of_the_links_without_jumps(configuration, batch):
     samples = run_of(configuration, 1.5, rate=500)
     _, position, *_ = arrays(samples)
     found = advanced(configuration, samples, batch)
-    (stamps, directions), (_, rates) = found['directions'], found['rates']
     drawing = Drawing(configuration.mechanism, configuration.drive.crank_angle)
     links, count = drawing.of_links(position), len(drawing.turning)
-    assert list(stamps) == [sample.stamp for sample in samples]
-    assert (directions[:, 0] == position[:, 0]).all()
+    # Those that swing and those that go round are apart; a crank that alone does is its joint.
+    curves = {'crank': position[:, 0]}
+    for entity, names in angles_of(drawing).items():
+        stamps, values = found[entity]
+        assert list(stamps) == [sample.stamp for sample in samples]
+        curves.update(zip(names, values.T, strict=True))
+    assert (curves['crank'] == position[:, 0]).all()
+    directions = np.stack([curves[name] for name in drawing.turning], axis=-1)
+    _, rates = found['rates']
     assert abs(np.exp(1j * directions) - np.exp(1j * links[:, :count])).max() < 1e-12
     assert abs(directions[0, 1:]).max() <= math.pi
     # Rates are derivatives of directions: nothing jumps anywhere.
@@ -393,8 +399,8 @@ def test_a_sliders_rail_is_as_long_as_its_places(assembly, lengths, start, low, 
     assert ends == pytest.approx([low, high], abs=0.04 * (high - low))
     assert low - 1e-9 < ends[0] < ends[1] < high + 1e-9
     # B is on its side of the crank's pivot and the slider at the same angles that the bounds hold.
-    below = drawing.bounds[0, 1] < -0.9 * lengths[1]
-    above = drawing.bounds[1, 1] > 0.9 * lengths[1]
+    below = drawing.bounds[0, 1] < -1.1 * lengths[1]
+    above = drawing.bounds[1, 1] > 1.1 * lengths[1]
     crossed = (assembly == 'crossed') == (start > 0)
     assert (below, above) == (crossed, not crossed) or low < 0 < high
 
@@ -553,6 +559,19 @@ def test_the_phase_plane_has_y_up_and_keeps_a_trail(tmp_path, pumped):
     ((_, y, _),) = found['/phase_plane']['Transform3D:scale'][0]
     assert y == -1
     assert found['/phase_plane/names']['Points2D:labels'] == [['position, m', 'velocity, m/s']]
-    ((ranges,),) = column_of(layout, 'VisibleTimeRanges:ranges')
-    ((shown,),) = [ranges]
+    (shown,) = (
+        columns['VisibleTimeRanges:ranges'][0][0]
+        for name, columns in layout.items()
+        if 'curve/trail' in name and 'VisibleTimeRanges:ranges' in columns
+    )
     assert shown == {'timeline': 'ros2_timestamp', 'range': {'start': -(10**10), 'end': 0}}
+
+
+def test_curves_leave_room_for_the_legend(tmp_path, pumped):
+    show(tmp_path / 'run.rrd', pumped[:20], PUMP)
+    layout = read(tmp_path / 'run.rrd', blueprint=True)
+    axes = [one for ((one,),) in column_of(layout, 'TimeAxis:view_range')]
+    drawn = [one for ((one,),) in column_of(layout, 'VisibleTimeRanges:ranges')]
+    assert len(axes) == 9
+    assert {axis['start'] for axis in axes} == {-6 * 10**9}
+    assert [one['range']['start'] for one in drawn].count(-5 * 10**9) == len(axes)

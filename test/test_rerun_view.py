@@ -238,7 +238,8 @@ def test_the_bounds_hold_all_that_ever_moves(configuration):
     drawing = Drawing(configuration.mechanism)
     samples, _ = run_of(configuration, 1000, rate=997)
     points = drawing.place(drawing.of_links(np.array([sample.position for sample in samples])))
-    still = [drawing.pivots, *drawing.ground]
+    still = [drawing.pivots, *drawing.ground, drawing.footings, drawing.scale]
+    still.append(drawing.beside(points).reshape(-1, 2))
     moving = [line.reshape(-1, 2) for line in drawing.links(points).values()]
     everything = np.concatenate([*moving, *still])
     margins = [
@@ -246,7 +247,7 @@ def test_the_bounds_hold_all_that_ever_moves(configuration):
         drawing.bounds[1] - everything.max(axis=0),
     ]
     width = np.ptp(drawing.bounds, axis=0).max()
-    assert np.min(margins) > 0.04 * width
+    assert np.min(margins) > 0.03 * width
     assert np.max(margins) < 0.1 * width
 
 
@@ -323,7 +324,9 @@ def test_y_is_up_and_a_link_has_the_colour_of_its_curves(tmp_path):
     assert [found[f'/linkage/{j}']['LineStrips2D:colors'][0] for j in JOINTS] == colors
     curves = [columns['SeriesLines:colors'] for columns in layout.values()
               if 'SeriesLines:colors' in columns]  # fmt: skip
-    assert curves == [[[color for (color,) in colors]]] * 4
+    # Directions, of links that swing; turning, rates and torque, of all.
+    shown = [color for (color,) in colors]
+    assert sorted(curves) == sorted([[shown[1:]], *[[shown]] * 3])
     titles = {columns['ViewBlueprint:display_name'][0][0] for columns in layout.values()
               if 'ViewBlueprint:display_name' in columns}  # fmt: skip
     torque = next(title for title in titles if title.startswith('Driving torque, N m'))
@@ -336,6 +339,37 @@ def test_y_is_up_and_a_link_has_the_colour_of_its_curves(tmp_path):
             'Rates, rad/s',
         ),
     }
+
+
+@pytest.mark.parametrize('configuration', DRAWN.values(), ids=DRAWN)
+def test_a_scale_below_everything_is_as_long_as_it_says(tmp_path, configuration):
+    show(tmp_path / 'run.rrd', run_of(configuration, 5)[0], configuration)
+    found, drawing = read(tmp_path / 'run.rrd'), Drawing(configuration.mechanism)
+    ((bar,),) = found['/linkage/scale']['LineStrips2D:strips']
+    left, low = np.min(bar, axis=0)
+    assert np.max(bar, axis=0)[0] - left == pytest.approx(drawing.scale_length)
+    assert found['/linkage/scale/length']['Points2D:labels'] == [[f'{drawing.scale_length:g} m']]
+    assert f'{drawing.scale_length:.0e}'[0] in '125'
+    width = np.ptp(drawing.bounds, axis=0).max()
+    assert 0.08 * width < drawing.scale_length < 0.25 * width
+    assert low < min(line[:, 1].min() for line in (*drawing.ground, *drawing.paths.values()))
+
+
+@pytest.mark.parametrize('configuration', DRAWN.values(), ids=DRAWN)
+def test_every_pin_has_its_name_beside_it(tmp_path, configuration):
+    samples, _ = run_of(configuration, 200)
+    show(tmp_path / 'run.rrd', samples, configuration)
+    found, drawing = read(tmp_path / 'run.rrd'), Drawing(configuration.mechanism)
+    assert found['/linkage/pivots/names']['Points2D:labels'] == [list(drawing.pivot_names)]
+    names = found['/linkage/pins/names']
+    assert names['Points2D:labels'] == [list(drawing.pins)]
+    pins = np.array(found['/linkage/pins']['Points2D:positions'])
+    places = np.array(names['Points2D:positions'])
+    assert names['ros2_timestamp'] == found['/linkage/pins']['ros2_timestamp']
+    away = np.linalg.norm(places - pins, axis=-1) / np.ptp(drawing.bounds, axis=0).max()
+    assert 0.03 < away.min() < away.max() < 0.1
+    assert (places > drawing.bounds[0]).all()
+    assert (places < drawing.bounds[1]).all()
 
 
 # ---------------------------------------------------------------- targets that are none

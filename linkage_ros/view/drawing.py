@@ -15,7 +15,7 @@ import numpy.typing as npt
 from linkage_ros.core.kinematics import structure_of
 from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.numeric import Array
-from linkage_ros.view.reach import reach
+from linkage_ros.view.reach import going_round, reach
 
 # The pins between which a link that turns is drawn.
 _ENDS = {
@@ -24,8 +24,12 @@ _ENDS = {
     'rocker': ('B0', 'B'),
     'rod': ('B', 'D'),
 }
-# Parts of the width of all that moves: the margin around it, and the marks of the fixed link.
-_MARGIN, _MARK = 0.06, 0.04
+# Parts of the width of all that moves: the margin around it, the marks of the fixed link, and how
+# long a scale may be.
+_MARGIN, _MARK, _BAR = 0.04, 0.04, 0.25
+# In marks: how far that of a pivot reaches below it, how far names are beside their pins, and how
+# high a name is in a small window.
+_FOOT, _ASIDE, _NAME = 1.4, 1.4, 1.5
 
 
 class Drawing:
@@ -34,6 +38,7 @@ class Drawing:
     Attributes:
         joints: Names of the joints, in the order of positions.
         turning: Those of links that have a direction: all but a slider.
+        going_round: Those of them that turn on and on.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pivot_names: Their names.
         pins: Names of the moving points, in the order of `place`.
@@ -42,6 +47,9 @@ class Drawing:
             out, by the name of the link whose point it is; each of shape (n, 2), m. Empty for a
             wind pump, whose points have no path of their own.
         ground: The marks of the fixed link, lines of shape (n, 2), m.
+        footings: Where names of the fixed pivots can hang, below their marks; shape as pivots.
+        scale: A bar below everything, a line of shape (4, 2), m.
+        scale_length: How long it is, m.
         bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m; of
             a wind pump while its slider is where it can be at every crank angle.
     """
@@ -58,6 +66,7 @@ class Drawing:
         self._joints = structure.joints
         self.joints = tuple(joint.name for joint in self._joints)
         self.turning = tuple(joint.name for joint in self._joints if not joint.slides)
+        self.going_round = going_round(mechanism)
         points = structure.points
         fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
         moving = {name: point for name, point in points.items() if name not in fixed}
@@ -83,7 +92,14 @@ class Drawing:
             axis = complex(math.cos(output.angle), math.sin(output.angle))
             self._block = mark * axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j])
             self.ground += _rail(swept[:, self._output_pin], axis, mark)
-        everything = np.concatenate([everything, *self.ground])
+        self._mark, down = mark, np.array([0.0, mark])
+        self.footings = self.pivots - _FOOT * down
+        names = self.beside(swept).reshape(-1, 2)
+        everything = np.concatenate([everything, *self.ground, names, self.footings])
+        self.scale_length = _round_below(_BAR * np.ptp(everything, axis=0).max())
+        self.scale = _bar(everything.min(axis=0) - down, self.scale_length, mark)
+        hanging = [place - _NAME * down for place in (self.footings, self.scale)]
+        everything = np.concatenate([everything, self.scale, *hanging])
         margin = _MARGIN * np.ptp(everything, axis=0).max()
         self.bounds = np.array([everything.min(axis=0) - margin, everything.max(axis=0) + margin])
 
@@ -99,6 +115,25 @@ class Drawing:
         # A slide would be no angle, but then the points do not depend on it.
         turned = np.exp(1j * np.where([joint.slides for joint in self._joints], 0.0, position))
         return _plane(turned @ self._weights.T + self._fixed)
+
+    def beside(self, points: Array) -> Array:
+        """Where names of the moving points can hang: away from the middle of all points.
+
+        Args:
+            points: As `place` gives them, shape (n, 2 to 4, 2), m.
+
+        Returns:
+            Likewise, m.
+        """
+        fixed = self.pivots.sum(axis=0)
+        middle = (points.sum(axis=1) + fixed) / (points.shape[1] + len(self.pivots))
+        away = points - middle[:, np.newaxis]
+        length = np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-12 * self._mark)
+        away = away / length
+        # A name hangs down from its place: above a pin it needs room for its height.
+        away[..., 1] += 0.5 * (1 + away[..., 1])
+        aside: Array = points + _ASIDE * self._mark * away
+        return aside
 
     def of_links(self, position: Array) -> Array:
         """The positions of the links, from those that ROS sees; or their rates.
@@ -149,9 +184,22 @@ def _pivot(pivot: Array, size: float) -> list[Array]:
     shapes: list[list[tuple[float, float]]] = [
         [(0, 0), (-0.6, -1), (0.6, -1), (0, 0)],
         [(-1, -1), (1, -1)],
-        *([(x, -1), (x - 0.4, -1.4)] for x in (-0.6, -0.2, 0.2, 0.6, 1.0)),
+        *([(x, -1), (x - 0.4, -_FOOT)] for x in (-0.6, -0.2, 0.2, 0.6, 1.0)),
     ]
     return [pivot + size * np.array(shape) for shape in shapes]
+
+
+def _round_below(length: float) -> float:
+    """The longest of 1, 2 and 5 times a power of ten that is no longer."""
+    decade = 10.0 ** math.floor(math.log10(length))
+    return max(digit * decade for digit in (1.0, 2.0, 5.0) if digit * decade <= length)
+
+
+def _bar(start: Array, length: float, mark: float) -> Array:
+    """A scale from a point to the right, with its ends turned up."""
+    up = 0.4 * mark
+    bar: Array = start + np.array([(0.0, up), (0.0, 0.0), (length, 0.0), (length, up)])
+    return bar
 
 
 def _rail(path: Array, axis: complex, size: float) -> list[Array]:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the links of a mechanism can be: what a picture must have room for."""
+"""Where the links of a mechanism can be: what pictures and plots must have room for."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linkage_ros.core.curves import Curves
+from linkage_ros.core.kinematics import structure_of
 from linkage_ros.core.mechanism import Linkage, Mechanism, WindPump
 from linkage_ros.core.numeric import ARRAY, Array
 from linkage_ros.core.solver import Solver
@@ -48,6 +50,22 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Reach:
     if isinstance(mechanism, WindPump):
         return Reach(_positions_of_pump(mechanism), is_path=False)
     return Reach(_path(mechanism, crank_angle), is_path=True)
+
+
+def going_round(mechanism: Mechanism) -> set[str]:
+    """Finds the links that turn on and on: in a plot beside them the others would be flat.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        Their names; the crank is one of them.
+    """
+    if isinstance(mechanism, WindPump) or not Solver(mechanism).mobility.turns_fully:
+        return {'crank'}
+    curves, joints = Curves(mechanism, 0.0), structure_of(mechanism).joints
+    turned = {j.name: np.ptp(curves.columns[f'{j.name}.position'].values[[0, -1]]) for j in joints}
+    return {joint.name for joint in joints if not joint.slides and turned[joint.name] > math.pi}
 
 
 def _path(mechanism: Linkage, crank_angle: float) -> Array:

@@ -5,13 +5,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from linkage_ros.core.curves import Curves, extent
-from linkage_ros.core.kinematics import structure_of
+from linkage_ros.core.curves import extent
 from linkage_ros.core.mechanism import Mechanism, WindPump
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.solver import Solver
@@ -19,7 +16,8 @@ from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.palette import COLORS, FIRST, GREY, SECOND, Color
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import ASPECT
-from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, RATES, TIMELINE
+from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, RATES, TIMELINE, TURNING, angles_of
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
@@ -31,10 +29,11 @@ _FEW_TURNS, _MANY_TURNS, _FOR_THE_EYE, _FOR_PATIENCE = 4, 10, 2.0, 60.0  # s the
 _STANDING_SECONDS = 10.0  # plotted where the crank stands still,
 _DRIVEN_SECONDS = 5.0  # and under a torque: of a longer time axis Rerun leaves out the numbers
 _TRAIL_SECONDS = 10.0  # in the phase plane
+_LEGEND = 0.2  # of the seconds plotted: room before them, where the legend hides no curve
 _ENERGY_COLORS = FIRST, SECOND, GREY
 
 
-def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
+def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
     """The linkage beside plots of directions, rates and torque.
 
     Where a torque drives it, what it does is not known before: the speed is plotted first, and
@@ -42,14 +41,14 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
 
     Args:
         configuration: Of the run.
-        bounds: Lower left and upper right corner of the picture, shape (2, 2), m.
+        drawing: The picture of its mechanism.
 
     Returns:
         The blueprint.
     """
     import rerun.blueprint as rrb
 
-    (left, low), (right, high) = bounds.tolist()
+    (left, low), (right, high) = drawing.bounds.tolist()
     linkage = rrb.Spatial2DView(
         name='Linkage, m',
         contents='/linkage/**',
@@ -60,9 +59,12 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
     if isinstance(mechanism, WindPump):
         pictures = rrb.Vertical(linkage, _phase_view(), row_shares=[2, 3])
     if isinstance(mechanism, WindPump) or isinstance(drive, TorqueDrive):
-        curves, shares = _curves_of_torque(mechanism), [1, 2]  # two columns with room for tabs
+        curves, shares = (
+            _curves_of_torque(mechanism, drawing),
+            [1, 2],
+        )  # two columns with room for tabs
     else:
-        curves, shares = _curves_of_speed(Solver(mechanism), drive.rpm), None
+        curves, shares = _curves_of_speed(Solver(mechanism), drive.rpm, drawing), None
     return rrb.Blueprint(
         rrb.Horizontal(pictures, curves, column_shares=shares),
         rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
@@ -71,7 +73,7 @@ def layout(configuration: Configuration, bounds: Array) -> rrb.Blueprint:
     )
 
 
-def _curves_of_speed(solver: Solver, rpm: float) -> rrb.Container:
+def _curves_of_speed(solver: Solver, rpm: float, drawing: Drawing) -> rrb.Container:
     """Directions, rates, and the torque that the speed takes."""
     import rerun.blueprint as rrb
 
@@ -84,7 +86,7 @@ def _curves_of_speed(solver: Solver, rpm: float) -> rrb.Container:
         return f' ({found.low:.3g} to {found.high:.3g}'
 
     sliding = f'{span(state.position[-1])})', f'{span(state.velocity[-1])} at {rpm:g} rpm)'
-    joints = _JointPlots(solver.mechanism, _plotted_seconds(rpm), sliding)
+    joints = _JointPlots(drawing, _plotted_seconds(rpm), sliding)
     title = f'Driving torque, N m{span(state.torque)} at {rpm:g} rpm)'  # passive joints have none
     return rrb.Vertical(
         rrb.Tabs(*joints.places()),
@@ -102,11 +104,11 @@ def _plotted_seconds(rpm: float) -> float:
     return min(max(min(_FOR_THE_EYE, _MANY_TURNS * turn), _FEW_TURNS * turn), _FOR_PATIENCE)
 
 
-def _curves_of_torque(mechanism: Mechanism) -> rrb.Container:
+def _curves_of_torque(mechanism: Mechanism, drawing: Drawing) -> rrb.Container:
     """Speed first, because it is what the torque leads to; the energies as well."""
     import rerun.blueprint as rrb
 
-    joints = _JointPlots(mechanism, _DRIVEN_SECONDS)
+    joints = _JointPlots(drawing, _DRIVEN_SECONDS)
     energies = dict(zip(ENERGIES, _ENERGY_COLORS, strict=True))
     speeds = [joints.plot('Crank speed, rad/s', 'velocity', ['crank']), *joints.rates()]
     causes = [joints.plot('Torque, N m', 'effort', ['crank'])]
@@ -128,15 +130,14 @@ class _JointPlots:
     """Curves of joints and links of one mechanism over the last seconds."""
 
     def __init__(
-        self, mechanism: Mechanism, seconds: float, sliding: tuple[str, str] = ('', '')
+        self, drawing: Drawing, seconds: float, sliding: tuple[str, str] = ('', '')
     ) -> None:
         """Takes what is told of a slider's position and velocity as well."""
         self._seconds = seconds
         self._of_position, self._of_velocity = sliding
-        self._mechanism, joints = mechanism, structure_of(mechanism).joints
-        self._colors = {joint.name: COLORS[joint.name] for joint in joints}
-        self._turning = [joint.name for joint in joints if not joint.slides]
-        self._sliding = [joint.name for joint in joints if joint.slides]
+        self._colors = {name: COLORS[name] for name in drawing.joints}
+        self._turning, self._angles = drawing.turning, angles_of(drawing)
+        self._sliding = [name for name in drawing.joints if name not in drawing.turning]
 
     def plot(self, title: str, quantity: str, joints: Collection[str]) -> rrb.TimeSeriesView:
         """One quantity of some joints."""
@@ -144,10 +145,15 @@ class _JointPlots:
 
     def places(self) -> list[rrb.TimeSeriesView]:
         """Where the links are: what goes round and round beside nothing that does not."""
-        going_round = _going_round(self._mechanism)
-        plots = [self._of_links('Turning, rad', DIRECTIONS, going_round)]
-        if swinging := set(self._turning) - going_round:
-            plots.insert(0, self._of_links('Directions, rad', DIRECTIONS, swinging))
+        title = 'Turning, rad'
+        plots = [
+            self._of_links(title, TURNING, self._angles[TURNING])
+            if TURNING in self._angles
+            else self.plot(title, 'position', ['crank'])
+        ]
+        if DIRECTIONS in self._angles:
+            title = 'Directions, rad'
+            plots.insert(0, self._of_links(title, DIRECTIONS, self._angles[DIRECTIONS]))
         if self._sliding:
             title = f'Slider, m{self._of_position}'
             plots.insert(0, self.plot(title, 'position', self._sliding))
@@ -161,19 +167,9 @@ class _JointPlots:
             plots.insert(0, self.plot(title, 'velocity', self._sliding))
         return plots
 
-    def _of_links(self, title: str, entity: str, shown: Collection[str]) -> rrb.TimeSeriesView:
-        """Directions or rates of some links that turn."""
-        colors = {name: self._colors[name] for name in self._turning}
-        return _plot(title, entity, colors, self._seconds, shown)
-
-
-def _going_round(mechanism: Mechanism) -> set[str]:
-    """The links that turn on and on: beside them the others would be flat."""
-    if isinstance(mechanism, WindPump) or not Solver(mechanism).mobility.turns_fully:
-        return {'crank'}
-    curves, joints = Curves(mechanism, 0.0), structure_of(mechanism).joints
-    turned = {j.name: np.ptp(curves.columns[f'{j.name}.position'].values[[0, -1]]) for j in joints}
-    return {joint.name for joint in joints if not joint.slides and turned[joint.name] > math.pi}
+    def _of_links(self, title: str, entity: str, links: Sequence[str]) -> rrb.TimeSeriesView:
+        """Angles or rates of links that turn."""
+        return _plot(title, entity, {name: self._colors[name] for name in links}, self._seconds)
 
 
 def _plot(
@@ -201,7 +197,8 @@ def _plot(
         origin=f'/{entity}',
         contents=f'/{entity}',
         overrides={f'/{entity}': series},
-        axis_x=rrb.archetypes.TimeAxis(view_range=_last(seconds)),
+        axis_x=rrb.archetypes.TimeAxis(view_range=_last((1 + _LEGEND) * seconds)),
+        time_ranges=rrb.VisibleTimeRanges(timeline=TIMELINE, range=_last(seconds)),
         plot_legend=rrb.PlotLegend(corner='LeftTop', visible=len(shown) > 1),
     )
 

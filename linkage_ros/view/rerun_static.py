@@ -15,7 +15,7 @@ from linkage_ros.palette import BLACK, COLORS, GREY, mixed
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import ASPECT, MARKS
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, QUANTITIES, RATES
+from linkage_ros.view.scene import PHASE_PLANE, QUANTITIES, RATES, angles_of
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
@@ -43,7 +43,15 @@ def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str
         'linkage': rr.Transform3D(scale=[1, -1, 1]),  # y is down in Rerun's 2-D views
         'linkage/ground': lines(drawing.ground, colors=GREY, radii=_THIN),
         'linkage/pivots': rr.Points2D(drawing.pivots, colors=GREY, radii=_PIN, draw_order=_FRONT),
+        'linkage/pivots/names': _texts(drawing.footings.tolist(), *drawing.pivot_names),
         'linkage/pins': rr.Points2D.from_fields(colors=GREY, radii=_PIN, draw_order=_FRONT),
+        'linkage/pins/names': rr.Points2D.from_fields(
+            colors=GREY, radii=0.0, labels=drawing.pins, show_labels=True
+        ),
+        'linkage/scale': lines([drawing.scale], colors=GREY, radii=_THIN),
+        'linkage/scale/length': _texts(
+            [drawing.scale.mean(axis=0).tolist()], f'{drawing.scale_length:g} m'
+        ),
     }
     for link, path in drawing.paths.items():
         strip = path.astype(np.float32)
@@ -56,8 +64,9 @@ def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str
         )
     for quantity in QUANTITIES:
         fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=list(drawing.joints))
-    for entity in (DIRECTIONS, RATES):
-        fixed[entity] = rr.SeriesLines(names=list(drawing.turning))
+    fixed[RATES] = rr.SeriesLines(names=list(drawing.turning))
+    for entity, names in angles_of(drawing).items():
+        fixed[entity] = rr.SeriesLines(names=names)
     if isinstance(configuration.drive, TorqueDrive):
         fixed['energies'] = rr.SeriesLines(names=list(ENERGIES))
     if isinstance(configuration.mechanism, WindPump):

@@ -164,7 +164,7 @@ class View:
 
     def _begin(self, stream: rr.RecordingStream) -> None:
         drawing = self._scene.drawing
-        stream.send_blueprint(layout(self._configuration, drawing.bounds))
+        stream.send_blueprint(layout(self._configuration, drawing))
         for entity, components in fixed_components(self._configuration, drawing).items():
             stream.log(entity, components, static=True, strict=True)
 

@@ -26,9 +26,10 @@ Stamps: TypeAlias = npt.NDArray[np.int64]
 # view, a replay and a log that is opened directly have them in common.
 TIMELINE = 'ros2_timestamp'
 QUANTITIES = ('position', 'velocity', 'effort')
-# Of the links that turn, in base_link: the crank's unwrapped angle and where the others point, and
-# how fast they turn. Those of joints, which a log has, count from the link before, and jump at pi.
-DIRECTIONS, RATES = 'directions', 'rates'
+# Of the links that turn, in base_link: where those point that swing, the angles of those that go
+# round (the crank's is unwrapped), and how fast all turn. Those of joints, which a log has, count
+# from the link before, and jump at pi.
+DIRECTIONS, TURNING, RATES = 'directions', 'turning', 'rates'
 PHASE_PLANE = 'phase_plane'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
@@ -61,6 +62,18 @@ class Rows(NamedTuple):
     values: npt.NDArray[Any]
 
 
+def angles_of(drawing: Drawing) -> dict[str, list[str]]:
+    """The links whose angles an entity shows, in their order.
+
+    Links that swing, if any, are apart from those that go round. A crank that alone goes round
+    needs no entity: its joint's position is the same curve.
+    """
+    swinging = [name for name in drawing.turning if name not in drawing.going_round]
+    rest = [name for name in drawing.turning if name in drawing.going_round]
+    found = {DIRECTIONS: swinging, TURNING: rest if len(rest) > 1 else []}
+    return {entity: names for entity, names in found.items() if names}
+
+
 class Scene:
     """Makes rows of samples, however these are cut into batches.
 
@@ -72,6 +85,11 @@ class Scene:
         mechanism, drive = configuration.mechanism, configuration.drive
         self.drawing = Drawing(mechanism, drive.crank_angle)
         self._directions = Directions()
+        turning = self.drawing.turning
+        self._angles = {
+            entity: [turning.index(name) for name in names]
+            for entity, names in angles_of(self.drawing).items()
+        }
         self._last_frame = -1
         self._energies: Energies | None = None
         self._flow: Flow | None = None
@@ -103,7 +121,9 @@ class Scene:
         links = self.drawing.of_links(position)
         count = len(self.drawing.turning)
         others = self._directions.follow(links[:, 1:count])
-        yield Rows(DIRECTIONS, Kind.SCALARS, stamps, np.hstack([links[:, :1], others]))
+        angles = np.hstack([links[:, :1], others])
+        for entity, columns in self._angles.items():
+            yield Rows(entity, Kind.SCALARS, stamps, angles[:, columns])
         rates = self.drawing.of_links(velocity)[:, :count]
         yield Rows(RATES, Kind.SCALARS, stamps, rates)
         if self._energies:
@@ -123,6 +143,7 @@ class Scene:
     def _draw(self, stamps: Stamps, links: Array) -> Iterator[Rows]:
         points = self.drawing.place(links)
         yield Rows('linkage/pins', Kind.POINTS, stamps, points)
+        yield Rows('linkage/pins/names', Kind.POINTS, stamps, self.drawing.beside(points))
         for link, lines in self.drawing.links(points).items():
             yield Rows(f'linkage/{link}', Kind.LINES, stamps, lines)
 
