@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from linkage_ros import (
     Body,
@@ -115,12 +117,17 @@ def test_pins_are_named_in_the_drawing(tmp_path, monkeypatch, preset):
         'slider_crank': {'A0', 'A', 'B'},
         'wind_pump': {'A0', 'A', 'B', 'D'},
     }
-    names = [text.get_text() for text in drawing.texts]
+    *names, scale = [text.get_text() for text in drawing.texts]
     assert set(names) == expected[load(preset).kind.mechanism]
+    assert re.fullmatch(r'([125]|0\.0*[125]) m', scale)
+    # At half its size, on 700 pixels, no letter has less than 8.
+    sizes = [text.get_fontsize() for text in page.findobj(Text) if text.get_text()]
+    assert min(sizes) * 700 / page.get_figwidth() / 72 > 7.9
     # Each is nearer to its own pin than to any other.
     page.draw_without_rendering()
-    places = drawing.transData.transform([text.xy for text in drawing.texts])
-    for number, text in enumerate(drawing.texts):
+    pins = drawing.texts[:-1]
+    places = drawing.transData.transform([text.xy for text in pins])
+    for number, text in enumerate(pins):
         box = text.get_window_extent()
         middle = (box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2
         assert np.argmin(np.hypot(*(places - middle).T)) == number

@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from linkage_ros.charts.sizes import DPI, NUMBERS, SMALL, TEXT, WIDTH
 from linkage_ros.core.curves import Period, extent
 from linkage_ros.core.numeric import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color, fractions
@@ -29,12 +30,11 @@ _Line: TypeAlias = Literal['-'] | tuple[int, tuple[int, ...]]
 _Shade: TypeAlias = tuple[float, float, float]
 
 # Inches: the picture, its parts from top to bottom, the numbers on the right.
-_WIDTH, _MARGIN, _HEADER, _ROW, _FOOT = 12.0, 4.6, 2.4, 1.85, 0.5
-_LEFT, _GAP = 0.95, 0.5  # for the labels of each diagram, and for those below it
-_SAMPLE = 0.28  # of a curve's line, before its numbers
-# The picture is read at half its size too: no letters of less than 8 pixels there.
-_DPI, _TEXT, _NUMBERS, _LABELS = 140, 10.0, 8.5, 9.0
+_MARGIN, _HEADER, _ROW, _FOOT = 4.5, 2.6, 1.85, 0.2
+_LEFT, _GAP = 0.8, 0.5  # for the labels of each diagram, and for those below it
+_SAMPLE = 0.25  # of a curve's line, before its numbers
 _TORQUE = 'Driving torque'
+_DRAWN_AT = 45.0  # deg, of the crank: links of most mechanisms stand apart there
 _SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel.'}
 # Around the names of pins, which may lie on lines.
 _HALO = withStroke(linewidth=2.5, foreground='white')
@@ -61,25 +61,25 @@ class _Page:
     """A picture whose parts are placed in inches from its upper left corner."""
 
     def __init__(self, height: float) -> None:
-        self.figure = Figure(figsize=(_WIDTH, height), dpi=_DPI)
+        self.figure = Figure(figsize=(WIDTH, height), dpi=DPI)
         self._height = height
 
     def axes(self, left: float, top: float, width: float, height: float) -> Axes:
         bottom = 1 - (top + height) / self._height
-        return self.figure.add_axes((left / _WIDTH, bottom, width / _WIDTH, height / self._height))
+        return self.figure.add_axes((left / WIDTH, bottom, width / WIDTH, height / self._height))
 
     def write(self, top: float, size: float, lines: Sequence[_Words]) -> None:
         """Writes lines into the margin."""
-        left, step = _WIDTH - _MARGIN + 0.15, 1.45 * size / 72
+        left, step = WIDTH - _MARGIN + 0.15, 1.45 * size / 72
         for number, line in enumerate(lines):
             indent = _SAMPLE + 0.08 if line.family == 'monospace' else 0.0
             y = 1 - (top + number * step) / self._height
             self.figure.text(
-                (left + indent) / _WIDTH, y, line.text, fontsize=size, family=line.family,
+                (left + indent) / WIDTH, y, line.text, fontsize=size, family=line.family,
                 color=line.color, weight=line.weight, va='top', parse_math=False,
             )  # fmt: skip
             if line.style is not None:
-                x = left / _WIDTH, (left + _SAMPLE) / _WIDTH
+                x = left / WIDTH, (left + _SAMPLE) / WIDTH
                 middle = y - 0.3 * step / self._height
                 look: dict[str, Any] = {'linestyle': line.style, 'color': line.color}
                 self.figure.add_artist(Line2D(x, (middle, middle), linewidth=1.6, **look))
@@ -103,11 +103,12 @@ def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
     """
     rows = [*_motion_rows(curves), *_reaction_rows(curves)]
     page = _Page(_HEADER + _ROW * len(rows) + _FOOT)
-    width = _WIDTH - _MARGIN - _LEFT
+    width = WIDTH - _MARGIN - _LEFT
     _draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves)
     first, *others = title
+    others = [*others, f'drawn at crank angle {_DRAWN_AT:g} deg']
     words = [_Words(line) for text in others for line in _wrapped(text)]
-    page.write(0.15, _TEXT, [_Words(textwrap.shorten(first, 40), weight='bold'), *words])
+    page.write(0.15, TEXT, [_Words(textwrap.shorten(first, 40), weight='bold'), *words])
     for number, row in enumerate(rows):
         top = _HEADER + _ROW * number
         share = (width + _LEFT) / len(row)
@@ -116,7 +117,7 @@ def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
             # Numbers where the panel below has another width, or there is none.
             below = rows[number + 1] if number + 1 < len(rows) else []
             _draw(axes, curves, panel, numbered=len(below) != len(row))
-        page.write(top, _NUMBERS, [line for panel in row for line in _margin(curves, panel)])
+        page.write(top, NUMBERS, [line for panel in row for line in _margin(curves, panel)])
     page.figure.savefig(path)
 
 
@@ -190,15 +191,16 @@ def _draw(axes: Axes, curves: Period, panel: _Panel, *, numbered: bool) -> None:
     for (name, values), style in zip(panel.curves.items(), _styles(panel), strict=False):
         axes.plot(degrees, values, linestyle=style, color=_color(name), linewidth=1.6)
     axes.set_xlim(0, degrees[-1])
-    axes.set_xticks(np.linspace(0, degrees[-1], 9))
+    axes.set_xticks(np.linspace(0, degrees[-1], 9), minor=True)
+    axes.set_xticks(np.linspace(0, degrees[-1], 5))
     axes.grid(color='0.88', linewidth=0.6)
     axes.axhline(0, color='0.6', linewidth=0.8, zorder=0) if _spans_zero(panel) else None
-    axes.set_ylabel(f'{panel.title}, {panel.unit}', fontsize=_LABELS)
-    axes.tick_params(labelsize=_NUMBERS, labelbottom=numbered)
+    axes.set_ylabel(f'{panel.title}, {panel.unit}', fontsize=SMALL)
+    axes.tick_params(labelsize=NUMBERS, labelbottom=numbered)
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
     axes.yaxis.set_major_formatter(lambda value, _: f'{value:.4g}')
     if numbered:
-        axes.set_xlabel('Crank angle, deg', fontsize=_LABELS, labelpad=1)
+        axes.set_xlabel('Crank angle, deg', fontsize=SMALL, labelpad=1)
 
 
 def _styles(panel: _Panel) -> Iterator[_Line]:
@@ -235,11 +237,11 @@ def _margin(curves: Period, panel: _Panel) -> list[_Words]:
 
 
 def _draw_linkage(axes: Axes, curves: Period) -> None:
-    """The mechanism where the crank is at 45 deg, its pins, and what they trace out."""
+    """The mechanism where links stand apart, its pins, what they trace out, and a scale."""
     drawing = Drawing(curves.mechanism)
     columns = [curves.columns[f'{joint}.position'].values for joint in drawing.joints]
     tracks = drawing.place(np.stack(columns, axis=-1))
-    now = int(np.argmin(np.abs(curves.crank - math.pi / 4)))
+    now = int(np.argmin(np.abs(curves.crank - math.radians(_DRAWN_AT))))
     for line in drawing.ground:
         axes.plot(*line.T, color=fractions(GREY), linewidth=0.9)
     owners = {'B': drawing.joints[2], 'C': 'coupler', 'D': 'slider'}
@@ -252,6 +254,15 @@ def _draw_linkage(axes: Axes, curves: Period) -> None:
     pins = np.array([*drawing.pivots, *tracks[now]])
     axes.plot(*pins.T, 'o', color=fractions(DARK), markersize=3.5)
     _name_points(axes, (*drawing.pivot_names, *drawing.pins), pins, len(drawing.pivots))
+    shown = np.concatenate([line.get_xydata() for line in axes.lines])
+    # Below what is shown, which is not all that the scale of a moving picture is below.
+    room = np.array([0.0, 0.06 * np.ptp(shown, axis=0).max()])
+    scale = drawing.scale - drawing.scale.min(axis=0) + shown.min(axis=0) - room
+    axes.plot(*scale.T, color=fractions(GREY), linewidth=0.9)
+    axes.annotate(
+        f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0),
+        textcoords='offset points', fontsize=SMALL, va='center', annotation_clip=False,
+    )  # fmt: skip
     axes.set_aspect('equal')
     axes.margins(0.08)
     axes.set_axis_off()
@@ -266,7 +277,7 @@ def _name_points(axes: Axes, names: Sequence[str], places: Array, fixed: int) ->
         else:
             shift = tuple(11 * away / max(np.hypot(*away), 1e-300))
         axes.annotate(
-            name, tuple(place), xytext=shift, textcoords='offset points', fontsize=_LABELS,
+            name, tuple(place), xytext=shift, textcoords='offset points', fontsize=SMALL,
             ha='center', va='center', annotation_clip=False, path_effects=[_HALO],
         )  # fmt: skip
 
