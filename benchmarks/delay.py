@@ -22,6 +22,7 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.motion.plant import Plant
 from linkage_ros.palette import BLACK, FIRST, fractions
 from linkage_ros.parameters.configuration import configure
+from linkage_ros.units import radians_per_second
 
 RATE, RPM, TURNS = 1000.0, 150.0, 10
 DELAYS = tuple(quarter / 4 for quarter in range(17))  # ticks
@@ -37,7 +38,7 @@ def wander(delay: float) -> float:
         Relative to the speed.
     """
     configuration = configure({'drive': 'torque', 'start_rpm': RPM})
-    solver, speed = Solver(configuration.mechanism), RPM * math.pi / 30
+    solver, speed = Solver(configuration.mechanism), radians_per_second(RPM)
     plant = Plant(EquationsOfMotion(configuration.mechanism), configuration.drive)
     worst, motor = 0.0, configuration.drive.motor.torque
     for tick in range(round(TURNS * 60 / RPM * RATE)):

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 
 from linkage_ros.chart_output import folder, libraries, progress
 from linkage_ros.core.curves import Curves, Period
@@ -14,6 +13,7 @@ from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import Drive, Motor, TorqueDrive
 from linkage_ros.parameters.configuration import find, load
+from linkage_ros.units import radians_per_second
 
 
 def motion(options: argparse.Namespace) -> None:
@@ -59,7 +59,7 @@ def _driven(
         )
     rpm = drive.target if options.rpm is None else options.rpm
     curves = Curves(
-        mechanism, rpm * math.pi / 30, options.acceleration, reactions=options.reactions
+        mechanism, radians_per_second(rpm), options.acceleration, reactions=options.reactions
     )
     accelerated = f', {options.acceleration:g} rad/s^2' if options.acceleration else ''
     grashof = curves.solver.mobility.grashof
@@ -83,7 +83,7 @@ def _settled(
         )
     motor = drive.motor if isinstance(drive, TorqueDrive) else Motor()
     rpm = drive.initial_rpm if options.rpm is None else options.rpm
-    line, speed = (motor.torque, motor.damping), rpm * math.pi / 30
+    line, speed = (motor.torque, motor.damping), radians_per_second(rpm)
     turn = SettledTurn(mechanism, line, speed, progress)
     driven = f'motor {motor.torque:g} N m - {motor.damping:g} N m s x speed'
     return turn, ['', driven, f'from {speed:.4g} rad/s', *turn.words()]

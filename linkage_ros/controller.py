@@ -25,6 +25,7 @@ from linkage_ros.parameters.configuration import load, parameters_in_words, with
 from linkage_ros.ros.parameters import declare_values
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
+from linkage_ros.units import radians_per_second
 
 _NAME = 'linkage_controller'
 
@@ -79,7 +80,7 @@ class SpeedController:
             raise ConfigurationError('plant: a wind_pump keeps its own speed; name a linkage')
         self._solver, self._lead = Solver(mechanism), lead
         self._solver.require_full_turn()
-        self._speed = rpm * math.pi / 30
+        self._speed = radians_per_second(rpm)
         inertia = float(np.mean(self._solver.inertia(np.linspace(0, 4 * math.pi, 720))))
         self._kp = 2 * math.pi * bandwidth * inertia
         self._ki = self._kp * 2 * math.pi * bandwidth / 5

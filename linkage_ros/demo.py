@@ -20,6 +20,7 @@ from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
 from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
+from linkage_ros.units import NS_PER_S
 from linkage_ros.view.rerun_program import require_screen
 from linkage_ros.view.targets import SPAWN
 
@@ -71,7 +72,7 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
 
     def hear(message: JointState) -> None:
         stamp = message.header.stamp
-        heard.stamps.append(stamp.sec * 10**9 + stamp.nanosec)
+        heard.stamps.append(stamp.sec * NS_PER_S + stamp.nanosec)
         heard.torques.append(message.effort[0])
 
     # Ctrl-C stays Python's: it ends this function, and the node with it.

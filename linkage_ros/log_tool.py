@@ -19,11 +19,11 @@ from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.verify import Report, verify
 from linkage_ros.progress import progress_bar
 from linkage_ros.run.machine import Machine
+from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_log'
 # Of progress bars: in thousands, and none where all is done in 2 s.
 _COUNTED: dict[str, Any] = {'unit_scale': True, 'delay': 2}
-_NS = 10**9
 # Stamps below are times since the start of a record, not dates (s).
 _EPOCH_OF_DATES = 10**9
 _WIDEST = 60  # column of topics, characters
@@ -39,7 +39,7 @@ def info(log: LogReader) -> Iterator[str]:
         Lines of text.
     """
     machine = Machine(log.configuration)
-    duration = (log.end - log.start) / _NS
+    duration = (log.end - log.start) / NS_PER_S
     yield f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB'
     yield f'written by: linkage_ros {log.version}'
     yield f'start:      {_moment(log.start)}'
@@ -68,9 +68,9 @@ def _plain(value: object) -> str:
 
 
 def _moment(stamp: int) -> str:
-    if stamp < _EPOCH_OF_DATES * _NS:
-        return f'{stamp / _NS:.6f} s'
-    seconds, rest = divmod(stamp, _NS)
+    if stamp < _EPOCH_OF_DATES * NS_PER_S:
+        return f'{stamp / NS_PER_S:.6f} s'
+    seconds, rest = divmod(stamp, NS_PER_S)
     date = datetime.fromtimestamp(seconds, timezone.utc)
     return f'{date:%Y-%m-%d %H:%M:%S}.{rest // 1000:06d} UTC'
 

@@ -38,6 +38,7 @@ from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.punctual import leave_out_of_collection
 from linkage_ros.run.stepper import Stepper
+from linkage_ros.units import NS_PER_S
 from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
 from linkage_ros.wire.messages import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
@@ -133,7 +134,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         stepper = ClockStepper(*calls)
 
         def hear(message: ClockMessage) -> None:
-            stepper.hear(message.clock.sec * 10**9 + message.clock.nanosec)
+            stepper.hear(message.clock.sec * NS_PER_S + message.clock.nanosec)
 
         self.create_subscription(ClockMessage, '/clock', hear, _CLOCK_QOS)
         return stepper

@@ -24,6 +24,7 @@ from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.progress import progress_bar
 from linkage_ros.run.machine import Machine, Step
+from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION, qualified
 
 _NAME = 'linkage_record'
@@ -129,7 +130,7 @@ class _End:
         if self._turns is None:
             return False
         turned = abs(step.values.position[0] - self._start) / (2 * math.pi)
-        if stamp > _PATIENCE * 10**9:
+        if stamp > _PATIENCE * NS_PER_S:
             raise ConfigurationError(
                 f'the crank has not come {self._turns} revolutions far within {_PATIENCE} s, but '
                 f'{turned:.3g}: give a --duration'
@@ -154,7 +155,7 @@ def _nanoseconds(duration: float | None) -> int:
             f'duration = {seconds!r}: must be a number above 0 up to {_LONGEST:g} s'
         )
     # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
-    return math.ceil(Fraction(repr(float(seconds))) * 10**9)
+    return math.ceil(Fraction(repr(float(seconds))) * NS_PER_S)
 
 
 def _time_to_turn(motion: CrankMotion, revolutions: int) -> int:
@@ -169,7 +170,7 @@ def _time_to_turn(motion: CrankMotion, revolutions: int) -> int:
             f'the crank comes to rest before {revolutions} revolutions: '
             'give a --duration, or an rpm other than 0'
         )
-    if turned > _LONGEST * 10**9:
+    if turned > _LONGEST * NS_PER_S:
         raise ConfigurationError(
             f'{revolutions} revolutions take longer than {_LONGEST:g} s: '
             'give fewer, or a higher rpm'

@@ -23,9 +23,9 @@ from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.playback.showing import Showing
 from linkage_ros.progress import progress_bar
 from linkage_ros.run.punctual import insist, leave_out_of_collection, wake_on_time
+from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_replay'
-_NS = 10**9
 _CLOCK_HZ = 40.0
 _LONGEST = 1e9  # s
 _SHOW_SECONDS = 1.0
@@ -34,7 +34,7 @@ _SHOW_SECONDS = 1.0
 @contextmanager
 def _status(log: LogReader, piece: Piece, pace: Pace) -> Iterator[Show]:
     """A line on stderr: where in the log, at which rate, whether paused; only on a terminal."""
-    end = (min(piece.end, log.end) - log.start) / _NS
+    end = (min(piece.end, log.end) - log.start) / NS_PER_S
     bar = progress_bar(
         total=max(end, 1e-9),
         bar_format='{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s{postfix}',
@@ -47,7 +47,7 @@ def _status(log: LogReader, piece: Piece, pace: Pace) -> Iterator[Show]:
         if bar.disable or (words == shown and time.monotonic() < due):
             return
         due, shown = time.monotonic() + _SHOW_SECONDS, words
-        bar.n = max(0.0, min((moment - log.start) / _NS, end))
+        bar.n = max(0.0, min((moment - log.start) / NS_PER_S, end))
         bar.set_postfix_str(words)
 
     with bar:
@@ -86,7 +86,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check(options: argparse.Namespace, log: LogReader) -> None:
-    length = (log.end - log.start) / _NS
+    length = (log.end - log.start) / NS_PER_S
     duration = 1.0 if options.playback_duration is None else options.playback_duration
     clock = _CLOCK_HZ if options.clock is None else options.clock
     for wrong, name, value, words in (

@@ -21,12 +21,12 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'linkage_ros'
 FILES = sorted(PACKAGE.rglob('*.py'))
 # The floors, lowest first: each imports those below it. What lies in no folder is an edge, or one
-# of five files that stand apart.
+# of six files that stand apart.
 FLOORS = (
     *('core', 'methods', 'analysis', 'wire', 'motion', 'parameters', 'run', 'log'),
     *('view', 'charts', 'ros', 'playback'),
 )
-BELOW_ALL = {'errors', 'files', 'palette', 'cli', 'progress'}
+BELOW_ALL = {'errors', 'files', 'palette', 'cli', 'progress', 'units'}
 
 
 def name_of(path):

@@ -25,10 +25,11 @@ from linkage_ros.log.records import (
     read_configuration,
     read_motion,
 )
+from linkage_ros.units import NS_PER_S
 
 _MAGIC_SIZE = len(MCAP0_MAGIC)
 # ns at which ROS's time ends: its seconds are signed, of 32 bits.
-_TIME_END = 2**31 * 10**9
+_TIME_END = 2**31 * NS_PER_S
 _NO_SCHEMA = Schema(0, b'', '', '')
 _CUT = (
     'it is not complete: its run was killed, or goes on; linkage_log recover saves what is there'

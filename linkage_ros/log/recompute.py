@@ -21,6 +21,7 @@ from linkage_ros.motion.plant import start
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.motion.torque_driven import CATCH_UP, RunMotion
 from linkage_ros.run.machine import Machine, Step
+from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.messages import MECHANISM_STATE, Topic, TrajectoryCodec
 
 # How far a state may be from where the one before leads: rad and crank lengths, and of rates the
@@ -28,7 +29,6 @@ from linkage_ros.wire.messages import MECHANISM_STATE, Topic, TrajectoryCodec
 _APART = 1e-7
 # Longest time, s, over which that is asked: to follow a motion takes time too.
 _LONGEST = 10.0
-_NS = 10**9
 
 
 class Recomputation:
@@ -133,7 +133,7 @@ class Recomputation:
         past, origin, held = before
         late = self._machine.elapsed(tick) - self._machine.elapsed(past)
         stood_still = not self._recorded and late > self._machine.elapsed(1) + CATCH_UP
-        elapsed = 0.0 if stood_still else late / _NS
+        elapsed = 0.0 if stood_still else late / NS_PER_S
         if elapsed > _LONGEST or not self._drive:
             return ''
         damping, equations = self._drive.motor.damping, self._machine.equations

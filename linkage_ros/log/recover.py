@@ -24,6 +24,7 @@ from linkage_ros.log.records import (
 )
 from linkage_ros.log.salvage import Losses, Stretch, walk
 from linkage_ros.log.untrusted_mcap import Summary, read_summary
+from linkage_ros.units import NS_PER_S
 
 # No chunk of ours is as large: the chunks stay as they were.
 _CHUNK_SIZE = 1 << 23
@@ -191,7 +192,7 @@ def _copy(source: _Source, path: Path, progress: Callable[[int], object]) -> Rec
             progress(end - before)
             before = end
         writer.finish()
-    return Recovered(copy.messages, max(0, copy.end - copy.start) / 1e9, losses)
+    return Recovered(copy.messages, max(0, copy.end - copy.start) / NS_PER_S, losses)
 
 
 class _Copy:

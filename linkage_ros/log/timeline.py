@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from linkage_ros.log.records import write_motion
 from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.run.machine import Machine
-
-_NS = 10**9
+from linkage_ros.units import NS_PER_S
 
 
 def seconds(stamp: int) -> str:
     """A stamp to the nanosecond, in seconds."""
-    whole, rest = divmod(stamp, _NS)
+    whole, rest = divmod(stamp, NS_PER_S)
     return f'{whole}.{rest:09d} s'
 
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -14,6 +13,7 @@ from linkage_ros.core.numeric import with_turns, within_two_turns
 from linkage_ros.core.simulation import FixedSteps, Motion, Phase
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.speed_driven import CrankState
+from linkage_ros.units import radians_per_second
 
 
 class Steps(Protocol):
@@ -113,7 +113,7 @@ class Plant:
 
 def start(equations: EquationsOfMotion, drive: TorqueDrive) -> Phase:
     """Coordinates and rates at t = 0."""
-    speed = drive.start_rpm * math.pi / 30
+    speed = radians_per_second(drive.start_rpm)
     mechanism = equations.mechanism
     if isinstance(mechanism, WindPump):
         slider = mechanism.slider

@@ -15,11 +15,14 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.units import NS_PER_S
 
 # Phases, speeds and accelerations are whole numbers of 2^-128 turn, rpm and rpm/s. Every rpm
 # above 1e-22 that a double can hold is one exactly; what rounding there is stays below 1e-38.
 _GRID = 1 << 128
-_NS_PER_MINUTE = 60 * 10**9
+_NS_PER_MINUTE = 60 * NS_PER_S
+# Turns at a changing speed, rate t^2 / 2 in rpm/s and ns, are whole numbers of 1 / this.
+_RAMP = 120 * NS_PER_S * NS_PER_S
 # 2 pi in whole numbers of 2^-256.
 _TWO_PI_GRID = 1 << 256
 _TWO_PI = 0x6487ED5110B4611A62633145C06E0E68948127044533E63A0105DF531D89CD913
@@ -81,7 +84,7 @@ class CrankMotion:
         gap = self._target - self._speed
         rate = round(Fraction(acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
         self._rate = max(rate, 1)  # an acceleration next to nothing still is none "at once"
-        self._ramp_ns = Fraction(abs(gap) * 10**9, self._rate) if gap else Fraction(0)
+        self._ramp_ns = Fraction(abs(gap) * NS_PER_S, self._rate) if gap else Fraction(0)
         self._rate = self._rate if gap > 0 else -self._rate
         # Once settled, the crank is where it would be had it always turned at its final speed,
         # but for gap^2 / (2 rate).
@@ -119,9 +122,9 @@ class CrankMotion:
             turned = self._settled_phase * scale + self._target * elapsed
             speed, acceleration = self._settled_speed, 0.0
         else:
-            scale = 120 * 10**18
+            scale = _RAMP
             turned = self._ramp_turned(elapsed)
-            speed = _radians(self._speed * 10**9 + self._rate * elapsed, _GRID * _NS_PER_MINUTE)
+            speed = _radians(self._speed * NS_PER_S + self._rate * elapsed, _GRID * _NS_PER_MINUTE)
             acceleration = self.acceleration if self._rate > 0 else -self.acceleration
         turn = _GRID * scale
         unwrapped = _radians(turned, turn)
@@ -155,9 +158,9 @@ class CrankMotion:
         )
 
     def _ramp_turned(self, elapsed: int) -> int:
-        """Turns while the speed changes, in units of 1 / (120 10^18 grid)."""
-        linear = 2 * 10**9 * self._speed * elapsed
-        return self._phase * 120 * 10**18 + linear + self._rate * elapsed * elapsed
+        """Turns while the speed changes, in units of 1 / (_RAMP grid)."""
+        linear = 2 * NS_PER_S * self._speed * elapsed
+        return self._phase * _RAMP + linear + self._rate * elapsed * elapsed
 
     def change(self, stamp: int, rpm: float, restamp: int | None = None) -> CrankMotion:
         """The motion from a stamp on, its phase and speed continued.
@@ -189,7 +192,7 @@ class CrankMotion:
         def reached(elapsed: int) -> bool:
             return abs(self.phase(self.stamp + elapsed) * _GRID - self._phase) >= goal
 
-        reversal = self._speed * 10**9 // -self._rate if self._speed * self._rate < 0 else 0
+        reversal = self._speed * NS_PER_S // -self._rate if self._speed * self._rate < 0 else 0
         # The farthest point before it may lie on either side of the moment of reversal.
         for turning in (reversal, reversal + 1):
             if reversal and reached(turning):
@@ -209,14 +212,14 @@ class CrankMotion:
         if elapsed >= self._ramp_ns:
             turned = self._settled_phase * _NS_PER_MINUTE + self._target * elapsed
             return Fraction(turned, _GRID * _NS_PER_MINUTE)
-        return Fraction(self._ramp_turned(elapsed), _GRID * 120 * 10**18)
+        return Fraction(self._ramp_turned(elapsed), _GRID * _RAMP)
 
     def speed(self, stamp: int) -> Fraction:
         """Turns per minute at a stamp."""
         elapsed = stamp - self.stamp
         if elapsed >= self._ramp_ns:
             return Fraction(self._target, _GRID)
-        return Fraction(self._speed * 10**9 + self._rate * elapsed, _GRID * 10**9)
+        return Fraction(self._speed * NS_PER_S + self._rate * elapsed, _GRID * NS_PER_S)
 
 
 def _first(reached: Callable[[int], bool], low: int, high: int) -> int:

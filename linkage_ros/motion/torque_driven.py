@@ -8,10 +8,10 @@ from typing import TypeAlias
 
 from linkage_ros.motion.plant import Plant
 from linkage_ros.motion.speed_driven import CrankMotion, CrankState
+from linkage_ros.units import NS_PER_S
 
-_NS = 10**9
 # What a late run makes up for beyond a tick, ns. More would only hold it up further.
-CATCH_UP = _NS // 4
+CATCH_UP = NS_PER_S // 4
 
 
 class TorqueMotion:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.units import NS_PER_S
 
-_NS = 10**9
 # Messages read ahead are at most the product, so that unpacking a chunk holds up no message.
 # Handing them over one by one would wake the reading thread at every message; where it works
 # for milliseconds on end, a subscriber that sleeps on the same processor gets its message late.
@@ -61,10 +61,10 @@ def cut(log: LogReader, offset: float, duration: float | None, topics: list[str]
     Returns:
         The piece.
     """
-    start = log.start + round(offset * _NS)
-    end = log.end + round(_NS / log.configuration.session.rate_hz)
+    start = log.start + round(offset * NS_PER_S)
+    end = log.end + round(NS_PER_S / log.configuration.session.rate_hz)
     if duration is not None:
-        end = min(end, start + max(1, round(duration * _NS)))
+        end = min(end, start + max(1, round(duration * NS_PER_S)))
     return Piece(start, end, topics or [topic.name for topic in log.topics])
 
 

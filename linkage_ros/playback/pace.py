@@ -9,12 +9,13 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+from linkage_ros.units import NS_PER_S
+
 SLOWEST, FASTEST = 1e-3, 1e6
 
-_NS = 10**9
 # Real time, ns, up to which a message that comes late is caught up with. A process that was
 # suspended, or told a rate that no machine keeps, goes on from where it is instead.
-_LAG = _NS // 10
+_LAG = NS_PER_S // 10
 
 
 class _Line(NamedTuple):
@@ -93,7 +94,7 @@ class Pace:
             self._line = line._replace(log=time, real=now)
         if left <= 0:
             self._passed = time
-        return left / _NS
+        return left / NS_PER_S
 
     def toggle(self) -> None:
         """Pauses, or goes on."""

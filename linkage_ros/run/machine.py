@@ -24,6 +24,7 @@ from linkage_ros.motion.plant import Plant, Steps
 from linkage_ros.motion.speed_driven import CrankMotion, CrankState
 from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.messages import (
     COUPLER_POINT,
     DRIVING_TORQUE,
@@ -39,8 +40,6 @@ from linkage_ros.wire.messages import (
     encode_string,
 )
 from linkage_ros.wire.urdf import make_urdf
-
-_NS = 10**9
 
 
 class Step(NamedTuple):
@@ -88,7 +87,7 @@ class Machine:
         drive = configuration.drive
         if isinstance(drive, SpeedDrive) and drive.effort_command_topic:
             self.topics += (effort_commands(drive.effort_command_topic),)
-            self._lead = round(drive.lead_time * _NS)
+            self._lead = round(drive.lead_time * NS_PER_S)
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
         self._rate = Fraction(repr(configuration.session.rate_hz)).as_integer_ratio()
 
@@ -125,12 +124,12 @@ class Machine:
     def elapsed(self, tick: int) -> int:
         """Time from the first tick to another, ns: whole, and never off by accumulation."""
         numerator, denominator = self._rate
-        return tick * _NS * denominator // numerator
+        return tick * NS_PER_S * denominator // numerator
 
     def tick_at(self, elapsed: int) -> int:
         """The last tick at or before an elapsed time, ns."""
         numerator, denominator = self._rate
-        tick = elapsed * numerator // (_NS * denominator)
+        tick = elapsed * numerator // (NS_PER_S * denominator)
         # `elapsed` rounds down, so that the next tick may already be due.
         return tick + 1 if self.elapsed(tick + 1) <= elapsed else tick
 

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 
 from linkage_ros.run.lateness import Lateness
 from linkage_ros.run.punctual import Insistence, go_first, wake_on_time
+from linkage_ros.units import NS_PER_S
 
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
@@ -136,7 +137,7 @@ class Stepper(Stepping):
         """Sleeps until a tick is due; returns it, or a later one where it is too late for it."""
         deadline = self._origin + self._ticks.elapsed(tick)
         while (left := deadline - time.monotonic_ns()) > 0:
-            if left > 1e9 * _NAP:
+            if left > NS_PER_S * _NAP:
                 if self._stop.wait(_NAP):
                     return tick
             else:

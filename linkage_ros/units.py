@@ -1,0 +1,21 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Units beside SI: the nanoseconds of stamps, and the turns per minute of users."""
+
+from __future__ import annotations
+
+import math
+
+NS_PER_S = 10**9
+
+
+def radians_per_second(rpm: float) -> float:
+    """A speed in rad/s.
+
+    Args:
+        rpm: In turns per minute.
+
+    Returns:
+        rad/s.
+    """
+    return rpm * math.pi / 30
