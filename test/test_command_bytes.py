@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
+from linkage_ros.wire.cdr import ENCAPSULATION
 from linkage_ros.wire.command_bytes import decode_command
-from linkage_ros.wire.messages import ENCAPSULATION
 
 NUMBERS = st.lists(st.floats(), max_size=5)
 

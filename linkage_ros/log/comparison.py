@@ -21,7 +21,8 @@ from linkage_ros.log.recompute import Recomputation
 from linkage_ros.log.timeline import Timeline, seconds
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import CLOCK_STEP
-from linkage_ros.wire.messages import Topic, stamp_of
+from linkage_ros.wire.cdr import stamp_of
+from linkage_ros.wire.messages import Topic
 
 # Messages that one topic may be behind the others before it counts as broken off.
 _BEHIND = 10_000

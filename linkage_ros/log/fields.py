@@ -8,9 +8,9 @@ import re
 import struct
 from collections.abc import Iterator
 
+from linkage_ros.wire.cdr import Reader
 from linkage_ros.wire.interfaces import Interface
 
-_ENCAPSULATION = 4
 _FORMATS = {
     'float64': 'd', 'float32': 'f', 'int64': 'q', 'uint64': 'Q', 'int32': 'i', 'uint32': 'I',
     'int16': 'h', 'uint16': 'H', 'int8': 'b', 'uint8': 'B', 'byte': 'B', 'bool': '?',
@@ -36,8 +36,8 @@ def read_fields(interface: Interface, data: bytes) -> dict[str, Value]:
     """
     types = _parse(interface.definition)
     try:
-        values = dict(_Cursor(data).read(types, '', ''))
-    except (struct.error, UnicodeDecodeError) as error:
+        values = dict(_values(Reader(data), types, '', ''))
+    except (struct.error, ValueError) as error:
         raise ValueError(f'not a {interface.name}: {error}') from error
     joints = [value for path, value in values.items() if path.partition('[')[0] in _NAMES]
     return {_named(path, joints): value for path, value in values.items()}
@@ -62,40 +62,15 @@ def _parse(definition: str) -> _Types:
     return types
 
 
-class _Cursor:
-    """A place in CDR bytes."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data, self._at = data, _ENCAPSULATION
-
-    def read(self, types: _Types, kind: str, path: str) -> Iterator[tuple[str, Value]]:
-        """Reads a value of some type and yields its parts by path."""
-        if array := re.fullmatch(r'(.+)\[(\d*)\]', kind):
-            for index in range(int(array[2]) if array[2] else self._count()):
-                yield from self.read(types, array[1], f'{path}[{index}]')
-        elif kind == 'string':
-            yield path, self._text()
-        elif kind in _FORMATS:
-            yield path, self._number(_FORMATS[kind])
-        else:
-            for part, name in types[kind.rpartition('/')[2]]:
-                yield from self.read(types, part, f'{path}.{name}' if path else name)
-
-    def _number(self, code: str) -> float:
-        size = struct.calcsize(code)
-        self._at += -(self._at - _ENCAPSULATION) % size
-        (value,) = struct.unpack_from(f'<{code}', self._data, self._at)
-        self._at += size
-        number: float = value
-        return number
-
-    def _count(self) -> int:
-        count = int(self._number('I'))
-        if count > len(self._data):
-            raise struct.error(f'{count} elements in {len(self._data)} bytes')
-        return count
-
-    def _text(self) -> str:
-        size = self._count()
-        self._at += size
-        return self._data[self._at - size : self._at].rstrip(b'\0').decode()
+def _values(reader: Reader, types: _Types, kind: str, path: str) -> Iterator[tuple[str, Value]]:
+    """Reads a value of some type; its parts by path."""
+    if array := re.fullmatch(r'(.+)\[(\d*)\]', kind):
+        for index in range(int(array[2]) if array[2] else reader.count()):
+            yield from _values(reader, types, array[1], f'{path}[{index}]')
+    elif kind == 'string':
+        yield path, reader.text()
+    elif kind in _FORMATS:
+        yield path, reader.number(_FORMATS[kind])
+    else:
+        for part, name in types[kind.rpartition('/')[2]]:
+            yield from _values(reader, types, part, f'{path}.{name}' if path else name)

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.torque_commands import Commands
-from linkage_ros.wire.command_bytes import LARGEST, decode_command
+from linkage_ros.wire.command_bytes import LARGEST_COMMAND, decode_command
 from linkage_ros.wire.messages import JOINT_COMMANDS
 
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
@@ -82,7 +82,7 @@ class CommandInbox:
                 self._silent_until = time.monotonic() + 1.0
                 self._logger.warning(f'a command on {JOINT_COMMANDS.name} is refused: {wrong}')
         # Megabytes would be a log's largest chunk, and nobody's command.
-        return [(came, data) for came, data in fetched if len(data) <= LARGEST]
+        return [(came, data) for came, data in fetched if len(data) <= LARGEST_COMMAND]
 
     def fell_silent(self) -> bool:
         """Whether no command counts, or none did for a while since the last call."""

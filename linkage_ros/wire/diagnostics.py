@@ -8,7 +8,7 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from linkage_ros.wire.messages import ENCAPSULATION, align, header, string
+from linkage_ros.wire.cdr import ENCAPSULATION, align, header, string
 
 OK, WARN, ERROR = 0, 1, 2
 

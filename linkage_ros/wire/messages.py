@@ -13,6 +13,8 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from linkage_ros.units import NS_PER_S
+from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, header, stamp_of, string
 from linkage_ros.wire.interfaces import (
     DIAGNOSTIC_ARRAY,
     FLOAT64,
@@ -24,9 +26,6 @@ from linkage_ros.wire.interfaces import (
     Interface,
 )
 
-ENCAPSULATION = b'\x00\x01\x00\x00'
-_STAMP = struct.Struct('<iI')
-_NS = 10**9
 ROOT_FRAME = 'base_link'
 
 
@@ -119,7 +118,7 @@ class _RowsCodec:
         for row in rows:
             numbers.append(count)
             numbers += row
-        _STAMP.pack_into(self._buffer, 4, *divmod(stamp, _NS))
+        STAMP.pack_into(self._buffer, 4, *divmod(stamp, NS_PER_S))
         self._numbers.pack_into(self._buffer, self._head, *numbers)
         return bytes(self._buffer)
 
@@ -183,7 +182,7 @@ class PointCodec:
         Returns:
             Its CDR bytes.
         """
-        _STAMP.pack_into(self._buffer, 4, *divmod(stamp, _NS))
+        STAMP.pack_into(self._buffer, 4, *divmod(stamp, NS_PER_S))
         self._numbers.pack_into(self._buffer, self._head, x, y, 0.0)
         return bytes(self._buffer)
 
@@ -216,44 +215,4 @@ def encode_clock(stamp: int) -> bytes:
     Returns:
         The bytes.
     """
-    return ENCAPSULATION + _STAMP.pack(*divmod(stamp, _NS))
-
-
-def stamp_of(data: bytes) -> int:
-    """The stamp in the header of a message.
-
-    Args:
-        data: CDR bytes of a message with a header.
-
-    Returns:
-        ns; -1 where the bytes are too few.
-    """
-    if len(data) < len(ENCAPSULATION) + _STAMP.size:
-        return -1
-    whole, rest = _STAMP.unpack_from(data, len(ENCAPSULATION))
-    stamp: int = whole * _NS + rest
-    return stamp
-
-
-def header(frame_id: str, stamp: int = 0) -> bytes:
-    """A std_msgs/Header as CDR bytes, without padding behind it.
-
-    Args:
-        frame_id: Its frame.
-        stamp: ns.
-
-    Returns:
-        The bytes.
-    """
-    return string(_STAMP.pack(*divmod(stamp, _NS)), frame_id)
-
-
-def string(body: bytes, text: str) -> bytes:
-    """Appends a string to CDR bytes that end on a multiple of 4."""
-    data = text.encode() + b'\0'
-    return body + struct.pack('<I', len(data)) + data
-
-
-def align(body: bytes, size: int) -> bytes:
-    """Fills CDR bytes, counted without encapsulation, up to a multiple of some size."""
-    return body + b'\0' * (-len(body) % size)
+    return ENCAPSULATION + STAMP.pack(*divmod(stamp, NS_PER_S))
