@@ -11,7 +11,7 @@ import numpy as np
 from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.pump import require_forwards
-from linkage_ros.core.curves import Period
+from linkage_ros.core.curves import Period, mean
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import TWO_PI
 from linkage_ros.errors import ConfigurationError
@@ -97,10 +97,9 @@ class SettledTurn(Period):
         applied = torque - damping * w
         q, u = (crank, x), (w, v)
         state = equations.state(q, u, equations.accelerations(q, u, applied))
-        work = float(np.sum(np.diff(crank) * (applied[1:] + applied[:-1])) / 2)
         super().__init__(
             mechanism, equations.structure, crank, state,
-            speed=self.motion.speed, mean_power=work / self.motion.period,
+            speed=self.motion.speed, mean_power=mean(crank, applied) * self.motion.speed,
         )  # fmt: skip
 
     def words(self) -> list[str]:

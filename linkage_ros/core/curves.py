@@ -205,7 +205,7 @@ def _mean_power(solver: Solver, crank: Array, state: State, acceleration: float)
     power = state.velocity[0] * acceleration * solver.inertia(crank)
     if slider := solver.structure.slider:
         power = power + slider.damping * state.velocity[2] * state.velocity[2]
-    return extent(crank, np.broadcast_to(power, crank.shape)).mean
+    return mean(crank, np.broadcast_to(power, crank.shape))
 
 
 def extent(crank: Array, values: Array) -> Extent:
@@ -220,14 +220,22 @@ def extent(crank: Array, values: Array) -> Extent:
     """
     low, low_at = _peak(crank, -values)
     high, high_at = _peak(crank, values)
-    period = float(crank[-1] - crank[0])
-    mean = _integral(crank, values) / period
-    rms = math.sqrt(_integral(crank, values * values) / period)
-    return Extent(-low, low_at, high, high_at, mean, rms)
+    rms = math.sqrt(mean(crank, values * values))
+    return Extent(-low, low_at, high, high_at, mean(crank, values), rms)
 
 
-def _integral(crank: Array, values: Array) -> float:
-    return float(np.sum(np.diff(crank) * (values[1:] + values[:-1])) / 2)
+def mean(crank: Array, values: Array) -> float:
+    """The mean of a quantity over the crank angle.
+
+    Args:
+        crank: Crank angles in rising order, over the whole period, rad.
+        values: At these.
+
+    Returns:
+        Its mean, by the trapezoidal rule.
+    """
+    integral = float(np.sum(np.diff(crank) * (values[1:] + values[:-1])) / 2)
+    return integral / float(crank[-1] - crank[0])
 
 
 def _peak(crank: Array, values: Array) -> tuple[float, float]:
