@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from linkage_ros.core.mechanism import FourBar, Linkage
+from linkage_ros.core.mechanism import FourBar, Linkage, SliderCrank
 from linkage_ros.core.numeric import Real, functions_of
 from linkage_ros.core.state import State, Vector, point_motion
 from linkage_ros.core.structure import Structure
@@ -63,8 +63,41 @@ def reactions(
     Returns:
         The forces. They grow without bound towards a change point or a limit of the crank.
     """
+    crank, coupler, *rocker = _loads(mechanism, structure, state)
+    place = {
+        name: _plane(point_motion(point, state).position)
+        for name, point in structure.points.items()
+    }
+    # The coupler turns about A under the force at B: b x f = -moment.
+    along = _direction(state.position[1])
+    across = -coupler.moment(place['A']) / mechanism.coupler.length
+    further: dict[str, Real] = {}
+    if isinstance(mechanism, FourBar):
+        turning = rocker[0].moment(place['B0']) / mechanism.rocker.length
+        b = (across * _direction(state.position[2]) - turning * along) / transmission
+        b0 = further['B0'] = rocker[0].force - b
+        guide_force, on_frame = None, -b0
+        moment = _cross(place['B0'], on_frame)
+    else:
+        b, guide_force, on_frame = _at_slider(mechanism, state, (along, across), transmission)
+        moment = _cross(place['B'], on_frame)
+    a = coupler.force + b
+    a0 = crank.force + a
+    torque = crank.moment(0j) + _cross(place['A'], a)
+    shaking, pins = on_frame - a0, {'A0': a0, 'A': a, 'B': b, **further}
+    return Reactions(
+        {name: (force.real, force.imag) for name, force in pins.items()},
+        guide_force,
+        (shaking.real, shaking.imag),
+        moment - torque,
+        torque,
+    )
+
+
+def _loads(mechanism: Linkage, structure: Structure, state: State) -> list[_Load]:
+    """What moves each of the bodies that turn."""
     gravity = complex(*mechanism.gravity)
-    crank, coupler, *rocker = (
+    return [
         _Load(
             _plane(motion.position),
             body.mass * (_plane(motion.acceleration) - gravity),
@@ -72,47 +105,30 @@ def reactions(
         )
         for body in structure.bodies
         for motion in [point_motion(body.center, state)]
-    )
-    place = {
-        name: _plane(point_motion(point, state).position)
-        for name, point in structure.points.items()
-    }
-    functions = functions_of(state.torque)
-    along = functions.cos(state.position[1]) + 1j * functions.sin(state.position[1])
-    # The coupler turns about A under the force at B: b x f = -moment.
-    across = -coupler.moment(place['A']) / mechanism.coupler.length
-    if isinstance(mechanism, FourBar):
-        angle = state.position[2]
-        toward = functions.cos(angle) + 1j * functions.sin(angle)
-        turning = rocker[0].moment(place['B0']) / mechanism.rocker.length
-        b = (across * toward - turning * along) / transmission
-        b0 = rocker[0].force - b
-        guide_force, on_frame = None, -b0
-        moment = _cross(place['B0'], on_frame)
-    else:
-        joint, slider = structure.joints[2], mechanism.slider
-        guide = functions.cos(joint.angle) + 1j * functions.sin(joint.angle)
-        weight = slider.mass * gravity
-        drag = slider.damping * state.velocity[2]
-        pushed = slider.mass * state.acceleration[2] - _dot(guide, weight) + drag - slider.force
-        pressed = (across - pushed * _cross(along, guide)) / transmission
-        b = pushed * guide + pressed * (1j * guide)
-        guide_force = -pressed - _dot(1j * guide, weight)
-        on_frame = drag * guide - guide_force * (1j * guide)
-        moment = _cross(place['B'], on_frame)
-    a = coupler.force + b
-    a0 = crank.force + a
-    torque = crank.moment(0j) + _cross(place['A'], a)
-    pins = {'A0': a0, 'A': a, 'B': b}
-    if rocker:
-        pins['B0'] = b0
-    return Reactions(
-        {name: (force.real, force.imag) for name, force in pins.items()},
-        guide_force,
-        ((on_frame - a0).real, (on_frame - a0).imag),
-        moment - torque,
-        torque,
-    )
+    ]
+
+
+def _at_slider(
+    mechanism: SliderCrank, state: State, coupler: tuple[Real, Real], transmission: Real
+) -> tuple[Real, Real, Real]:
+    """The force at B, that of the guide, and that of guide and resistance on the frame.
+
+    The coupler tells its direction, and the force at B across it.
+    """
+    (along, across), slider = coupler, mechanism.slider
+    guide = _direction(mechanism.frame.angle)
+    weight = slider.mass * complex(*mechanism.gravity)
+    drag = slider.damping * state.velocity[2]
+    pushed = slider.mass * state.acceleration[2] - _dot(guide, weight) + drag - slider.force
+    pressed = (across - pushed * _cross(along, guide)) / transmission
+    guide_force = -pressed - _dot(1j * guide, weight)
+    on_frame = drag * guide - guide_force * (1j * guide)
+    return pushed * guide + pressed * (1j * guide), guide_force, on_frame
+
+
+def _direction(angle: Real) -> Real:
+    functions = functions_of(angle)
+    return functions.cos(angle) + 1j * functions.sin(angle)
 
 
 def _plane(vector: Vector) -> Real:
