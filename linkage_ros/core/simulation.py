@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NoReturn, TypeAlias
+from typing import NoReturn, Protocol, TypeAlias
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.numeric import within_two_turns
@@ -57,6 +57,12 @@ class Motion:
 
     equations: EquationsOfMotion
     torque: TorqueLaw
+
+    @property
+    def units(self) -> Phase:
+        """In which errors of coordinates and rates count: rad and crank lengths, also per s."""
+        units = 1.0, self.equations.mechanism.crank.length
+        return units[: len(self.equations.coordinates)] * 2
 
     def slope(self, time: float, phase: Phase) -> Phase:
         """The rates of coordinates and rates, as `look`."""
@@ -135,6 +141,30 @@ class Motion:
         raise MotionError(message, time=time, coordinates=q) from cause
 
 
+class Steps(Protocol):
+    """What follows a motion from time to time.
+
+    Attributes:
+        phase: Coordinates, then their rates; the crank within two turns of 0.
+        pairs: Pairs of whole turns that belong to it.
+        time: Up to which it was followed, s.
+    """
+
+    phase: Phase
+    pairs: int
+    time: float
+
+    def changed(self) -> None:
+        """Takes note that the torque is another from now on."""
+
+    def advance(self, time: float) -> None:
+        """Follows the motion to a time, s."""
+
+
+# Begins to follow a motion at t = 0, from a phase.
+Integrate: TypeAlias = Callable[[Motion, Phase], Steps]
+
+
 class FixedSteps:
     """Follows a motion in equal steps between the times that are asked for.
 
@@ -169,8 +199,7 @@ class FixedSteps:
         self.motion, self.time = motion, time
         self.phase, self.pairs = wound(phase)
         self._longest, self._tolerance = longest, tolerance
-        length = motion.equations.mechanism.crank.length
-        self._units = (1.0, length)[: len(phase) // 2] * 2
+        self._units = motion.units
         self._look: tuple[Phase, float] | None = motion.look(time, self.phase)
 
     def changed(self) -> None:

@@ -147,7 +147,7 @@ class Recomputation:
         due = (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
         turned = crank.unwrapped - (origin.unwrapped - origin.angle)
         found = (turned, *crank.slide[:1], crank.speed, *crank.slide[1:2])
-        units = (1.0, equations.mechanism.crank.length)[: len(q)]
+        units = motion.units[: len(q)]
         sizes = (*units, *map(max, units, map(abs, due[len(q) :])))
         names = [f'{n} {w}' for w in ('position', 'speed') for n in equations.coordinates]
         for name, value, expected, size in zip(names, found, due, sizes, strict=True):

@@ -9,14 +9,14 @@ a floor above this one (motion/adaptive.py) and are passed in.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeAlias
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy import integrate
 
 from linkage_ros.core.numeric import Array, with_turns
-from linkage_ros.core.simulation import Motion, Phase
+from linkage_ros.core.simulation import Integrate, Phase
 from linkage_ros.core.state import loop_residual
 from linkage_ros.methods.cut_loop import CutLoop, Number, Row
 from linkage_ros.methods.motions import Run
@@ -24,24 +24,6 @@ from linkage_ros.methods.motions import Run
 _FIRST_STEP = 1e-4  # s
 _END = 1e10  # s, which no run reaches
 _MOST_STEPS = 500  # from one time to the next: with more it is stuck
-
-
-class Steps(Protocol):
-    """What the package itself follows motions with.
-
-    Attributes:
-        phase: Coordinates, the crank within two turns of 0, then their rates.
-        pairs: Pairs of whole turns that belong to it.
-    """
-
-    phase: Phase
-    pairs: int
-
-    def advance(self, time: float) -> None:
-        """Follows the motion to a time, s."""
-
-
-Begin: TypeAlias = Callable[[Motion, Phase], Steps]
 
 
 class Follower:
@@ -80,7 +62,7 @@ class Follower:
 class OfPackage(Follower):
     """The package's own steps, which wind the crank angle and count its turns."""
 
-    def __init__(self, run: Run, begin: Begin) -> None:
+    def __init__(self, run: Run, begin: Integrate) -> None:
         """Begins at t = 0.
 
         Args:
@@ -149,7 +131,7 @@ class OfScipy(Follower):
         super().__init__(run)
         self._steps: Any = getattr(integrate, solver)(
             self._slope, 0.0, np.array(start or run.start), _END, first_step=_FIRST_STEP,
-            rtol=tolerance, atol=tolerance * np.array(units or run.units),
+            rtol=tolerance, atol=tolerance * np.array(units or run.motion.units),
         )  # fmt: skip
         self._between: Any = None
 

@@ -49,7 +49,7 @@ class MotionBench:
     def _sizes(self) -> Phase:
         rates = zip(*(state[self.run.count :] for state in self._exact), strict=True)
         largest = (float(max(map(abs, rate))) for rate in rates)
-        return (*self.run.units[: self.run.count], *largest)
+        return (*self.run.motion.units[: self.run.count], *largest)
 
     def error(self, index: int, phase: Phase) -> float:
         """How far a phase is from the true one.

@@ -40,11 +40,6 @@ class Run:
         """Of coordinates."""
         return len(self.start) // 2
 
-    @property
-    def units(self) -> Phase:
-        """In which errors of coordinates and rates count: rad and crank lengths, also per s."""
-        return (1.0, self.mechanism.crank.length)[: self.count] * 2
-
     def energy(self, phase: Phase) -> tuple[float, float]:
         """Kinetic energy and that of the weights, J.
 

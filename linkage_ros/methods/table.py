@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
 from linkage_ros.core.numeric import SCALAR, Functions
-from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps
+from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps, Integrate
 from linkage_ros.methods import chain, interpolation, iteration, positions, rates, torques
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, STATE, TORQUE, Chain, Task
 from linkage_ros.methods.integrators import (
-    Begin,
     Follower,
     Multipliers,
     OfPackage,
@@ -181,7 +180,7 @@ def _fixed(run: Run, setting: Setting) -> Follower:
     return OfPackage(run, lambda motion, start: FixedSteps(motion, start, step, tolerance))
 
 
-def integrators(records: Begin) -> tuple[Integrator, ...]:
+def integrators(records: Integrate) -> tuple[Integrator, ...]:
     """The ways to follow a motion under a torque; steps are in s.
 
     Args:

@@ -62,11 +62,9 @@ class AdaptiveSteps:
         self._restart(0.0, self.phase)
 
     def _restart(self, time: float, phase: Phase) -> None:
-        length = self.motion.equations.mechanism.crank.length
-        units = np.array((1.0, length)[: len(phase) // 2] * 2)
         self._steps = self._solver(
             self._slope, time, np.array(phase), _END,
-            rtol=_TOLERANCE, atol=_TOLERANCE * units, first_step=_FIRST_STEP,
+            rtol=_TOLERANCE, atol=_TOLERANCE * np.array(self.motion.units), first_step=_FIRST_STEP,
         )  # fmt: skip
         # The continuous solution of the last step, and the pairs of turns left out of it.
         self._between: Any = None

@@ -4,30 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
-
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import with_turns, within_two_turns
-from linkage_ros.core.simulation import FixedSteps, Motion, Phase
+from linkage_ros.core.simulation import FixedSteps, Integrate, Motion, Phase
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.units import radians_per_second
-
-
-class Steps(Protocol):
-    """What follows a motion from time to time."""
-
-    phase: Phase
-    pairs: int
-    time: float
-
-    def changed(self) -> None:
-        """Takes note that the torque is another from now on."""
-
-    def advance(self, time: float) -> None:
-        """Follows the motion to a time, s."""
 
 
 class Plant:
@@ -41,7 +24,7 @@ class Plant:
         self,
         equations: EquationsOfMotion,
         drive: TorqueDrive,
-        integrate: Callable[[Motion, Phase], Steps] = FixedSteps,
+        integrate: Integrate = FixedSteps,
     ) -> None:
         """Puts it into its start.
 

@@ -8,19 +8,18 @@ times give equal bits in both.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.simulation import FixedSteps, Motion, Phase
+from linkage_ros.core.simulation import FixedSteps, Integrate
 from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State, loop_residual, point_motion
 from linkage_ros.core.travel import travel
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.motion.joints import JointValues, joint_values
-from linkage_ros.motion.plant import Plant, Steps
+from linkage_ros.motion.plant import Plant
 from linkage_ros.motion.speed_driven import CrankMotion, CrankState
 from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration
@@ -102,9 +101,7 @@ class Machine:
         words.append(f'{configuration.drive.words()} at {configuration.session.rate_hz:g} Hz')
         return ', '.join(words)
 
-    def begin(
-        self, stamp: int, integrate: Callable[[Motion, Phase], Steps] = FixedSteps
-    ) -> RunMotion:
+    def begin(self, stamp: int, integrate: Integrate = FixedSteps) -> RunMotion:
         """The motion from a stamp on which t = 0 falls.
 
         Args:
