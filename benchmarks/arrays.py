@@ -7,6 +7,7 @@ compiled with -O3 and the scalar functions of libm. Needs a C compiler, cc.
 Run: python benchmarks/arrays.py
 """
 
+import argparse
 import ctypes
 import math
 import statistics
@@ -24,6 +25,7 @@ ROUNDS, STATES = 15, 200_000
 
 def main():
     """Times both in turn and prints medians and their ratio."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     numbers = np.ctypeslib.ndpointer(float)
     angles, speed = np.linspace(0.0, 2 * math.pi, STATES), 5 * math.pi
     with tempfile.TemporaryDirectory() as folder:

@@ -5,6 +5,7 @@
 Run: python benchmarks/plant.py
 """
 
+import argparse
 import tempfile
 import time
 import timeit
@@ -26,6 +27,7 @@ def best(call, number):
 
 def main():
     """Times the wind pump and the quadrilateral."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     for configuration in (load('wind_pump'), configure({'drive': 'torque'})):
         equations = EquationsOfMotion(configuration.mechanism)
         count = len(equations.coordinates)

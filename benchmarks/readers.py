@@ -7,6 +7,7 @@ written by hand. The packages also check the file itself: chunk and summary chec
 statistics, metadata. Needs Node.js and npm, which fetches them. Run: python benchmarks/readers.py
 """
 
+import argparse
 import json
 import shutil
 import subprocess
@@ -140,6 +141,7 @@ def check(folder, path, expected, motions):
 
 def main():
     """Makes the logs, has them read, and ends with 1 where anything differs."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     if missing := [name for name in ('node', 'npm') if shutil.which(name) is None]:
         print(f'not run: {" and ".join(missing)} not found; this needs Node.js 20 with npm')
         return 2

@@ -4,9 +4,11 @@
 
 The subscriber is this process; replay is another. A message is due at its log time over the rate
 after the start; the start is where the median message is on time. So the figures say how much the
-rhythm wavers, delivery by DDS included. Needs rclpy. Run: python benchmarks/replay.py [MESSAGES]
+rhythm wavers, delivery by DDS included. Needs rclpy.
+Run: python benchmarks/replay.py [--messages N]
 """
 
+import argparse
 import os
 import re
 import subprocess
@@ -122,7 +124,9 @@ def time_to_first(path, offset):
 
 def main():
     """Prints the figures."""
-    messages = int(sys.argv[1]) if len(sys.argv) > 1 else 2_000_000
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--messages', type=int, default=2_000_000, help='of the long log')
+    messages = parser.parse_args().messages
     os.environ.setdefault('ROS_DOMAIN_ID', '77')
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     with tempfile.TemporaryDirectory() as folder:

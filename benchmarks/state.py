@@ -5,6 +5,7 @@
 The plain form, of plain.py, is what a textbook program computes. Run: python benchmarks/state.py
 """
 
+import argparse
 import math
 import statistics
 import timeit
@@ -19,6 +20,7 @@ ROUNDS, STATES = 15, 20_000
 
 def main():
     """Times them in turn and prints medians and their ratio."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     mechanism = load('quadrilateral').mechanism
     plain, exact = make_plain(mechanism), Solver(mechanism).state
     slider_crank = Solver(load('compressor').mechanism).state

@@ -3,11 +3,11 @@
 """States a second that a log of 10 minutes at 1 kHz is recorded, recovered and verified at.
 
 Beside them the same states without a log, as a ratio within one run, and the memory it all took.
-Run: python benchmarks/verify.py [MINUTES]
+Run: python benchmarks/verify.py [--minutes N]
 """
 
+import argparse
 import resource
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -22,7 +22,9 @@ from linkage_ros.run.machine import Machine
 
 def main():
     """Times them once and prints states a second."""
-    seconds = 60 * float(sys.argv[1] if len(sys.argv) > 1 else 10)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--minutes', type=float, default=10, help='of the log')
+    seconds = 60 * parser.parse_args().minutes
     configuration = configure({'rate_hz': 1000.0})
     machine = Machine(configuration)
     motion = machine.begin(0)

@@ -10,6 +10,7 @@ and needs no library: the same mechanism gives the same bytes wherever it is dra
 
 from __future__ import annotations
 
+import argparse
 import cmath
 import math
 from dataclasses import replace
@@ -235,6 +236,7 @@ DRAWINGS = four_bar, slider_crank, wind_pump
 
 def main() -> None:
     """Writes the pictures."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     for draw in DRAWINGS:
         Path(__file__).with_name(f'mechanism_{draw.__name__}.svg').write_text(draw().svg())
 

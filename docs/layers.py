@@ -9,6 +9,7 @@ The floors, the rooms on them and their imports are what test/test_layers.py rea
 
 from __future__ import annotations
 
+import argparse
 import ast
 import sys
 from collections.abc import Iterable
@@ -187,6 +188,7 @@ class House(Sheet):
 
 def main() -> None:
     """Writes the picture."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     Path(__file__).with_suffix('.svg').write_text(House(floors()).svg())
 
 
