@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import textwrap
 from collections.abc import Iterable, Iterator
@@ -109,7 +108,7 @@ class LogReader(AbstractContextManager['LogReader']):
     def _open(self) -> None:
         self._summary = summary = self._read_summary()
         offsets = [index.offset for index in summary.metadata]
-        if any(b <= a for a, b in itertools.pairwise(offsets)):  # one large record, many times
+        if any(b <= a for a, b in pairwise(offsets)):  # one large record, many times
             raise LogError('it is damaged: its metadata index goes back')
         records = [untrusted_mcap.read_metadata(self._stream, offset) for offset in offsets]
         # The index is under the summary's checksum, the records' names are under none.

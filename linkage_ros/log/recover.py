@@ -164,6 +164,7 @@ def _stretches(source: _Source, losses: Losses) -> Iterator[Stretch]:
 
 
 def _has_configuration(source: _Source) -> bool:
+    """Whether the log explains itself; looked for up to the first such record."""
     return any(
         isinstance(record, Metadata) and record.name == CONFIGURATION_RECORD and _is_right(record)
         for stretch in _stretches(source, Losses())

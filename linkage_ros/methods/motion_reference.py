@@ -19,6 +19,7 @@ from typing import NamedTuple, TypeAlias
 from mpmath import mp
 
 from linkage_ros.methods.cut_loop import CutLoop, Pair, eliminate
+from linkage_ros.methods.loop import solve_2x2
 from linkage_ros.methods.motions import Run
 
 _CONTEXT = Context(prec=34)
@@ -134,12 +135,12 @@ class MotionReference:
         for _ in range(_CLOSED):
             gap = loop.gap(directions, place[0] if place else None)
             arms = [(-d * s, d * c) for d, (c, s) in zip(loop.lengths, directions, strict=True)]
-            turns = _cross(arms[1], arms[2], (-gap[0], -gap[1]))
+            turns = solve_2x2((arms[1], arms[2]), (-gap[0], -gap[1]))
             for j, turn in zip((1, 2), turns, strict=True):
                 directions[j] = _turned(directions[j], turn)
         spin = Decimal(u[0])
         x, y = (velocity[0] if velocity else 0) - arms[0][0] * spin, -arms[0][1] * spin
-        spins = spin, *_cross(arms[1], arms[2], (x, y))
+        spins = spin, *solve_2x2((arms[1], arms[2]), (x, y))
         cosines = [value for pair in directions for value in pair]
         return Decimal(q[0]), *cosines, *place, *spins, *velocity
 
@@ -223,10 +224,3 @@ def _turned(direction: Pair, turn: Decimal) -> Pair:
     cos, sin = cos - sin * turn, sin + cos * turn
     length = (cos * cos + sin * sin).sqrt()
     return cos / length, sin / length
-
-
-def _cross(first: Pair, second: Pair, right: Pair) -> Pair:
-    """The factors x and y with x * first + y * second = right."""
-    (a, c), (b, d), (x, y) = first, second, right
-    determinant = a * d - b * c
-    return (x * d - b * y) / determinant, (a * y - x * c) / determinant
