@@ -22,7 +22,7 @@ from linkage_ros.core.quantities import Checked, build, flatten, leaves, quantit
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.parameters.configuration import load, parameters_in_words, without_ros_own
-from linkage_ros.ros.parameters import declare_values
+from linkage_ros.ros.parameters import declare_values, given_values
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.units import radians_per_second
@@ -113,7 +113,7 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def __init__(self) -> None:
         super().__init__(_NAME)
-        given = {name: p.value for name, p in self._parameter_overrides.items()}
+        given = given_values(self)
         names = [leaf.name for leaf in PARAMETERS]
         if unknown := set(without_ros_own(given)) - set(names):
             raise ConfigurationError(

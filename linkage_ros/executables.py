@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 
-from linkage_ros.cli import leave
+from linkage_ros.cli import STOPPED_BY_USER, leave
 
 
 def node() -> int:
@@ -49,7 +49,7 @@ def _start(name: str, module: str) -> int:
         program = import_module(f'linkage_ros.{module}')
         return leave(program.main())
     except KeyboardInterrupt:
-        return 130
+        return STOPPED_BY_USER
     except ModuleNotFoundError as error:
         missing = (error.name or '').partition('.')[0]
         cure = (

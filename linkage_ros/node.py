@@ -28,7 +28,7 @@ from linkage_ros.parameters.configuration import (
 )
 from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.live_view import LiveView
-from linkage_ros.ros.parameters import check_parameter_files, declare
+from linkage_ros.ros.parameters import check_parameter_files, declare, given_values
 from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
@@ -59,7 +59,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     def __init__(self, stop: cli.Stop) -> None:
         with reported_as_configuration():
             super().__init__(_NAME)
-        given = {name: p.value for name, p in self._parameter_overrides.items()}
+        given = given_values(self)
         configuration = configure(given)
         declare(self, configuration, self._set_live)
         self._stop = stop

@@ -54,6 +54,11 @@ def describe(name: str, quantity: Quantity) -> ParameterDescriptor:
     )
 
 
+def given_values(node: Node) -> dict[str, object]:
+    """The parameters that a node was started with, by command line and files."""
+    return {name: p.value for name, p in node._parameter_overrides.items()}  # noqa: SLF001, no other tells
+
+
 def declare_values(node: Node, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
     """Declares parameters with the values that are in force.
 

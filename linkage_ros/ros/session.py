@@ -142,8 +142,7 @@ def served(node: Node) -> Iterator[None]:
     """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    words = executor, node
-    thread = threading.Thread(target=_spin, args=words, name='executor', daemon=True)
+    thread = threading.Thread(target=_spin, args=(executor, node), name='executor', daemon=True)
     thread.start()
     try:
         yield

@@ -34,8 +34,7 @@ def never_waited_for() -> Iterator[None]:
     os.set_blocking(inlet, False)
     os.dup2(inlet, 2)
     os.close(inlet)
-    words = outlet, theirs
-    thread = threading.Thread(target=_carry, args=words, name='stderr', daemon=True)
+    thread = threading.Thread(target=_carry, args=(outlet, theirs), name='stderr', daemon=True)
     thread.start()
     try:
         yield
