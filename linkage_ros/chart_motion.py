@@ -85,5 +85,4 @@ def _settled(
     rpm = drive.initial_rpm if options.rpm is None else options.rpm
     line, speed = (motor.torque, motor.damping), radians_per_second(rpm)
     turn = SettledTurn(mechanism, line, speed, progress)
-    driven = f'motor {motor.torque:g} N m - {motor.damping:g} N m s x speed'
-    return turn, ['', driven, f'from {speed:.4g} rad/s', *turn.words()]
+    return turn, ['', motor.words(), f'from {speed:.4g} rad/s', *turn.words()]

@@ -148,14 +148,11 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     _add_motion(commands)
-    _add_measured(
-        commands, accuracy, 'speed against accuracy of all methods: PNG and JSON',
-        '--quick --out charts',
-    )  # fmt: skip
-    _add_measured(
-        commands, stability, 'what comes of all methods where some of them fail: PNG and JSON',
-        '--quick --out charts',
-    )  # fmt: skip
+    for draw, purpose in (
+        (accuracy, 'speed against accuracy of all methods: PNG and JSON'),
+        (stability, 'what comes of all methods where some of them fail: PNG and JSON'),
+    ):
+        _add_measured(commands, draw, purpose, '--quick --out charts')
     _add_pump(commands)
     return parser
 

@@ -92,6 +92,11 @@ class Motor(Checked):
         'number', 'motor torque lost per crank speed', 'N m s', span=(0.0, 1e12), default=0.0
     )
 
+    def words(self) -> str:
+        """The line."""
+        lost = f' - {self.damping:g} N m s x speed' if self.damping else ''
+        return f'motor {self.torque:g} N m{lost}'
+
 
 @dataclass(frozen=True)
 class TorqueDrive(Checked):
@@ -132,10 +137,7 @@ class TorqueDrive(Checked):
 
     def words(self) -> str:
         """The motor line and the start."""
-        line = f'motor {self.motor.torque:g} N m'
-        if self.motor.damping:
-            line += f' - {self.motor.damping:g} N m s x speed'
-        return f'{line}, from {self.start_rpm:g} rpm'
+        return f'{self.motor.words()}, from {self.start_rpm:g} rpm'
 
 
 Drive: TypeAlias = SpeedDrive | TorqueDrive
