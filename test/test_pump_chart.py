@@ -15,15 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from linkage_ros import ConfigurationError, UnreachableError
-from linkage_ros.analysis import branch as branches
 from linkage_ros.analysis.averaging import Averaging
 from linkage_ros.analysis.basins import LEAVES
 from linkage_ros.analysis.boundaries import FOLD, PERIOD_DOUBLING
-from linkage_ros.analysis.flow import Flow
+from linkage_ros.analysis.branch import find_states, follow_branch
+from linkage_ros.analysis.ensemble import Ensemble
 from linkage_ros.analysis.fourier import extremum
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.pump import analyse
-from linkage_ros.analysis.runs import follow
+from linkage_ros.analysis.runs import follow_run
 from linkage_ros.analysis.table import write_table
 from linkage_ros.charts.pump import draw_pump
 from linkage_ros.errors import MotionError
@@ -57,7 +57,7 @@ def followed(mechanism, low, high, count, damping=DAMPING):
     """The branch between two speeds."""
     averaged = Averaging(mechanism).follow(np.linspace(low, high, count).tolist())
     section = PoincareMap(mechanism, damping)
-    return section, branches.follow(section, averaged, plain)
+    return section, follow_branch(section, averaged, plain)
 
 
 @pytest.fixture(scope='module')
@@ -134,7 +134,7 @@ def test_two_stable_states_exist_between_two_folds(analysis):
 
 @pytest.mark.parametrize(('torque', 'stable'), [(7.27, 1), (7.29, 2), (12.64, 2), (12.66, 1)])
 def test_next_to_the_folds_states_appear_and_vanish(analysis, torque, stable):
-    found = branches.states(analysis.section, analysis.branch, torque)
+    found = find_states(analysis.section, analysis.branch, torque)
     assert [state.motion.stable for state in found].count(True) == stable
     assert len(found) == 2 * stable - 1
 
@@ -197,11 +197,11 @@ def test_basins_are_told_for_every_start(analysis):
 def test_a_flow_of_many_follows_each_as_the_map_does(analysis):
     low, _, high = analysis.states
     phases = np.array([(0.0, x, w, v) for x, v, w in (low.point, high.point, (1.5, 6.0, 2.0))]).T
-    flow, times, spans = Flow(PUMP, TORQUE, DAMPING), np.zeros(3), np.full(3, 1e-3)
+    ensemble, times, spans = Ensemble(PUMP, TORQUE, DAMPING), np.zeros(3), np.full(3, 1e-3)
     ends = np.array([low.period, high.period, 1.0])
     for _ in range(200):
         spans = np.minimum(spans, ends - times)
-        phases, made, spans = flow.advance(phases, spans)
+        phases, made, spans = ensemble.advance(phases, spans)
         times += made
     for number, state in enumerate((low, high)):
         x, v, w = state.point
@@ -235,7 +235,7 @@ def test_a_speed_at_which_a_period_doubles_is_told_from_a_fold():
 
 def test_without_resistance_nothing_settles():
     section, branch = followed(slid(damping=0.0), 6.5, 7.5, 4)
-    states = branches.states(section, branch, TORQUE)
+    states = find_states(section, branch, TORQUE)
     # The pump takes no power: the motor turns at its own speed, about which a motion wavers.
     assert all(state.motion.speed == pytest.approx(7, abs=0.01) for state in states)
     assert not any(state.motion.stable for state in states)
@@ -264,7 +264,7 @@ def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
 
 
 def test_too_weak_a_motor_has_no_state(analysis):
-    assert branches.states(analysis.section, analysis.branch, 0.3) == []
+    assert find_states(analysis.section, analysis.branch, 0.3) == []
 
 
 @pytest.mark.parametrize(
@@ -282,7 +282,7 @@ def test_what_cannot_turn_is_refused_at_once(changes, torque, damping, speeds, e
 
 
 def test_a_run_that_leaves_says_where(analysis):
-    found = follow(analysis.section.equations, (TORQUE, DAMPING), (1.5, 6.0, 2.0), 9.0, 'fast')
+    found = follow_run(analysis.section.equations, (TORQUE, DAMPING), (1.5, 6.0, 2.0), 9.0, 'fast')
     assert 'the motion ends at t = 0.2' in found.ended
     assert found.record()['ended'] == found.ended
 

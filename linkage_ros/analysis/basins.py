@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.analysis.flow import Flow
+from linkage_ros.analysis.ensemble import Ensemble
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.core.mechanism import WindPump
@@ -58,7 +58,7 @@ class Neighbourhoods:
         """Where motions are.
 
         Args:
-            phases: As `Flow.advance` takes them.
+            phases: As `Ensemble.advance` takes them.
 
         Returns:
             For each, the number of the state that it is near to, or ELSEWHERE.
@@ -171,13 +171,13 @@ def explore(
     Returns:
         Where they settle.
     """
-    flow, position = Flow(mechanism, *motor), mechanism.slider.position
+    ensemble, position = Ensemble(mechanism, *motor), mechanism.slider.position
     speeds, velocities = (values.ravel() for values in np.meshgrid(*grid))
     phases = np.array((0 * speeds, 0 * speeds + position, speeds, velocities))
     outcomes, going = np.full(len(speeds), ELSEWHERE), np.arange(len(speeds))
     times, spans = 0 * speeds, np.full(len(speeds), _SHORTEST**0.5)
     for number in progress(range(_MOST), 'starts'):
-        phases, made, spans = flow.advance(phases, spans)
+        phases, made, spans = ensemble.advance(phases, spans)
         times += made
         found = np.where(spans < _SHORTEST, LEAVES, ELSEWHERE)
         if number % _OFTEN == 0:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find
+from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.core.numeric import Array
 
@@ -76,4 +76,4 @@ def _between(
     low, high = pair
     guesses = low.unknowns[:, None] + shares * (high.unknowns - low.unknowns)[:, None]
     speeds = low.speed + shares * (high.speed - low.speed)
-    return find(section, guesses, Wanted(speeds, is_speed=True))
+    return find_motions(section, guesses, Wanted(speeds, is_speed=True))

@@ -18,7 +18,7 @@ import numpy as np
 
 from linkage_ros.analysis.averaging import Averaged
 from linkage_ros.analysis.boundaries import Boundary, boundaries
-from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find
+from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.core.numeric import Array
 
@@ -26,7 +26,7 @@ END = 'end of the scan'
 _TOGETHER = 20  # motions whose turns are followed at once
 
 
-class Piece(NamedTuple):
+class BranchPiece(NamedTuple):
     """Settled motions without a change of stability or a gap.
 
     Attributes:
@@ -38,7 +38,7 @@ class Piece(NamedTuple):
     stable: bool
 
 
-class State(NamedTuple):
+class SettledState(NamedTuple):
     """A settled motion that a motor keeps up.
 
     Attributes:
@@ -79,18 +79,18 @@ class Branch:
     boundaries: tuple[Boundary, ...]
 
     @property
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[BranchPiece]:
         """The motions of each stretch between boundaries."""
         ends = {boundary.motion for boundary in self.boundaries}
-        pieces: list[Piece] = []
+        pieces: list[BranchPiece] = []
         for stretch in self.stretches:
             low, high = stretch[0].speed, stretch[-1].speed
             inner = {motion for motion in ends if low < motion.speed < high}
-            pieces.append(Piece([], stretch[0].stable))
+            pieces.append(BranchPiece([], stretch[0].stable))
             for motion in sorted((*stretch, *inner), key=lambda motion: motion.speed):
                 pieces[-1].motions.append(motion)
                 if motion in inner:
-                    pieces.append(Piece([motion], not pieces[-1].stable))
+                    pieces.append(BranchPiece([motion], not pieces[-1].stable))
         return pieces
 
     def ranges(self) -> list[Range]:
@@ -113,7 +113,7 @@ class Branch:
         return found
 
 
-def follow(
+def follow_branch(
     section: PoincareMap,
     averaged: Sequence[Sequence[Averaged]],
     progress: Callable[[Iterable[Any], str], Any],
@@ -134,7 +134,7 @@ def follow(
     found: list[PeriodicMotion | None] = []
     for first in progress(range(0, len(flat), _TOGETHER), 'load curve'):
         part = guesses[:, first : first + _TOGETHER]
-        found += find(section, part, Wanted(part[2], is_speed=True))
+        found += find_motions(section, part, Wanted(part[2], is_speed=True))
     _extend(section, guesses, owners, found)
     stretches = [
         tuple(motion for motion, _ in group if motion)
@@ -162,10 +162,10 @@ def _extend(
             if neighbour := found[last]:
                 guess = guesses[:, i] + neighbour.unknowns - guesses[:, last]
                 wanted = Wanted(guesses[2:3, i], is_speed=True)
-                found[i : i + 1] = find(section, guess[:, None], wanted)
+                found[i : i + 1] = find_motions(section, guess[:, None], wanted)
 
 
-def states(section: PoincareMap, branch: Branch, torque: float) -> list[State]:
+def find_states(section: PoincareMap, branch: Branch, torque: float) -> list[SettledState]:
     """The settled motions under a motor.
 
     Args:
@@ -186,9 +186,9 @@ def states(section: PoincareMap, branch: Branch, torque: float) -> list[State]:
     if not guesses:
         return []
     wanted = Wanted(np.full(len(guesses), torque), is_speed=False)
-    found = find(section, np.array(guesses).T, wanted)
+    found = find_motions(section, np.array(guesses).T, wanted)
     return [
-        State(motion, piece)
+        SettledState(motion, piece)
         for motion, (low, high, piece) in zip(found, spans, strict=True)
         if motion and low <= motion.speed <= high
     ]

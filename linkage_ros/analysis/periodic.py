@@ -108,7 +108,9 @@ class Wanted(NamedTuple):
     is_speed: bool
 
 
-def find(section: PoincareMap, guesses: Array, wanted: Wanted) -> list[PeriodicMotion | None]:
+def find_motions(
+    section: PoincareMap, guesses: Array, wanted: Wanted
+) -> list[PeriodicMotion | None]:
     """Finds settled motions.
 
     Args:
@@ -129,7 +131,9 @@ def find(section: PoincareMap, guesses: Array, wanted: Wanted) -> list[PeriodicM
             return [None]
     found: list[PeriodicMotion | None] = []
     for part in (slice(count // 2), slice(count // 2, None)):
-        found += find(section, guesses[:, part], wanted._replace(values=wanted.values[part]))
+        found += find_motions(
+            section, guesses[:, part], wanted._replace(values=wanted.values[part])
+        )
     return found
 
 

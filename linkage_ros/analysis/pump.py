@@ -10,13 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.analysis import branch as branches
 from linkage_ros.analysis.averaging import Averaged, Averaging
 from linkage_ros.analysis.basins import Basins, Neighbourhoods, explore, make_grid, patience
-from linkage_ros.analysis.branch import Branch
+from linkage_ros.analysis.branch import Branch, find_states, follow_branch
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.analysis.runs import Run, follow
+from linkage_ros.analysis.runs import Run, follow_run
 from linkage_ros.analysis.sensitivity import Sensitivity, sensitivities
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
@@ -126,8 +125,8 @@ def analyse(
     section, motor = PoincareMap(mechanism, damping), (torque, damping)
     averaging = Averaging(mechanism)
     averaged = _scan(averaging, motor, speeds, 40 if quick else 90)
-    branch = branches.follow(section, averaged, progress)
-    found = branches.states(section, branch, torque)
+    branch = follow_branch(section, averaged, progress)
+    found = find_states(section, branch, torque)
     states = [state.motion for state in found]
 
     near, top = Neighbourhoods(section, states), max(*speeds, _top(motor, 2 * max(speeds)))
@@ -135,7 +134,7 @@ def analyse(
     basins = explore(mechanism, motor, near, grid, patience(states, _NEAR, top), progress)
     duration = patience(states, 10 * _SETTLED if quick else _SETTLED, top)
     runs = [
-        follow(section.equations, motor, point, duration, name)
+        follow_run(section.equations, motor, point, duration, name)
         for name, point in progress(_starts(mechanism, speeds, states), 'runs')
     ]
     ends = near.locate(np.array([run.phase for run in runs]).T).tolist()

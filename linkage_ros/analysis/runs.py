@@ -62,7 +62,7 @@ class Run(NamedTuple):
         }
 
 
-def follow(
+def follow_run(
     equations: EquationsOfMotion,
     motor: tuple[float, float],
     point: tuple[float, float, float],

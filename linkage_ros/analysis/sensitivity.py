@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from linkage_ros.analysis.branch import Branch, State, states
+from linkage_ros.analysis.branch import Branch, SettledState, find_states
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
 
@@ -36,7 +36,7 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivities(
-    section: PoincareMap, branch: Branch, torque: float, found: Sequence[State]
+    section: PoincareMap, branch: Branch, torque: float, found: Sequence[SettledState]
 ) -> list[Sensitivity]:
     """Finds the stable states again at changed torques.
 
@@ -51,7 +51,7 @@ def sensitivities(
     """
     changed = []
     for change in CHANGES:
-        others = {one.piece: one.motion for one in states(section, branch, torque * change)}
+        others = {one.piece: one.motion for one in find_states(section, branch, torque * change)}
         for number, (nominal, piece) in enumerate(found):
             if nominal.stable:
                 motion = others.get(piece)

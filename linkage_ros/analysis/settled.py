@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find
+from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.pump import require_forwards
 from linkage_ros.core.curves import Period, mean
@@ -52,7 +52,7 @@ def settle(
         if turn % _LOOK:
             continue
         guess = np.vstack((point, [[torque]]))
-        (found,) = find(section, guess, Wanted(np.array([torque]), is_speed=False))
+        (found,) = find_motions(section, guess, Wanted(np.array([torque]), is_speed=False))
         if found and found.stable:
             length, (_, _, now) = mechanism.crank.length, point[:, 0]
             sizes = np.array((length, length * now, now))

@@ -23,7 +23,7 @@ _EDGE = 1e-9  # of the dyad's margins, in squared crank lengths: beyond, it is i
 _FASTEST = 1e6  # rad/s and m/s: nothing that is followed rightly is as fast
 
 
-class Flow:
+class Ensemble:
     """The motions of one pump under its motor."""
 
     def __init__(self, mechanism: WindPump, torque: float, damping: float) -> None:
