@@ -16,7 +16,7 @@ from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import VIEWERS
-from linkage_ros.playback.feed import Piece, cut, feed
+from linkage_ros.playback.feed import Excerpt, cut, feed
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
@@ -32,9 +32,9 @@ _SHOW_SECONDS = 1.0
 
 
 @contextmanager
-def _status(log: LogReader, piece: Piece, pace: Pace) -> Iterator[Show]:
+def _status(log: LogReader, excerpt: Excerpt, pace: Pace) -> Iterator[Show]:
     """A line on stderr: where in the log, at which rate, whether paused; only on a terminal."""
-    end = (min(piece.end, log.end) - log.start) / NS_PER_S
+    end = (min(excerpt.end, log.end) - log.start) / NS_PER_S
     bar = progress_bar(
         total=max(end, 1e-9),
         bar_format='{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s{postfix}',
@@ -125,7 +125,7 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
 
 def _sinks(
     stack: ExitStack, options: argparse.Namespace, of_ros: list[str], log: LogReader,
-    piece: Piece, pace: Pace,
+    excerpt: Excerpt, pace: Pace,
 ) -> list[Sink]:  # fmt: skip
     topics = None
     if not options.no_ros:
@@ -138,7 +138,7 @@ def _sinks(
                     + (', and no --clock' if options.clock is not None else '')
                 ) from error
         else:
-            topics = republishing(_NAME, of_ros, log, piece.topics, pace, options.clock)
+            topics = republishing(_NAME, of_ros, log, excerpt.topics, pace, options.clock)
     # A wrong viewer is said at once, topics wait for listeners; but messages go to topics first.
     views: list[Sink] = []
     if options.viewer:
@@ -159,16 +159,16 @@ def _run(arguments: list[str]) -> int:
                 _NAME, 'the clock was set back during this run: messages are played in the order '
                 'of their log times, which mixes what came before and after',
             )  # fmt: skip
-        piece = cut(log, options.start_offset, options.playback_duration, options.topics)
-        pace = Pace(piece.start, options.rate)
-        sinks = _sinks(stack, options, of_ros, log, piece, pace)
+        excerpt = cut(log, options.start_offset, options.playback_duration, options.topics)
+        pace = Pace(excerpt.start, options.rate)
+        sinks = _sinks(stack, options, of_ros, log, excerpt, pace)
         keyboard = stack.enter_context(Keyboard())
         leave_out_of_collection()
         insist()
         wake_on_time()
         stop.wait(options.delay)
-        items = stack.enter_context(feed(log, piece, loop=options.loop))
-        show = stack.enter_context(_status(log, piece, pace))
+        items = stack.enter_context(feed(log, excerpt, loop=options.loop))
+        show = stack.enter_context(_status(log, excerpt, pace))
         player = Player(pace, keyboard, stop, show)
         count = player.play(items, sinks, paused=options.start_paused)
     print(f'{options.log}: {count} messages replayed')

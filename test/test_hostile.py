@@ -25,7 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_harness import fresh_domain
 
-from linkage_ros.log.differences import differing
+from linkage_ros.log.message_difference import differing
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import _seal, read_motion, write_motion
 from linkage_ros.log.verify import verify

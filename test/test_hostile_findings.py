@@ -24,7 +24,7 @@ from linkage_ros import ConfigurationError, LinkageError, LogError, MotionError
 from linkage_ros.errors import one_line, printable
 from linkage_ros.log import chunks, salvage
 from linkage_ros.log.chunks import LARGEST, unpack
-from linkage_ros.log.differences import differing
+from linkage_ros.log.message_difference import differing
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import MOTION_RECORD, _seal, read_motion, write_motion
 from linkage_ros.log.recover import recover

@@ -17,8 +17,8 @@ from mcap.writer import Writer
 from ros_harness import command
 
 from linkage_ros import LogError
-from linkage_ros.log.differences import differing
 from linkage_ros.log.fields import read_fields
+from linkage_ros.log.message_difference import differing
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,

@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from linkage_ros.log.reader import LogReader
 from linkage_ros.wire.messages import Topic
 
-Column = tuple[str, Topic]  # a channel's name, and its topic
+Pairing = tuple[str, Topic]  # a channel's name, and its topic
 
 
-def paired(log: LogReader, topics: Iterable[Topic]) -> list[Column]:
+def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
     """The channels of a log that carry a machine's topics, whatever they are called.
 
     Of several channels of one type, those that kept their name come first, then the others in

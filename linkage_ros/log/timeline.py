@@ -58,7 +58,7 @@ def _moment(motion: RunMotion) -> int:
 
 
 @dataclass(frozen=True)
-class Piece:
+class MotionPiece:
     """A piece of motion on the grid of ticks, which keeps its count when the clock is stepped.
 
     Attributes:
@@ -91,14 +91,14 @@ class Timeline:
             motions: All pieces, in order; at least one.
         """
         self._machine = machine
-        self._pieces: list[Piece] = []
+        self._pieces: list[MotionPiece] = []
         anchor = motions[0].stamp
         for number, motion in enumerate(motions, 1):
             if motion.before is not None:
                 anchor += motion.stamp - motion.before
             following = motions[number] if number < len(motions) else None
             end = None if following is None else _moment(following)
-            self._pieces.append(Piece(motion, number, anchor, end))
+            self._pieces.append(MotionPiece(motion, number, anchor, end))
         self.piece, self.missed = self._pieces[0], 0
         self.last: int | None = None
         self._tick = -1
@@ -107,7 +107,7 @@ class Timeline:
         """How far a stamp is behind the last tick at or before it, ns; 0 on a tick."""
         return self._late(self.piece, stamp)
 
-    def pieces_at(self, stamp: int) -> Iterator[Piece]:
+    def pieces_at(self, stamp: int) -> Iterator[MotionPiece]:
         """The pieces that the next stamp may lie in, the likeliest first.
 
         It is a tick of theirs, later than the last one. Where clocks overlap because one was set
@@ -125,7 +125,7 @@ class Timeline:
             if not self._late(piece, stamp) and self._tick_of(piece, stamp) > self._tick:
                 yield piece
 
-    def take(self, piece: Piece, stamp: int) -> int:
+    def take(self, piece: MotionPiece, stamp: int) -> int:
         """Goes on to a stamp.
 
         Args:
@@ -149,9 +149,9 @@ class Timeline:
             return f'is no tick of rate_hz = {rate:g}: {late} ns late'
         return 'lies in no piece of motion'
 
-    def _tick_of(self, piece: Piece, stamp: int) -> int:
+    def _tick_of(self, piece: MotionPiece, stamp: int) -> int:
         return self._machine.tick_at(stamp - piece.anchor)
 
-    def _late(self, piece: Piece, stamp: int) -> int:
+    def _late(self, piece: MotionPiece, stamp: int) -> int:
         elapsed = stamp - piece.anchor
         return elapsed - self._machine.elapsed(self._machine.tick_at(elapsed))

@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from linkage_ros.errors import LogError
-from linkage_ros.log.comparison import Comparison, is_stamped
-from linkage_ros.log.differences import differing
-from linkage_ros.log.pairing import Column, paired
+from linkage_ros.log.message_difference import differing
+from linkage_ros.log.pairing import Pairing, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.log.state_comparison import StateComparison, is_stamped
 from linkage_ros.log.timeline import Timeline, check_motions, seconds
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
@@ -65,24 +65,24 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         LogError: The file is damaged, or has states but nothing that explains or dates them.
     """
     machine = Machine(log.configuration)
-    columns = paired(log, machine.topics)
+    pairings = paired(log, machine.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = _check_topics(log, columns, descriptions, machine)
+    difference = _check_topics(log, pairings, descriptions, machine)
     difference = difference or check_motions(machine, log.motions)
     wrong: list[str] = []
     messages = _described(log, descriptions, machine.description, wrong)
     states, missed = 0, 0
     cut: tuple[str, ...] = ()
-    if not difference and _has_states(log, columns):
-        timeline = _timeline(log, machine, columns)
-        comparison = Comparison(machine, columns, timeline, recorded=_is_record(log))
+    if not difference and _has_states(log, pairings):
+        timeline = _timeline(log, machine, pairings)
+        comparison = StateComparison(machine, pairings, timeline, recorded=_is_record(log))
         difference = comparison.run(messages, progress)
         states, cut, missed = comparison.states, comparison.cut, timeline.missed
     elif not difference:
         deque(messages, maxlen=0)
     names = [topic.name for topic in log.topics]
-    known = {*(name for name, _ in columns), *descriptions}
-    carried = [*(topic for _, topic in columns), *[ROBOT_DESCRIPTION][: len(descriptions)]]
+    known = {*(name for name, _ in pairings), *descriptions}
+    carried = [*(topic for _, topic in pairings), *[ROBOT_DESCRIPTION][: len(descriptions)]]
     return Report(
         states,
         tuple(name for name in names if name in known),
@@ -96,7 +96,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
 
 def _check_topics(
     log: LogReader,
-    columns: list[Column],
+    pairings: list[Pairing],
     descriptions: list[str],
     machine: Machine,
 ) -> str:
@@ -106,7 +106,7 @@ def _check_topics(
         known = interfaces.get(channel.type)
         if known and channel.layout != ('cdr', 'ros2msg', known.definition):
             return f'{channel.name}: its schema is not that of {channel.type}'
-    carrying, known_types = dict(columns), {t.interface.name for _, t in columns}
+    carrying, known_types = dict(pairings), {t.interface.name for _, t in pairings}
     kinds = {topic.name: topic.interface.name for topic in machine.topics}
     # What was commanded is logged with what came of it.
     heard = 1 if isinstance(machine.configuration.drive, TorqueDrive) else 0
@@ -122,15 +122,15 @@ def _check_topics(
         if kind != channel.type:
             return f'{channel.name} is of type {channel.type}, not {kind}'
     points = [t.name for t in log.topics if t.type == COUPLER_POINT.interface.name]
-    if points and not any(topic == COUPLER_POINT for _, topic in columns):
+    if points and not any(topic == COUPLER_POINT for _, topic in pairings):
         return f'{points[0]} is logged, but the configuration has no coupler.point'
     counts = {topic.name: topic.messages for topic in log.topics}
     empty = [name for name in descriptions if not counts[name]]
-    return f'{empty[0]} has no message' if empty and _has_states(log, columns) else ''
+    return f'{empty[0]} has no message' if empty and _has_states(log, pairings) else ''
 
 
-def _has_states(log: LogReader, columns: list[Column]) -> bool:
-    names = {name for name, _ in columns}
+def _has_states(log: LogReader, pairings: list[Pairing]) -> bool:
+    names = {name for name, _ in pairings}
     return any(topic.messages for topic in log.topics if topic.name in names)
 
 
@@ -140,8 +140,8 @@ def _is_record(log: LogReader) -> bool:
     return not live and bool(log.motions) and log.motions[0].stamp == 0
 
 
-def _timeline(log: LogReader, machine: Machine, columns: list[Column]) -> Timeline:
-    if not any(is_stamped(topic) for _, topic in columns):
+def _timeline(log: LogReader, machine: Machine, pairings: list[Pairing]) -> Timeline:
+    if not any(is_stamped(topic) for _, topic in pairings):
         raise LogError(f'{log.path} cannot be verified: none of its topics has stamps')
     if not log.motions:
         raise LogError(f'{log.path} cannot be verified: it has states but no motion record')

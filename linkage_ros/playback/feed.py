@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a replay plays: a piece of a log, once or over and over, read ahead of its time."""
+"""What a replay plays: an excerpt of a log, once or over and over, read ahead of its time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BATCH, _BATCHES = 16, 256
 _LOOK = 0.1  # s, within which the reading thread sees that nobody takes its batches any more
 
 
-class Piece(NamedTuple):
+class Excerpt(NamedTuple):
     """A part of a log.
 
     Attributes:
@@ -41,7 +41,7 @@ class Item(NamedTuple):
     """A message to play.
 
     Attributes:
-        time: Log time, ns, later by the length of the piece in each round: it never goes back.
+        time: Log time, ns, later by the length of the excerpt in each round: it never goes back.
         message: As it was logged.
     """
 
@@ -49,8 +49,10 @@ class Item(NamedTuple):
     message: LoggedMessage
 
 
-def cut(log: LogReader, offset: float, duration: float | None, topics: list[str] | None) -> Piece:
-    """The piece of a log that options describe.
+def cut(
+    log: LogReader, offset: float, duration: float | None, topics: list[str] | None
+) -> Excerpt:
+    """The excerpt of a log that options describe.
 
     Args:
         log: The log.
@@ -59,22 +61,22 @@ def cut(log: LogReader, offset: float, duration: float | None, topics: list[str]
         topics: Fully qualified names; None: all.
 
     Returns:
-        The piece.
+        The excerpt.
     """
     start = log.start + round(offset * NS_PER_S)
     end = log.end + round(NS_PER_S / log.configuration.session.rate_hz)
     if duration is not None:
         end = min(end, start + max(1, round(duration * NS_PER_S)))
-    return Piece(start, end, topics or [topic.name for topic in log.topics])
+    return Excerpt(start, end, topics or [topic.name for topic in log.topics])
 
 
 @contextmanager
-def feed(log: LogReader, piece: Piece, *, loop: bool) -> Iterator[Iterator[Item]]:
-    """Reads a piece in a thread of its own.
+def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[Item]]:
+    """Reads an excerpt in a thread of its own.
 
     Args:
         log: The log; only for the feed from here on.
-        piece: What to play of it; latched messages of earlier times come first.
+        excerpt: What to play of it; latched messages of earlier times come first.
         loop: Whether to begin again at its end, for ever.
 
     Yields:
@@ -92,7 +94,7 @@ def feed(log: LogReader, piece: Piece, *, loop: bool) -> Iterator[Iterator[Item]
     def read() -> None:
         try:
             for batch in itertools.takewhile(
-                lambda _: not closed.is_set(), _batches(log, piece, loop=loop)
+                lambda _: not closed.is_set(), _batches(log, excerpt, loop=loop)
             ):
                 put(batch)
             put(None)
@@ -115,11 +117,11 @@ def _taken(batches: queue.Queue[list[Item] | LinkageError | None]) -> Iterator[I
         yield from batch
 
 
-def _batches(log: LogReader, piece: Piece, *, loop: bool) -> Iterator[list[Item]]:
-    yield _latched(log, piece)
+def _batches(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[list[Item]]:
+    yield _latched(log, excerpt)
     for turn in itertools.count():
-        shift = turn * (piece.end - piece.start)
-        messages = log.messages(piece.topics, piece.start, piece.end)
+        shift = turn * (excerpt.end - excerpt.start)
+        messages = log.messages(excerpt.topics, excerpt.start, excerpt.end)
         size = 1  # the first are needed at once
         while batch := [Item(m.time + shift, m) for m in itertools.islice(messages, size)]:
             yield batch
@@ -128,10 +130,10 @@ def _batches(log: LogReader, piece: Piece, *, loop: bool) -> Iterator[list[Item]
             return
 
 
-def _latched(log: LogReader, piece: Piece) -> list[Item]:
-    """What a subscriber of the latched topics would have got by the start of a piece."""
-    names = [topic.name for topic in log.topics if topic.latched and topic.name in piece.topics]
-    if not names or piece.start <= log.start:
+def _latched(log: LogReader, excerpt: Excerpt) -> list[Item]:
+    """What a subscriber of the latched topics would have got by the start of an excerpt."""
+    names = [topic.name for topic in log.topics if topic.latched and topic.name in excerpt.topics]
+    if not names or excerpt.start <= log.start:
         return []
-    last = {message.topic: message for message in log.messages(names, end=piece.start)}
-    return [Item(piece.start, message) for message in last.values()]
+    last = {message.topic: message for message in log.messages(names, end=excerpt.start)}
+    return [Item(excerpt.start, message) for message in last.values()]

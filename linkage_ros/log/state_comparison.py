@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 from linkage_ros.errors import LinkageError
-from linkage_ros.log.differences import differing
-from linkage_ros.log.pairing import Column
+from linkage_ros.log.message_difference import differing
+from linkage_ros.log.pairing import Pairing
 from linkage_ros.log.reader import LoggedMessage
 from linkage_ros.log.recompute import Recomputation
 from linkage_ros.log.timeline import Timeline, seconds
@@ -33,7 +33,7 @@ def is_stamped(topic: Topic) -> bool:
     return topic.interface.definition.startswith('std_msgs/Header header\n')
 
 
-class Comparison:
+class StateComparison:
     """Compares the states of one log.
 
     Attributes:
@@ -42,27 +42,27 @@ class Comparison:
     """
 
     def __init__(
-        self, machine: Machine, columns: list[Column], timeline: Timeline, *, recorded: bool
+        self, machine: Machine, pairings: list[Pairing], timeline: Timeline, *, recorded: bool
     ) -> None:
         """Prepares a comparison.
 
         Args:
             machine: Recomputes the states.
-            columns: Channels, with the topics of the machine that they carry, in its order; at
+            pairings: Channels, with the topics of the machine that they carry, in its order; at
                 least one has stamps.
             timeline: Of the log.
             recorded: Whether every tick has a state, logged at its stamp.
         """
         self.states = 0
         self.cut: tuple[str, ...] = ()
-        self._columns, self._timeline = columns, timeline
+        self._pairings, self._timeline = pairings, timeline
         self._recorded = recorded
-        topics = [topic for _, topic in columns]
+        topics = [topic for _, topic in pairings]
         self._recomputation = Recomputation(machine, topics, recorded=recorded)
-        self._stamped = [i for i, (_, topic) in enumerate(columns) if is_stamped(topic)]
-        self._queues = [deque[LoggedMessage]() for _ in columns]
+        self._stamped = [i for i, (_, topic) in enumerate(pairings) if is_stamped(topic)]
+        self._queues = [deque[LoggedMessage]() for _ in pairings]
         self._by_name = {
-            name: queue for (name, _), queue in zip(columns, self._queues, strict=True)
+            name: queue for (name, _), queue in zip(pairings, self._queues, strict=True)
         }
         self._before: list[bytes] = []
         self._piece = 1
@@ -107,7 +107,7 @@ class Comparison:
         if left != [1] * begun + [0] * (len(left) - begun):
             return self._broken_off()
         if begun:
-            self.cut = tuple(name for name, _ in self._columns[begun:])
+            self.cut = tuple(name for name, _ in self._pairings[begun:])
             if self._stamped[0] < begun:
                 return self._compare(iter(()))
         return ''
@@ -193,38 +193,38 @@ class Comparison:
     def _out_of_line(self, times: list[int]) -> str:
         """Tells which message does not belong to the state of the others: log times differ."""
         time = min(times, key=lambda t: (-times.count(t), t == self._time_before, t))
-        column = next(i for i, other in enumerate(times) if other != time)
+        channel = next(i for i, other in enumerate(times) if other != time)
         nexts = [queue[1].time if len(queue) > 1 else None for queue in self._queues]
         follows = next((nexts[i] for i, other in enumerate(times) if other == time), None)
-        name, wrong = self._columns[column][0], times[column]
+        name, wrong = self._pairings[channel][0], times[channel]
         where = f'state {self.states + 1}, logged at {seconds(time)}'
         if wrong == self._time_before:
             return f'{name} has the message logged at {seconds(wrong)} twice'
         if wrong != follows:
             return f'{name} has the log time {seconds(wrong)} in {where}'
-        if nexts[column] == time:
+        if nexts[channel] == time:
             return f'{name} has two messages swapped: in {where}, and the next'
         return f'{name} has no message in {where}'
 
     def _unequal(self, stamp: int, expected: list[bytes]) -> str:
         """Tells what is wrong with the first message that differs; its log time is right."""
         pairs = enumerate(zip(self._queues, expected, strict=False))
-        column = next(i for i, (queue, data) in pairs if queue[0].data != data)
-        (name, topic), queue = self._columns[column], self._queues[column]
+        channel = next(i for i, (queue, data) in pairs if queue[0].data != data)
+        (name, topic), queue = self._pairings[channel], self._queues[channel]
         where = f'state {self.states + 1}, stamp {seconds(stamp)}'
-        if queue[0].data == self._next_expected(stamp, column):
-            if len(queue) > 1 and queue[1].data == expected[column]:
+        if queue[0].data == self._next_expected(stamp, channel):
+            if len(queue) > 1 and queue[1].data == expected[channel]:
                 return f'{name} has two messages swapped: of {where}, and the next'
             return f'{name} has no message of {where}: the next one is in its place'
-        if self._before and queue[0].data == self._before[column]:
+        if self._before and queue[0].data == self._before[channel]:
             return f'{name} has in {where} the message of the state before again'
-        words = differing(topic.interface, queue[0].data, expected[column])
+        words = differing(topic.interface, queue[0].data, expected[channel])
         return f'{name}: {words}; {where}, in piece of motion {self._piece}'
 
     def _next_expected(self, stamp: int, place: int) -> bytes | None:
         """The message of the next state, if the log tells when that is and what it was."""
-        for column in self._stamped:
-            queue = self._queues[column]
+        for channel in self._stamped:
+            queue = self._queues[channel]
             if len(queue) < 2:
                 continue
             this, following = (stamp_of(queue[i].data) for i in range(2))
@@ -240,4 +240,4 @@ class Comparison:
         fewest = min(range(len(self._queues)), key=lambda i: len(self._queues[i]))
         heads = [self._queues[i][0].data for i in self._stamped if self._queues[i]]
         where = f', stamp {seconds(stamp_of(heads[0]))}' if heads else ''
-        return f'{self._columns[fewest][0]} has no message in state {self.states + 1}{where}'
+        return f'{self._pairings[fewest][0]} has no message in state {self.states + 1}{where}'
