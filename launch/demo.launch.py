@@ -12,7 +12,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from linkage_ros.parameters.configuration import find, load
+from linkage_ros.parameters.configuration import find_file, load
 from linkage_ros.wire.urdf import make_urdf
 
 
@@ -28,7 +28,7 @@ def start(context: LaunchContext) -> list[Node]:
         Node(
             package='linkage_ros',
             executable='linkage_node',
-            parameters=[str(find(params)), given] if given else [str(find(params))],
+            parameters=[str(find_file(params)), given] if given else [str(find_file(params))],
             output='screen',
         ),
         Node(

@@ -12,7 +12,7 @@ from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import Drive, Motor, TorqueDrive
-from linkage_ros.parameters.configuration import find, load
+from linkage_ros.parameters.configuration import find_file, load
 from linkage_ros.units import radians_per_second
 
 
@@ -30,7 +30,7 @@ def motion(options: argparse.Namespace) -> None:
     for flag, value in (('--rpm', options.rpm or 0.0), ('--acceleration', options.acceleration)):
         if not abs(value) <= 1e9:
             raise ConfigurationError(f'{flag} {value:g}: must be a number from -1e+09 to 1e+09')
-    configuration, name = load(options.params), find(options.params).stem
+    configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
     if isinstance(mechanism, WindPump):
         period, words = _settled(options, mechanism, configuration.drive)

@@ -18,7 +18,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.methods.motions import Machines
 from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.parameters.configuration import find, load
+from linkage_ros.parameters.configuration import find_file, load
 from linkage_ros.parameters.presets import preset_names
 
 _NAME = 'linkage_chart'
@@ -43,9 +43,9 @@ def accuracy(options: argparse.Namespace) -> None:
     with libraries():
         from linkage_ros.charts.accuracy import draw_accuracy
         from linkage_ros.charts.integration import draw_integration
-        from linkage_ros.methods.accuracy import measure, tasks
+        from linkage_ros.methods.accuracy import measure_accuracy, tasks
         from linkage_ros.methods.measure import Bench
-        from linkage_ros.methods.motion_accuracy import measure_motions
+        from linkage_ros.methods.motion_accuracy import measure_motion_accuracy
         from linkage_ros.methods.table import integrators
     quadrilateral, slider_crank = (_preset(name) for name in ('quadrilateral', 'slider_crank'))
     with folder(options.out):
@@ -53,9 +53,11 @@ def accuracy(options: argparse.Namespace) -> None:
             name: Bench(task, 120 if options.quick else 360)
             for name, task in tasks(quadrilateral, slider_crank).items()
         }
-        points = measure(benches, quick=options.quick, progress=progress)
+        points = measure_accuracy(benches, quick=options.quick, progress=progress)
         methods = integrators(AdaptiveSteps)
-        moved = measure_motions(methods, _machines(), quick=options.quick, progress=progress)
+        moved = measure_motion_accuracy(
+            methods, _machines(), quick=options.quick, progress=progress
+        )
         on = ', '.join(f'{name} {value}' for name, value in about().items())
         save(options.out / 'accuracy.json', [point.record() for point in (*points, *moved)])
         for name in benches:
@@ -80,15 +82,15 @@ def stability(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.stability import draw_stability
-        from linkage_ros.methods.motion_stability import measure_motions
+        from linkage_ros.methods.motion_stability import measure_motion_stability
         from linkage_ros.methods.situations import SITUATIONS
-        from linkage_ros.methods.stability import measure
+        from linkage_ros.methods.stability import measure_stability
         from linkage_ros.methods.table import integrators
     with folder(options.out):
         cases = 6 if options.quick else 30
-        cells = measure(SITUATIONS, cases=cases, progress=progress)
+        cells = measure_stability(SITUATIONS, cases=cases, progress=progress)
         methods = integrators(AdaptiveSteps)
-        moved = measure_motions(methods, _machines(), cases=cases, progress=progress)
+        moved = measure_motion_stability(methods, _machines(), cases=cases, progress=progress)
         save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
         title = (
             f'What comes of each method in each situation: the worst of {cases} cases, '
@@ -125,7 +127,7 @@ def pump(options: argparse.Namespace) -> None:
     if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
         raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
     torque, damping = drive.motor.torque, drive.motor.damping
-    name = find(options.params).stem
+    name = find_file(options.params).stem
     title = f'{name}: motor {torque:g} N m - {damping:g} N m s x crank speed'
     picture = options.out / f'{name}_settled.png'
     with folder(options.out):

@@ -19,7 +19,7 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.motion.torque_driven import RunMotion
-from linkage_ros.parameters.configuration import Configuration, configure, find, preset_note
+from linkage_ros.parameters.configuration import Configuration, configure, find_file, preset_note
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.progress import progress_bar
@@ -202,7 +202,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _record(options: argparse.Namespace) -> int:
     stop = cli.Stop()
-    values = read_parameter_file(find(options.params))
+    values = read_parameter_file(find_file(options.params))
     configuration = configure(values)
     if options.rate is not None:
         session = replace(configuration.session, rate_hz=options.rate)

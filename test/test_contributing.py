@@ -102,10 +102,10 @@ accuracy.METHODS = (table.METHODS[0], two)  # of all, these alone
 linkages = (load(name).mechanism for name in ('quadrilateral', 'slider_crank'))
 benches = {name: Bench(task, 24) for name, task in accuracy.tasks(*linkages).items()}
 plain = lambda what, _: what
-points = accuracy.measure(benches, quick=True, progress=plain)
+points = accuracy.measure_accuracy(benches, quick=True, progress=plain)
 draw_accuracy([p for p in points if p.mechanism == 'quadrilateral'], 'it', 'it.png')
 some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
-cells = stability.measure(some, cases=2, progress=plain, methods=accuracy.METHODS[1:])
+cells = stability.measure_stability(some, cases=2, progress=plain, methods=accuracy.METHODS[1:])
 print(json.dumps([[p.record() for p in points], [c.record() for c in cells]]))
 """
 

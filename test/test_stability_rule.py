@@ -16,7 +16,7 @@ from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, Chain
 from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.linkages import other_assembly
 from linkage_ros.methods.motion_situations import LOOP, MOTION_SITUATIONS, MotionCase
-from linkage_ros.methods.motion_stability import measure_motions
+from linkage_ros.methods.motion_stability import measure_motion_stability
 from linkage_ros.methods.motions import Machines
 from linkage_ros.methods.positions import factored
 from linkage_ros.methods.reference import Reference
@@ -27,7 +27,7 @@ from linkage_ros.methods.stability import (
     REFUSED,
     RIGHT,
     WRONG_BRANCH,
-    measure,
+    measure_stability,
 )
 from linkage_ros.methods.table import (
     MOTION,
@@ -79,7 +79,7 @@ def planted(locate, stage=POSITION, modes=(ONE,)):
 
 
 def outcome(locate, situation='ordinary', **options):
-    (cell,) = measure(
+    (cell,) = measure_stability(
         [BY_NAME[situation]], cases=2, progress=plain, methods=(planted(locate, **options),)
     )
     return cell.outcome, cell.worst_error
@@ -215,9 +215,9 @@ def test_states_exist_where_situations_say_so(situation):
 class Planted(Follower):
     """The default but for what is planted from a time on."""
 
-    def __init__(self, run, since, fault):
-        super().__init__(run)
-        self.right = INTEGRATORS[1].make(run, {})
+    def __init__(self, task, since, fault):
+        super().__init__(task)
+        self.right = INTEGRATORS[1].make(task, {})
         self.since, self.fault = since, fault
 
     def _advance(self, time):
@@ -227,11 +227,13 @@ class Planted(Follower):
 
 
 def motion_outcome(fault, situation='change point under a torque', since=1.0):
-    method = Integrator('planted', MOTION, '', '', lambda run, _: Planted(run, since, fault))
+    method = Integrator('planted', MOTION, '', '', lambda task, _: Planted(task, since, fault))
     chosen = MOTIONS[situation]
     if case := QUICK.get(chosen.generate.__name__):
         chosen = replace(chosen, generate=lambda *_: iter([case]))
-    (cell,) = measure_motions([method], MACHINES, cases=1, progress=plain, situations=(chosen,))
+    (cell,) = measure_motion_stability(
+        [method], MACHINES, cases=1, progress=plain, situations=(chosen,)
+    )
     return cell.outcome, cell.worst_error
 
 
@@ -325,7 +327,7 @@ def test_a_programming_error_in_an_integrator_is_no_outcome():
 )
 def test_motions_are_the_same_every_time(situation):
     cases, again = situation.cases(MACHINES, 1), situation.cases(MACHINES, 1)
-    assert [case.run for case in cases] == [case.run for case in again]
+    assert [case.task for case in cases] == [case.task for case in again]
     assert [list(case.times) for case in cases] == [list(case.times) for case in again]
     assert situation.words
     for case in cases:

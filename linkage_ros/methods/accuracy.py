@@ -108,7 +108,7 @@ def make_task(mechanism: Linkage) -> Task:
     return Task(mechanism, speed=5 * math.pi, acceleration=20.0, guess=guess)
 
 
-def measure(
+def measure_accuracy(
     benches: dict[str, Bench], *, quick: bool, progress: Callable[[Iterable[Any], str], Any]
 ) -> list[Point]:
     """Measures all points.

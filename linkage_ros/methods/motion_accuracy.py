@@ -45,7 +45,7 @@ class _Job:
     def follow(self) -> None:
         """The whole motion; it has no phases where the method fails."""
         try:
-            follower = self.method.make(self.bench.run, self.setting)
+            follower = self.method.make(self.bench.task, self.setting)
             start = time.perf_counter()
             self.phases = [follower.at(moment) for moment in self.bench.times]
             self.seconds = min(self.seconds, time.perf_counter() - start)
@@ -94,7 +94,7 @@ def trials(machines: Machines, *, quick: bool) -> dict[str, Trials]:
     }
 
 
-def measure_motions(
+def measure_motion_accuracy(
     methods: Sequence[Integrator],
     machines: Machines,
     *,
@@ -142,7 +142,7 @@ def _ticking(point: Point, job: _Job, *, quick: bool) -> Point:
     fastest = [math.inf] * ticks
     try:
         for _ in range(rounds):
-            follower = job.method.make(job.bench.run, job.setting)
+            follower = job.method.make(job.bench.task, job.setting)
             fastest = list(map(min, fastest, _ticks(follower, ticks)))
         slowest = max(fastest) * 1e6
     except (LinkageError, *FAILURES):

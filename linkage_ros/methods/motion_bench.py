@@ -11,7 +11,7 @@ from functools import cached_property
 
 from linkage_ros.core.simulation import Phase
 from linkage_ros.methods.motion_reference import MotionReference
-from linkage_ros.methods.motions import Run
+from linkage_ros.methods.motions import MotionTask
 
 ASKED = 0.05  # s between two states that are compared
 
@@ -20,36 +20,39 @@ class MotionBench:
     """One motion, and its true phases.
 
     Attributes:
-        run: The motion.
+        task: The motion.
         times: At which states are compared, s.
     """
 
     def __init__(
-        self, run: Run, times: Sequence[float], formula: Callable[[float], Phase] | None = None
+        self,
+        task: MotionTask,
+        times: Sequence[float],
+        formula: Callable[[float], Phase] | None = None,
     ) -> None:
         """Prepares it.
 
         Args:
-            run: The motion.
+            task: The motion.
             times: At which states are compared, s.
             formula: The motion in closed form; None: it is followed in many digits.
         """
-        self.run, self.times, self._formula = run, tuple(times), formula
-        self._kinetic, potential = run.energy(run.start)
+        self.task, self.times, self._formula = task, tuple(times), formula
+        self._kinetic, potential = task.energy(task.start)
         self._energy = self._kinetic + potential
 
     @cached_property
     def _exact(self) -> list[tuple[Decimal, ...]]:
         if self._formula:
             return [tuple(map(Decimal, self._formula(time))) for time in self.times]
-        reference = MotionReference(self.run)
+        reference = MotionReference(self.task)
         return [reference.at(time) for time in self.times]
 
     @cached_property
     def _sizes(self) -> Phase:
-        rates = zip(*(state[self.run.count :] for state in self._exact), strict=True)
+        rates = zip(*(state[self.task.count :] for state in self._exact), strict=True)
         largest = (float(max(map(abs, rate))) for rate in rates)
-        return (*self.run.motion.units[: self.run.count], *largest)
+        return (*self.task.motion.units[: self.task.count], *largest)
 
     def error(self, index: int, phase: Phase) -> float:
         """How far a phase is from the true one.
@@ -78,7 +81,7 @@ class MotionBench:
         """
         if not all(map(math.isfinite, phase)):
             return math.inf
-        return abs(sum(self.run.energy(phase)) - self._energy) / self._kinetic
+        return abs(sum(self.task.energy(phase)) - self._energy) / self._kinetic
 
 
 def even(seconds: float) -> list[float]:

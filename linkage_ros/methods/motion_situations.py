@@ -17,7 +17,7 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.methods.linkages import Random, four_bar, limited
 from linkage_ros.methods.motion_bench import even
 from linkage_ros.methods.motion_reference import MotionReference
-from linkage_ros.methods.motions import Machines, Run
+from linkage_ros.methods.motions import Machines, MotionTask
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'
 _SEED = 20_261_122
@@ -28,13 +28,13 @@ class MotionCase(NamedTuple):
     """One motion in a situation.
 
     Attributes:
-        run: The motion.
+        task: The motion.
         times: At which it is asked for, in turn, s.
         end: When its coordinates end, s; None: they do not.
         formula: The motion in closed form; None: there is none.
     """
 
-    run: Run
+    task: MotionTask
     times: Sequence[float]
     end: float | None = None
     formula: Callable[[float], Phase] | None = None
@@ -86,7 +86,7 @@ def _swing(_: Machines, random: Random, count: int) -> Iterator[MotionCase]:
         first, height, last = (equations.energy((place,), (0.0,))[1] for place in places)
         if height < min(first, last) - 1.0:
             found += 1
-            yield MotionCase(Run(mechanism, (places[1], 0.0)), even(3.0))
+            yield MotionCase(MotionTask(mechanism, (places[1], 0.0)), even(3.0))
 
 
 def _change_point(_: Machines, random: Random, count: int) -> Iterator[MotionCase]:
@@ -95,9 +95,9 @@ def _change_point(_: Machines, random: Random, count: int) -> Iterator[MotionCas
         # The coupler does not turn, so that without weights nothing depends on the crank angle.
         mechanism = replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
         angle, speed, torque = (float(k) for k in random.uniform((-2, 1, 0.1), (-1, 3, 0.2)))
-        run = Run(mechanism, (angle, speed), torque)
-        ((inertia,),) = run.motion.equations.matrix((1.0,))
-        yield MotionCase(run, even(4.0), formula=_speeding_up(run.start, torque / inertia))
+        task = MotionTask(mechanism, (angle, speed), torque)
+        ((inertia,),) = task.motion.equations.matrix((1.0,))
+        yield MotionCase(task, even(4.0), formula=_speeding_up(task.start, torque / inertia))
 
 
 def _speeding_up(start: Phase, acceleration: float) -> Callable[[float], Phase]:
@@ -112,16 +112,18 @@ def _stretched(machines: Machines, random: Random, count: int) -> Iterator[Motio
         if found % 4 == 3:
             mechanism = limited(random)
             start, end = Solver(mechanism).mobility.arcs[0]
-            run = Run(mechanism, ((start + end) / 2, float(random.uniform(3, 6)) * (end - start)))
+            task = MotionTask(
+                mechanism, ((start + end) / 2, float(random.uniform(3, 6)) * (end - start))
+            )
         else:
             own = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
-            run = machines.driven(2.0, velocities[found] if found < 3 else own)
-        end_time = MotionReference(run).end(0.5)
+            task = machines.driven(2.0, velocities[found] if found < 3 else own)
+        end_time = MotionReference(task).end(0.5)
         if end_time is not None:
             found += 1
             before = np.linspace(0.0, end_time - _BESIDE, 9)[1:]
             after = end_time + _BESIDE * np.array([1.0, 3.0, 10.0, 30.0])
-            yield MotionCase(run, [*before.tolist(), *after.tolist()], end_time)
+            yield MotionCase(task, [*before.tolist(), *after.tolist()], end_time)
 
 
 def _long(machines: Machines, _: Random, count: int) -> Iterator[MotionCase]:

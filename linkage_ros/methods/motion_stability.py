@@ -56,7 +56,7 @@ class _Followed(NamedTuple):
     told: float = math.nan
 
 
-def measure_motions(
+def measure_motion_stability(
     methods: Sequence[Integrator],
     machines: Machines,
     *,
@@ -80,7 +80,7 @@ def measure_motions(
     groups = [list(group) for _, group in itertools.groupby(situations, key=lambda s: s.generate)]
     for group in progress(groups, 'motions'):
         found = group[0].cases(machines, cases)
-        benches = [MotionBench(case.run, case.times, case.formula) for case in found]
+        benches = [MotionBench(case.task, case.times, case.formula) for case in found]
         for situation, method, followed in _every(group, methods, found):
             judged = [
                 _judge(situation, *parts) for parts in zip(found, benches, followed, strict=True)
@@ -106,7 +106,7 @@ def _follow(method: Integrator, case: MotionCase) -> _Followed:
     gaps: list[float] = []
     try:
         with np.errstate(all='ignore'):
-            follower = method.make(case.run, method.steady or method.settings[0])
+            follower = method.make(case.task, method.steady or method.settings[0])
             for time in case.times:
                 phase = follower.at(time)
                 if not all(map(math.isfinite, phase)):
@@ -146,5 +146,5 @@ def _error(judged: str, bench: MotionBench, followed: _Followed, index: int) -> 
     if judged == ENERGY:
         return bench.drift(followed.phases[index])
     if judged == LOOP:
-        return followed.gaps[index] / bench.run.mechanism.crank.length
+        return followed.gaps[index] / bench.task.mechanism.crank.length
     return bench.error(index, followed.phases[index])

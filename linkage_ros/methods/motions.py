@@ -14,8 +14,8 @@ from linkage_ros.core.simulation import Motion, Phase
 
 
 @dataclass(frozen=True)
-class Run:
-    """A motion: coordinates are the crank angle and, of a wind pump, the slider's position.
+class MotionTask:
+    """A motion to follow, in the crank angle and, of a wind pump, the slider's position.
 
     Attributes:
         mechanism: What moves.
@@ -89,7 +89,7 @@ class Machines(NamedTuple):
             raise TypeError('a four-bar and a wind pump')
         return cls(quadrilateral, pump, torque, damping)
 
-    def driven(self, speed: float, velocity: float = 0.0) -> Run:
+    def driven(self, speed: float, velocity: float = 0.0) -> MotionTask:
         """The pump with its motor and its water.
 
         Args:
@@ -100,9 +100,9 @@ class Machines(NamedTuple):
             The motion.
         """
         start = 0.0, self.pump.slider.position, speed, velocity
-        return Run(self.pump, start, self.torque, self.damping)
+        return MotionTask(self.pump, start, self.torque, self.damping)
 
-    def freed(self, speed: float) -> Run:
+    def freed(self, speed: float) -> MotionTask:
         """The pump without motor and water, which keeps its energy.
 
         Args:
@@ -112,9 +112,9 @@ class Machines(NamedTuple):
             The motion.
         """
         pump = replace(self.pump, slider=replace(self.pump.slider, damping=0.0))
-        return Run(pump, (0.0, pump.slider.position, speed, 0.0))
+        return MotionTask(pump, (0.0, pump.slider.position, speed, 0.0))
 
-    def coasting(self, speed: float) -> Run:
+    def coasting(self, speed: float) -> MotionTask:
         """The quadrilateral without a motor, which keeps its energy.
 
         Args:
@@ -123,4 +123,4 @@ class Machines(NamedTuple):
         Returns:
             The motion.
         """
-        return Run(self.quadrilateral, (0.0, speed))
+        return MotionTask(self.quadrilateral, (0.0, speed))

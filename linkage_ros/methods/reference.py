@@ -27,8 +27,8 @@ _ASIDE = '1e-60'
 # Where the sine of the transmission angle is smaller, the mean of two states is taken.
 _STRAIGHT = '1e-25'
 _MANY_TURNS = 1e30  # rad; no angle
-Number = Any  # an mpf or mpc; mpmath has no types
-_Values = tuple[Number, ...]
+_Number = Any  # an mpf or mpc; mpmath has no types
+_Values = tuple[_Number, ...]
 
 
 class Exact(NamedTuple):
@@ -70,7 +70,7 @@ class Reference:
         self._side = 1 if mechanism.assembly == OPEN else -1
 
     @staticmethod
-    def difference(value: float, exact: Number, *, is_angle: bool) -> float:
+    def difference(value: float, exact: _Number, *, is_angle: bool) -> float:
         """What a double lacks, all digits of the exact value counted; angles without turns."""
         with mp.workdps(_DIGITS):
             apart = mp.mpf(value) - exact
@@ -109,7 +109,7 @@ class Reference:
             ]
             return Exact(*(_mean(*values) for values in zip(*states, strict=True)))
 
-    def _locate(self, crank: Number) -> tuple[Number, Number, Number] | None:
+    def _locate(self, crank: _Number) -> tuple[_Number, _Number, _Number] | None:
         """Coupler and output as complex numbers, and the sine of the transmission angle."""
         if isinstance(self._mechanism, FourBar):
             r, b, c, d = (_number(x) for x in self._lengths)
@@ -141,8 +141,8 @@ class Reference:
         return mp.mpc(x, y) * turn, (r * mp.cos(theta) + x) * turn, x / b
 
     def _height(
-        self, p: Number, q: Number, folds: tuple[bool, bool], theta: Number
-    ) -> Number | None:
+        self, p: _Number, q: _Number, folds: tuple[bool, bool], theta: _Number
+    ) -> _Number | None:
         """The root of p q with the sign of the assembly, which alternates at change points."""
         if p < 0 or q < 0:
             # At an exact change point rounding may leave less than nothing.
@@ -156,7 +156,7 @@ class Reference:
             sign = -sign
         return sign * mp.sqrt(p) * mp.sqrt(q)
 
-    def _differentiate(self, crank: Number, coupler: Number, output: Number) -> Exact:
+    def _differentiate(self, crank: _Number, coupler: _Number, output: _Number) -> Exact:
         speed, change = mp.mpf(self._task.speed), mp.mpf(self._task.acceleration)
         arm = _number(self._lengths[0]) * mp.expj(crank)
         guide = mp.expj(mp.mpf(self._mechanism.frame.angle))
@@ -176,7 +176,7 @@ class Reference:
 
     def _torque(
         self, position: _Values, ratios: _Values, rates: _Values, changes: _Values
-    ) -> Number:
+    ) -> _Number:
         """What the powers of all bodies need per speed of the crank."""
         gravity = mp.mpc(*self._mechanism.gravity)
         directions = [mp.expj(angle) for angle in position]
@@ -196,7 +196,7 @@ class Reference:
             power += push * ratios[2]
         return power
 
-    def _weights(self, weights: tuple[complex, ...]) -> list[Number]:
+    def _weights(self, weights: tuple[complex, ...]) -> list[_Number]:
         """Weights of a point, the crank's length in the meant digits."""
         others = weights[1:]
         if any(others[:1]):
@@ -204,7 +204,7 @@ class Reference:
         return [mp.mpc(weight) for weight in weights]
 
 
-def _solve(first: Number, second: Number, right: Number) -> tuple[Number, Number]:
+def _solve(first: _Number, second: _Number, right: _Number) -> tuple[_Number, _Number]:
     """The factors x and y with x * first + y * second = right, all of them vectors."""
     determinant = (first.conjugate() * second).imag
     return (
@@ -221,5 +221,5 @@ def _mean(a: _Values, b: _Values) -> _Values:
     )
 
 
-def _number(length: Fraction) -> Number:
+def _number(length: Fraction) -> _Number:
     return mp.mpf(length.numerator) / length.denominator

@@ -77,7 +77,7 @@ class _Trial:
         return DIVERGED, error
 
 
-def measure(
+def measure_stability(
     situations: Iterable[Situation],
     *,
     cases: int,

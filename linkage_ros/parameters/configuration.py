@@ -220,7 +220,7 @@ def _unknown(name: str, kind: Kind, valid: list[str]) -> str:
     return f'{shown(name)} is not a parameter of {given}{hint} Valid names: {known}'
 
 
-def find(source: str) -> Path:
+def find_file(source: str) -> Path:
     """The parameter file that a path or the name of a preset stands for.
 
     Args:
@@ -245,7 +245,7 @@ def load(source: str) -> Configuration:
     Raises:
         ConfigurationError: There is no such file or preset, or it cannot be used.
     """
-    return configure(read_parameter_file(find(source)))
+    return configure(read_parameter_file(find_file(source)))
 
 
 def to_strings(configuration: Configuration) -> dict[str, str]:
