@@ -16,8 +16,17 @@ from oracle_slider import SliderOracle
 from linkage_ros import FourBar, Solver, UnreachableError
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods import linkages, reference, table
-from linkage_ros.methods.accuracy import NEAR, RIGHT, Point, make_task, mark_fronts, tasks
-from linkage_ros.methods.chain import BATCH, FUNCTIONS, ONE, OWN, QUANTITIES, STATE, Task
+from linkage_ros.methods.accuracy import NEAR, RIGHT, Point, mark_fronts, tasks
+from linkage_ros.methods.chain import (
+    BATCH,
+    FUNCTIONS,
+    ONE,
+    OWN,
+    QUANTITIES,
+    STATE,
+    Task,
+    make_task,
+)
 from linkage_ros.methods.iteration import CAP, NewtonRaphson
 from linkage_ros.methods.loop import Loop
 from linkage_ros.methods.measure import Bench, time_pass
@@ -62,21 +71,21 @@ def assert_same(task, crank, lengths=None):
 def test_the_reference_agrees_with_an_oracle_of_another_hand(seed):
     random = np.random.default_rng(seed)
     mechanism = linkages.turning(random)
-    task = Task(mechanism, 3.0, -7.0, (0.0, 0.0))
+    task = Task(mechanism, (0.0, 0.0), 3.0, -7.0)
     for crank in (*random.uniform(-7, 7, 6).tolist(), 1e4 + 0.3):
         assert_same(task, crank)
 
 
 @pytest.mark.parametrize('seed', range(6))
 def test_the_reference_is_the_limit_at_change_points_and_beside_them(seed):
-    task = Task(linkages.dyadic(np.random.default_rng(seed)), 3.0, -7.0, (0.0, 0.0))
+    task = Task(linkages.dyadic(np.random.default_rng(seed)), (0.0, 0.0), 3.0, -7.0)
     for crank in (0.0, 1e-300, -1e-18, 1e-9, 3.0, 4.0, 7.0, 10.0):
         assert_same(task, crank)
 
 
 def test_the_reference_takes_lengths_as_they_are_meant():
     texts = ('0.1', '0.3', '0.4', '0.2')
-    task = Task(linkages.four_bar(tuple(map(float, texts))), 3.0, -7.0, (0.0, 0.0))
+    task = Task(linkages.four_bar(tuple(map(float, texts))), (0.0, 0.0), 3.0, -7.0)
     for crank in (1e-6, 2.0, 4.0, 8.0):
         assert_same(task, crank, texts)
 
@@ -104,7 +113,7 @@ def test_the_reference_has_a_hundred_digits_left(name, monkeypatch):
 def test_the_reference_refuses_where_no_state_exists():
     mechanism = linkages.limited(np.random.default_rng(1))
     start, end = Solver(mechanism).mobility.arcs[0]
-    reference = Reference(Task(mechanism, 1.0, 0.0, (0.0, 0.0)))
+    reference = Reference(Task(mechanism, (0.0, 0.0), 1.0, 0.0))
     reference.state((start + end) / 2)
     with pytest.raises(UnreachableError):
         reference.state(end + 0.01)
@@ -293,7 +302,7 @@ def test_a_record_has_no_infinity():
 
 
 def test_errors_are_seen():
-    bench = Bench(make_task(PRESETS['quadrilateral']), 12)
+    bench = Bench(make_task(PRESETS['quadrilateral'], 0.1), 12)
     crank = float(bench.cranks[3])
     rate = [float(x) for x in bench.exact(crank).rate]
     assert bench.error('rate', crank, rate) < EPSILON

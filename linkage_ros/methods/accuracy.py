@@ -13,8 +13,7 @@ import numpy as np
 
 from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.numeric import Array
-from linkage_ros.core.solver import Solver
-from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task
+from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task, make_task
 from linkage_ros.methods.measure import Bench, time_pass
 from linkage_ros.methods.table import METHODS, Method, label
 
@@ -90,22 +89,7 @@ def tasks(quadrilateral: Linkage, slider_crank: Linkage) -> dict[str, Task]:
         rocker=replace(q.rocker, length=0.5),
     )
     named = {'quadrilateral': q, 'slider_crank': slider_crank, NEAR: kite}
-    return {name: make_task(mechanism) for name, mechanism in named.items()}
-
-
-def make_task(mechanism: Linkage) -> Task:
-    """A task at 150 rpm, speeding up.
-
-    Args:
-        mechanism: The linkage.
-
-    Returns:
-        The task; its first guess is the position at 0.1 rad as read off a drawing, to 0.1 rad
-        or m.
-    """
-    position = Solver(mechanism).state(0.1).position
-    guess = round(position[1], 1), round(position[2], 1)
-    return Task(mechanism, speed=5 * math.pi, acceleration=20.0, guess=guess)
+    return {name: make_task(mechanism, 0.1) for name, mechanism in named.items()}
 
 
 def measure_accuracy(

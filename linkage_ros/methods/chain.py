@@ -9,6 +9,7 @@ torque is by virtual power. So every method has a point in each chart that its s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -40,15 +41,29 @@ class Task:
 
     Attributes:
         mechanism: The linkage.
-        speed: Crank speed, rad/s.
-        acceleration: Crank acceleration, rad/s^2.
         guess: Coupler's direction and output from which an iteration begins.
+        speed: Crank speed, rad/s; by default 150 rpm.
+        acceleration: Crank acceleration, rad/s^2.
     """
 
     mechanism: Linkage
-    speed: float
-    acceleration: float
     guess: tuple[float, float]
+    speed: float = 5 * math.pi
+    acceleration: float = 20.0
+
+
+def make_task(mechanism: Linkage, crank: float) -> Task:
+    """A task whose first guess is a position as read off a drawing, to 0.1 rad or m.
+
+    Args:
+        mechanism: The linkage.
+        crank: Where that is, crank angle, rad.
+
+    Returns:
+        The task.
+    """
+    position = Solver(mechanism).state(crank).position
+    return Task(mechanism, (round(position[1], 1), round(position[2], 1)))
 
 
 class Chain(NamedTuple):

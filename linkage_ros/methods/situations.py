@@ -17,7 +17,7 @@ import numpy as np
 
 from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.solver import Solver
-from linkage_ros.methods.chain import Task
+from linkage_ros.methods.chain import Task, make_task
 from linkage_ros.methods.linkages import (
     Random,
     any_assembly,
@@ -30,7 +30,6 @@ from linkage_ros.methods.linkages import (
 )
 
 _SEED = 20_261_121
-_SPEED, _ACCELERATION = 5 * math.pi, 20.0
 
 
 class Case(NamedTuple):
@@ -72,10 +71,8 @@ class Situation:
 def _case(
     mechanism: Linkage, cranks: tuple[float, ...], lengths: tuple[str, ...] | None = None
 ) -> Case:
-    """The first guess is the state at the first angle, read off a drawing to 0.1 rad."""
-    position = Solver(mechanism).state(cranks[0]).position
-    guess = round(position[1], 1), round(position[2], 1)
-    return Case(Task(mechanism, _SPEED, _ACCELERATION, guess), cranks, lengths)
+    """The first guess is read off at the first angle."""
+    return Case(make_task(mechanism, cranks[0]), cranks, lengths)
 
 
 def _turn(steps: int = 48, turns: int = 1) -> tuple[float, ...]:
@@ -135,8 +132,7 @@ def _no_assembly(random: Random, count: int) -> Iterator[Case]:
         start, end = Solver(mechanism).mobility.arcs[0]
         beyond = tuple(float(end + x) for x in random.uniform(0.01, 0.9, 8) * 0.1)
         position = Solver(mechanism).state((start + end) / 2).position
-        guess = position[1], position[2]
-        yield Case(Task(mechanism, _SPEED, _ACCELERATION, guess), beyond)
+        yield Case(Task(mechanism, (position[1], position[2])), beyond)
 
 
 def _denominator(random: Random, count: int) -> Iterator[Case]:
@@ -177,8 +173,7 @@ def _wrong_guess(random: Random, count: int) -> Iterator[Case]:
         other = other_assembly(mechanism)
         cranks = _turn()
         position = Solver(other).state(cranks[0]).position
-        task = Task(mechanism, _SPEED, _ACCELERATION, (position[1], position[2]))
-        yield Case(task, cranks)
+        yield Case(Task(mechanism, (position[1], position[2])), cranks)
 
 
 def _few_steps(random: Random, count: int) -> Iterator[Case]:
