@@ -32,6 +32,7 @@ class EquationsOfMotion:
 
     Attributes:
         mechanism: The description it was made from.
+        solver: Of its states; None: a wind pump, where a crank angle tells no state.
         structure: How its links hang together.
         coordinates: Names of the coordinates: 'crank' and, of a wind pump, 'slider'.
         has_edge: Whether motion can reach places beyond which the coordinates do not describe it.
@@ -41,6 +42,7 @@ class EquationsOfMotion:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
+        self.solver: Solver | None = None
         self._locate: Callable[..., Links]
         self.dyad: Callable[..., tuple[float, str]]
         if isinstance(mechanism, WindPump):
@@ -49,7 +51,7 @@ class EquationsOfMotion:
             self.coordinates: tuple[str, ...] = ('crank', 'slider')
             self.has_edge = True
         else:
-            solver = Solver(mechanism)
+            self.solver = solver = Solver(mechanism)
             self.structure, self._locate = solver.structure, solver.locate
             self.dyad = solver.dyad
             self.coordinates = ('crank',)

@@ -12,9 +12,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.simulation import FixedSteps, Integrate
-from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State, loop_residual, point_motion
 from linkage_ros.core.travel import travel
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
@@ -70,8 +68,8 @@ class Machine:
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
         mechanism = configuration.mechanism
-        self.solver = None if isinstance(mechanism, WindPump) else Solver(mechanism)
         self.equations = EquationsOfMotion(mechanism)
+        self.solver = self.equations.solver
         structure = self.equations.structure
         self.joints = tuple(joint.name for joint in structure.joints)
         self.description = encode_string(make_urdf(mechanism))
