@@ -193,7 +193,7 @@ def _copy(source: _Source, path: Path, progress: Callable[[int], object]) -> Rec
             progress(end - before)
             before = end
         writer.finish()
-    return Recovered(copy.messages, max(0, copy.end - copy.start) / NS_PER_S, losses)
+    return Recovered(copy.messages, (copy.end - copy.start) / NS_PER_S, losses)
 
 
 class _Copy:

@@ -113,7 +113,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        try:
+        try:  # `reported` would add a quarter to each
             self._writer.add_message(channel, stamp, data, stamp)
         except OSError as error:
             self._file.fail(error)
