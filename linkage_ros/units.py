@@ -10,12 +10,5 @@ NS_PER_S = 10**9
 
 
 def radians_per_second(rpm: float) -> float:
-    """A speed in rad/s.
-
-    Args:
-        rpm: In turns per minute.
-
-    Returns:
-        rad/s.
-    """
+    """A speed of so many turns per minute, in rad/s."""
     return rpm * math.pi / 30
