@@ -33,6 +33,7 @@ from linkage_ros.log.verify import verify
 from linkage_ros.palette import FIRST, SECOND, fractions
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.machine import Machine
+from linkage_ros.units import radians_per_second
 from linkage_ros.wire.messages import JointStateCodec
 
 RATE, SECONDS = 1000.0, 6.0
@@ -140,7 +141,7 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
         commands = list(log.messages(['/joint_commands']))
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])
     half = len(rows) // 2
-    ripple = speed / (rpm * math.pi / 30) - 1
+    ripple = speed / radians_per_second(rpm) - 1
     # A run ends at any angle: over the crank angle, the last whole turns of all can be compared.
     # The peaks are about 0: they stand in the middle.
     turns = np.array([values[0] for _, values in rows]) / (2 * math.pi) + 0.5

@@ -19,9 +19,9 @@ from linkage_ros import EquationsOfMotion, FourBar
 from linkage_ros.core.numeric import with_turns
 from linkage_ros.core.simulation import FixedSteps, Motion
 from linkage_ros.methods import linkages, motion_accuracy, table
-from linkage_ros.methods.accuracy import RIGHT
 from linkage_ros.methods.cut_loop import CutLoop, eliminate
 from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
+from linkage_ros.methods.measure import LIMIT
 from linkage_ros.methods.motion_bench import MotionBench, even
 from linkage_ros.methods.motion_reference import Accuracy, MotionReference, unit
 from linkage_ros.methods.motions import Machines, MotionTask
@@ -344,7 +344,7 @@ def test_only_steps_up_to_a_ms_have_a_slowest_ms():
     assert [p.setting for p in slowest] == ['step 0.001'] * 2
     for point in points:
         assert 0 < point.us_per_state < 1e4
-        assert point.pareto <= (point.max_error <= RIGHT)
+        assert point.pareto <= (point.max_error <= LIMIT)
 
 
 def test_machines_are_of_their_kinds():

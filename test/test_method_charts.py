@@ -20,8 +20,10 @@ from linkage_ros import __version__
 from linkage_ros.charts.accuracy import draw_accuracy
 from linkage_ros.charts.integration import draw_integration
 from linkage_ros.charts.stability import draw_stability
-from linkage_ros.methods.accuracy import NEAR, RIGHT, Point
-from linkage_ros.methods.motion_accuracy import ENERGY, MEAN, SLOWEST, TRAJECTORY
+from linkage_ros.methods.accuracy import NEAR, Point
+from linkage_ros.methods.measure import LIMIT
+from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
+from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.methods.stability import OUTCOMES, Cell
@@ -73,7 +75,7 @@ def test_speed_against_accuracy(tmp_path):
         of_panel = [r for r in records if (r['mechanism'], r['quantity'], r['mode']) == panel]
         front = [r for r in of_panel if r['pareto']]
         assert front
-        assert all(r['max_error'] <= RIGHT for r in front)
+        assert all(r['max_error'] <= LIMIT for r in front)
         if panel[0] == NEAR:
             assert [r['method'] for r in front] == [DEFAULT]
 

@@ -16,7 +16,7 @@ from oracle_slider import SliderOracle
 from linkage_ros import FourBar, Solver, UnreachableError
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods import linkages, reference, table
-from linkage_ros.methods.accuracy import NEAR, RIGHT, Point, mark_fronts, tasks
+from linkage_ros.methods.accuracy import NEAR, Point, mark_fronts, tasks
 from linkage_ros.methods.chain import (
     BATCH,
     FUNCTIONS,
@@ -29,7 +29,7 @@ from linkage_ros.methods.chain import (
 )
 from linkage_ros.methods.iteration import CAP, NewtonRaphson
 from linkage_ros.methods.loop import Loop
-from linkage_ros.methods.measure import Bench, time_pass
+from linkage_ros.methods.measure import LIMIT, Bench, time_pass
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.parameters.configuration import load
@@ -260,7 +260,7 @@ def test_near_a_change_point_the_default_alone_is_right(benches, quantity):
                 if setting.get('steps', 0) > 360:
                     continue
                 error = bench.worst_error(method, setting, mode, quantity)
-                assert (error < RIGHT) == (error < 1e-12) == (method.name == table.DEFAULT)
+                assert (error < LIMIT) == (error < 1e-12) == (method.name == table.DEFAULT)
 
 
 def test_the_table_is_complete_and_its_names_differ():

@@ -17,7 +17,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
 from linkage_ros.charts.sizes import SMALL
-from linkage_ros.methods.accuracy import RIGHT, Point
+from linkage_ros.methods.accuracy import Point
+from linkage_ros.methods.measure import LIMIT
 from linkage_ros.palette import BLACK, Color, fractions
 
 _Across: TypeAlias = Literal['left', 'center', 'right']
@@ -92,7 +93,7 @@ def draw_panel(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
     axes.set_xscale('log')
     axes.set_yscale('log')
     axes.grid(visible=True, which='major', color='0.9', linewidth=0.6)
-    axes.axhspan(RIGHT, 1e30, color='0.94', zorder=0)
+    axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
     drawn = [p for p in points if math.isfinite(p.max_error) and math.isfinite(p.us_per_state)]
     for _, group in itertools.groupby(drawn, key=wording.series):
         _draw_series(axes, list(group), wording)
@@ -171,5 +172,5 @@ def front_handles() -> list[Line2D]:
     """For a legend: the front, and where no front goes."""
     return [
         Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right answers'),
-        Line2D([], [], color='0.85', linewidth=7, label=f'worse than {RIGHT:g}: not on the front'),
+        Line2D([], [], color='0.85', linewidth=7, label=f'worse than {LIMIT:g}: not on the front'),
     ]

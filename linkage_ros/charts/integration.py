@@ -14,7 +14,8 @@ from matplotlib.lines import Line2D
 from linkage_ros.charts.front import CEILING, Style, Wording, draw_panel, front_handles
 from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.methods.accuracy import Point
-from linkage_ros.methods.motion_accuracy import ENERGY, MEAN, SLOWEST, TRAJECTORY
+from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
+from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.table import LIVE, RECORDS, Integrator, label
 from linkage_ros.palette import BLUE, DARK, GREEN, PURPLE, VERMILION
 

@@ -14,11 +14,9 @@ import numpy as np
 from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.numeric import Array
 from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task, make_task
-from linkage_ros.methods.measure import Bench, time_pass
+from linkage_ros.methods.measure import LIMIT, Bench, time_pass
 from linkage_ros.methods.table import METHODS, Method, label
 
-# An answer with fewer than six right digits is fast for nothing: no front goes through it.
-RIGHT = 1e-6
 NEAR = 'near a change point'
 _QUICK_STEPS = 360
 
@@ -145,7 +143,8 @@ def mark_fronts(points: list[Point]) -> None:
     for point in points:
         panels.setdefault((point.mechanism, point.quantity, point.mode), []).append(point)
     for panel in panels.values():
-        right = [point for point in panel if point.max_error <= RIGHT]
+        # What is not right is fast for nothing: no front goes through it.
+        right = [point for point in panel if point.max_error <= LIMIT]
         for point in right:
             point.pareto = not any(_beats(other, point) for other in right)
 

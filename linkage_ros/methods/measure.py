@@ -19,6 +19,7 @@ from linkage_ros.methods.table import Method, Setting
 
 _EVEN = 48  # angles, over a period or an arc
 _NOTHING = 1e-40
+LIMIT = 1e-6  # the error of a right answer at most
 # What arithmetic raises where a formula has no answer.
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 

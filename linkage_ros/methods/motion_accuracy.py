@@ -21,11 +21,10 @@ from linkage_ros.errors import LinkageError
 from linkage_ros.methods.accuracy import Point, mark_fronts
 from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.measure import FAILURES
-from linkage_ros.methods.motion_bench import MotionBench, even
+from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
 from linkage_ros.methods.motions import Machines
 from linkage_ros.methods.table import Integrator, Setting, label
 
-TRAJECTORY, ENERGY = 'trajectory', 'energy'
 # Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'
 _TICK = 1e-3  # s

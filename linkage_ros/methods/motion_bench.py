@@ -13,6 +13,7 @@ from linkage_ros.core.simulation import Phase
 from linkage_ros.methods.motion_reference import MotionReference
 from linkage_ros.methods.motions import MotionTask
 
+TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
 ASKED = 0.05  # s between two states that are compared
 
 

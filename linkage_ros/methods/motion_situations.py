@@ -15,11 +15,10 @@ from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.simulation import Phase
 from linkage_ros.core.solver import Solver
 from linkage_ros.methods.linkages import Random, four_bar, limited
-from linkage_ros.methods.motion_bench import even
+from linkage_ros.methods.motion_bench import ENERGY, LOOP, TRAJECTORY, even
 from linkage_ros.methods.motion_reference import MotionReference
 from linkage_ros.methods.motions import Machines, MotionTask
 
-TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'
 _SEED = 20_261_122
 _BESIDE = 1e-3  # s before and after the end of a motion
 

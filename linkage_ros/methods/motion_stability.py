@@ -26,17 +26,15 @@ import numpy as np
 
 from linkage_ros.core.simulation import Phase
 from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.methods.measure import FAILURES
-from linkage_ros.methods.motion_bench import MotionBench
+from linkage_ros.methods.measure import FAILURES, LIMIT
+from linkage_ros.methods.motion_bench import ENERGY, LOOP, MotionBench
 from linkage_ros.methods.motion_situations import (
-    ENERGY,
-    LOOP,
     MOTION_SITUATIONS,
     MotionCase,
     MotionSituation,
 )
 from linkage_ros.methods.motions import Machines
-from linkage_ros.methods.stability import DIVERGED, LIMIT, NAN, OUTCOMES, REFUSED, RIGHT, Cell
+from linkage_ros.methods.stability import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
 from linkage_ros.methods.table import Integrator
 
 

@@ -25,11 +25,10 @@ import numpy as np
 from linkage_ros.errors import LinkageError
 from linkage_ros.methods.chain import BATCH, FUNCTIONS, OWN, Function
 from linkage_ros.methods.linkages import other_assembly
-from linkage_ros.methods.measure import FAILURES, Truth, evaluate
+from linkage_ros.methods.measure import FAILURES, LIMIT, Truth, evaluate
 from linkage_ros.methods.situations import Case, Situation
 from linkage_ros.methods.table import METHODS, Method
 
-LIMIT = 1e-6
 RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
     'right', 'refused', 'diverged', 'wrong branch', 'NaN',
 )  # fmt: skip

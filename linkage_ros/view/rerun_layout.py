@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.palette import COLORS, FIRST, GREY, SECOND, Color
 from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.units import radians_per_second
 from linkage_ros.view.axes import ASPECT
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, RATES, TIMELINE, TURNING, angles_of
@@ -78,7 +78,7 @@ def _curves_of_speed(solver: Solver, rpm: float, drawing: Drawing) -> rrb.Contai
     import rerun.blueprint as rrb
 
     turns = solver.kinematics.map.samples()
-    state = solver.state(turns, rpm * math.pi / 30)
+    state = solver.state(turns, radians_per_second(rpm))
 
     def span(values: Array) -> str:
         # In a small window an axis may show no number but 0.
