@@ -67,7 +67,7 @@ def copy(tmp_path_factory):
     for folder in ('linkage_ros', 'config', 'test', 'docs'):
         ignored = shutil.ignore_patterns('__pycache__')
         shutil.copytree(ROOT / folder, root / folder, ignore=ignored)
-    for name in ('README.md', 'package.xml', 'pyproject.toml'):
+    for name in ('README.md', 'CHANGELOG.md', 'package.xml', 'pyproject.toml'):
         shutil.copy(ROOT / name, root)
     shutil.copy(EXAMPLE, root / GEAR)
     for title in ('A method', 'A mechanism'):

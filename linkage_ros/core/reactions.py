@@ -15,6 +15,7 @@ from linkage_ros.core.mechanism import FourBar, Linkage, SliderCrank
 from linkage_ros.core.numeric import Real, functions_of
 from linkage_ros.core.state import State, Vector, point_motion
 from linkage_ros.core.structure import Structure
+from linkage_ros.errors import MechanismError
 
 
 class Reactions(NamedTuple):
@@ -62,6 +63,9 @@ def reactions(
 
     Returns:
         The forces. They grow without bound towards a change point or a limit of the crank.
+
+    Raises:
+        MechanismError: It is of another kind.
     """
     crank, coupler, *rocker = _loads(mechanism, structure, state)
     place = {
@@ -78,9 +82,11 @@ def reactions(
         b0 = further['B0'] = rocker[0].force - b
         guide_force, on_frame = None, -b0
         moment = _cross(place['B0'], on_frame)
-    else:
+    elif isinstance(mechanism, SliderCrank):
         b, guide_force, on_frame = _at_slider(mechanism, state, (along, across), transmission)
         moment = _cross(place['B'], on_frame)
+    else:
+        raise MechanismError('joint forces are known of four-bars and slider-cranks alone')
     a = coupler.force + b
     a0 = crank.force + a
     torque = crank.moment(0j) + _cross(place['A'], a)

@@ -122,6 +122,7 @@ class Solver:
         Raises:
             UnreachableError: The mechanism stands at a change point, where forces in its joints
                 have no finite value.
+            MechanismError: Those of such a mechanism are not known.
         """
         functions, kinematics = functions_of(state.torque), self.kinematics
         with np.errstate(under='ignore'):
