@@ -25,9 +25,12 @@ from linkage_ros.parameters.configuration import load, parameters_in_words, with
 from linkage_ros.ros.parameters import declare_values, given_values
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
-from linkage_ros.units import radians_per_second
+from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
+# ns between two states, beyond which nothing is integrated: a clock was stepped, a plant began
+# anew or was out of reach. At less than 10 Hz there is no speed loop to speak of.
+_LONGEST = NS_PER_S // 10
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,7 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
             load(settings.plant).mechanism, settings.rpm, settings.bandwidth,
             settings.lead_time if settings.feed_forward else None,
         )  # fmt: skip
-        self._last: float | None = None
+        self._last: int | None = None
         self._commands = self.create_publisher(JointState, 'joint_commands', 10)
         states = self.create_subscription(JointState, 'joint_states', self._answer, 10)
         ahead = 'the exact torque' if settings.feed_forward else 'nothing'
@@ -135,10 +138,10 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
         )
 
     def _answer(self, state: JointState) -> None:
-        now = state.header.stamp.sec + state.header.stamp.nanosec * 1e-9
+        now = state.header.stamp.sec * NS_PER_S + state.header.stamp.nanosec
         last, self._last = self._last, now
-        # A clock that was stepped, or a plant that began anew, is no time that has passed.
-        elapsed = now - last if last is not None and 0 < now - last < 0.1 else 0.0
+        passed = 0 if last is None else now - last
+        elapsed = passed / NS_PER_S if 0 < passed < _LONGEST else 0.0
         crank = state.name.index('crank')
         angle, speed = state.position[crank], state.velocity[crank]
         if not math.isfinite(angle + speed):  # it would stay in the integral for ever

@@ -65,8 +65,9 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
         LinkageError: Another node publishes the same topic.
     """
     import rclpy
-    from rclpy.signals import SignalHandlerOptions
     from sensor_msgs.msg import JointState
+
+    from linkage_ros.ros.session import on_ros
 
     heard = Heard()
 
@@ -75,9 +76,7 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
         heard.stamps.append(stamp.sec * NS_PER_S + stamp.nanosec)
         heard.torques.append(message.effort[0])
 
-    # Ctrl-C stays Python's: it ends this function, and the node with it.
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with on_ros([_NAME]):
         node = rclpy.create_node('demo_listener')
         node.create_subscription(JointState, 'joint_states', hear, 10)
         end = time.monotonic() + seconds
@@ -89,8 +88,6 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
                     'domain, as in ROS_DOMAIN_ID=42 make demo'
                 )
         node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
     return heard
 
 
@@ -100,6 +97,7 @@ def _live(viewer: str | Path) -> None:
     }  # fmt: skip
     arguments = [word for name, value in settings.items() for word in ('-p', f'{name}:={value}')]
     command = [sys.executable, '-m', 'linkage_ros.node', '--ros-args', *arguments]
+    print(f'linkage_node turns the quadrilateral at {_RPM:g} rpm for {_SECONDS:g} s')
     process = subprocess.Popen(command)  # noqa: S603
     try:
         heard = _listen(process, _SECONDS)

@@ -182,7 +182,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         if self._log is not None:
             self._log.move(motion)
 
-    def _set_live(self, _: str, value: float) -> None:
+    def _set_live(self, value: float) -> None:
         self._target = value  # rpm or motor.torque, whichever this drive has
 
     def _report(self) -> None:
