@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lines, arrows, angles and words as SVG, for drawings.py."""
+"""Lines, arrows, angles and words as SVG."""
 
 from __future__ import annotations
 

@@ -93,8 +93,8 @@ def stability(options: argparse.Namespace) -> None:
         moved = measure_motion_stability(methods, _machines(), cases=cases, progress=progress)
         save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
         title = (
-            f'What comes of each method in each situation: the worst of {cases} cases, '
-            'of motions of fewer'
+            'What comes of each method in each situation\n'
+            f'the worst of {cases} cases, or of a few motions, and the largest relative error'
         )
         draw_stability(cells, moved, methods, title, options.out / 'stability.png')
     print(options.out / 'stability.png')
