@@ -17,6 +17,7 @@ from linkage_ros.errors import LogError, printable
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.verify import Report, verify
+from linkage_ros.parameters.configuration import parameter_leaves
 from linkage_ros.progress import progress_bar
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S
@@ -57,8 +58,9 @@ def info(log: LogReader) -> Iterator[str]:
     for motion in log.motions:
         yield f'  {_moment(motion.stamp)}: {motion.words()}'
     yield 'configuration:'
+    units = {leaf.name: leaf.quantity.unit for leaf in parameter_leaves(log.configuration.kind)}
     for name, value in log.configuration.parameters().items():
-        yield f'  {name}: {_plain(value)}'
+        yield f'  {name}: {_plain(value)}' + (f'  # {unit}' if (unit := units[name]) else '')
 
 
 def _plain(value: object) -> str:

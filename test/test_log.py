@@ -8,6 +8,7 @@ import errno
 import json
 import os
 import random
+import re
 import signal
 import stat
 import struct
@@ -20,6 +21,7 @@ from io import BytesIO
 from pathlib import Path
 
 import pytest
+import yaml
 from mcap.reader import make_reader
 from mcap.records import Message, Metadata
 from mcap.stream_reader import StreamReader
@@ -31,6 +33,7 @@ from linkage_ros import LogError, __version__
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import CONFIGURATION_RECORD, MOTION_RECORD, _seal
 from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
+from linkage_ros.log_tool import info
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.record import record
@@ -791,3 +794,13 @@ def test_a_log_is_no_program(tmp_path):
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / 'run.mcap').stat().st_mode) == 0o644
+
+
+@pytest.mark.parametrize('preset', ['compressor', 'wind_pump'])
+def test_the_configuration_that_info_prints_makes_the_same_run(tmp_path, preset):
+    record(load(preset), path := tmp_path / 'run.mcap', duration=0.1)
+    with LogReader(path) as log:
+        lines = list(info(log))
+        text = '\n'.join(lines[lines.index('configuration:') + 1 :])
+        assert configure(yaml.safe_load(text)) == log.configuration
+    assert re.search(r'^  crank\.length: \S+  # m$', text, re.MULTILINE)
