@@ -9,39 +9,10 @@ and a missing rclpy is one line.
 from __future__ import annotations
 
 import sys
+from functools import partial
 from importlib import import_module
 
 from linkage_ros.cli import STOPPED_BY_USER, leave
-
-
-def node() -> int:
-    """linkage_node."""
-    return _start('linkage_node', 'node')
-
-
-def record() -> int:
-    """linkage_record."""
-    return _start('linkage_record', 'record')
-
-
-def replay() -> int:
-    """linkage_replay."""
-    return _start('linkage_replay', 'replay')
-
-
-def log() -> int:
-    """linkage_log."""
-    return _start('linkage_log', 'log_tool')
-
-
-def chart() -> int:
-    """linkage_chart."""
-    return _start('linkage_chart', 'chart_tool')
-
-
-def controller() -> int:
-    """linkage_controller."""
-    return _start('linkage_controller', 'controller')
 
 
 def _start(name: str, module: str) -> int:
@@ -59,3 +30,11 @@ def _start(name: str, module: str) -> int:
         )
         print(f'{name}: {missing} is not installed: {cure}', file=sys.stderr)
         return 2
+
+
+node = partial(_start, 'linkage_node', 'node')
+record = partial(_start, 'linkage_record', 'record')
+replay = partial(_start, 'linkage_replay', 'replay')
+log = partial(_start, 'linkage_log', 'log_tool')
+chart = partial(_start, 'linkage_chart', 'chart_tool')
+controller = partial(_start, 'linkage_controller', 'controller')

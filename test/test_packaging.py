@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import os
 import shutil
@@ -12,6 +11,7 @@ import subprocess
 import sys
 from email.message import Message
 from email.parser import Parser
+from importlib import import_module
 from pathlib import Path
 from xml.etree import ElementTree as ET
 from zipfile import ZipFile
@@ -203,9 +203,7 @@ def test_each_executable_names_a_function(wheel: Path) -> None:
     assert set(targets) == set(EXECUTABLES)
     for target in targets.values():
         module, _, function = target.partition(':')
-        source = (ROOT / module.replace('.', '/')).with_suffix('.py').read_text()
-        defined = [node.name for node in ast.parse(source).body if hasattr(node, 'name')]
-        assert function in defined
+        assert callable(getattr(import_module(module), function))
 
 
 def test_every_version_is_the_same(metadata: Message) -> None:
