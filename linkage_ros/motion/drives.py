@@ -32,7 +32,11 @@ class SpeedDrive(Checked):
         'number', 'crank speed, counter-clockwise positive', 'rpm', span=(-1e6, 1e6), live=True
     )
     start_rpm: float | None = quantity(
-        'number', 'crank speed at t = 0, by default rpm', 'rpm', span=(-1e6, 1e6), default=None
+        'number',
+        'crank speed at t = 0, from which it moves to rpm',
+        'rpm',
+        span=(-1e6, 1e6),
+        default=None,
     )
     crank_acceleration: float = quantity(
         'number', 'acceleration at which the speed moves to rpm; 0: at once', 'rad/s^2',
