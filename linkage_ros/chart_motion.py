@@ -27,9 +27,14 @@ def motion(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.motion import draw_motion
-    for flag, value in (('--rpm', options.rpm or 0.0), ('--acceleration', options.acceleration)):
-        if not abs(value) <= 1e9:
-            raise ConfigurationError(f'{flag} {value:g}: must be a number from -1e+09 to 1e+09')
+    for flag, value, most, unit in (
+        ('--rpm', options.rpm or 0.0, 1e6, 'rpm'),
+        ('--acceleration', options.acceleration, 1e9, 'rad/s^2'),
+    ):
+        if not abs(value) <= most:
+            raise ConfigurationError(
+                f'{flag} {value:g}: must be a number from {-most:g} to {most:g} {unit}'
+            )
     configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
     if isinstance(mechanism, WindPump):

@@ -101,7 +101,16 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         self._stepper.stop()
         self._reports.cancel()  # nothing is said after the closing line
-        self._report()
+        try:
+            self._report()
+            self._say_what_became()
+        finally:
+            well = self._log is None or self._log.close()
+            if self._view is not None:
+                self._view.close()
+        return well and not self._stepper.error
+
+    def _say_what_became(self) -> None:
         counts = self._stepper.counts
         lost = (
             f', {health.dropped} lost to the {part}'
@@ -113,10 +122,6 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             f'{counts.clock_steps} clock steps, '
             f'latest tick {counts.late.greatest * 1e-6:.1f} ms late' + ''.join(lost)
         )
-        well = self._log is None or self._log.close()
-        if self._view is not None:
-            self._view.close()
-        return well and not self._stepper.error
 
     def _open_log(self, configuration: Configuration) -> RunLog:
         publishers = (*self._outputs, self._description, self._diagnostics)
@@ -134,7 +139,12 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         stepper = ClockStepper(*calls)
 
         def hear(message: ClockMessage) -> None:
-            stepper.hear(message.clock.sec * NS_PER_S + message.clock.nanosec)
+            seconds, rest = message.clock.sec, message.clock.nanosec
+            if seconds >= 0 and rest < NS_PER_S:
+                stepper.hear(seconds * NS_PER_S + rest)
+            else:
+                words = f'/clock says {seconds} s and {rest} ns, which is no time: left out'
+                self.get_logger().error(words, throttle_duration_sec=1.0)
 
         self.create_subscription(ClockMessage, '/clock', hear, _CLOCK_QOS)
         return stepper
@@ -194,7 +204,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 self.get_logger().warning(status.message)
             else:
                 self.get_logger().info(status.message)
-        stamp = self.get_clock().now().nanoseconds
+        stepper = self._stepper
+        stamp = stepper.now if isinstance(stepper, ClockStepper) else time.time_ns()
         diagnosis = encode_diagnostics(stamp, statuses)
         self._diagnostics.publish(diagnosis)
         if self._log is not None:

@@ -122,7 +122,7 @@ class LiveNode:
         self._target, self._stamp = configuration.drive.target, 0
         declare(self.node, configuration, self._set)
 
-    def _set(self, _, value):
+    def _set(self, value):
         self._target = value
 
     def request(self, wanted):

@@ -255,6 +255,12 @@ def test_file_names_are_no_mathematics(tmp_path, monkeypatch):
     assert chart(monkeypatch, 'motion', odd, '--out', tmp_path) == 0
 
 
+def test_a_file_of_other_nodes_is_not_the_preset(tmp_path, monkeypatch, capsys):
+    (other := tmp_path / 'o.yaml').write_text('other:\n  ros__parameters:\n    rpm: 60.0\n')
+    assert chart(monkeypatch, 'motion', other, '--out', tmp_path) == 2
+    assert 'has no parameters of linkage_node' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [

@@ -17,16 +17,28 @@ from pathlib import Path
 import hostile_bombs
 import pytest
 from hostile_bombs import chunk, packed, tight, whole
+from mcap.reader import make_reader
 from mcap.records import Channel, DataEnd, Message, Statistics
+from mcap.writer import Writer
 from ros_harness import command, environment, fresh_domain, running
 
 from linkage_ros import ConfigurationError, LinkageError, LogError, MotionError
 from linkage_ros.errors import one_line, printable
 from linkage_ros.log import chunks, salvage
+from linkage_ros.log import reader as reader_module
+from linkage_ros.log import recover as recover_module
 from linkage_ros.log.chunks import LARGEST, unpack
 from linkage_ros.log.message_difference import differing
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.records import MOTION_RECORD, _seal, read_motion, write_motion
+from linkage_ros.log.records import (
+    CONFIGURATION_RECORD,
+    MOTION_RECORD,
+    _seal,
+    read_configuration,
+    read_motion,
+    write_configuration,
+    write_motion,
+)
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.log_tool import info
@@ -525,3 +537,30 @@ def test_a_parameter_of_no_type_does_not_end_the_service_of_others(tmp_path):
         executor.shutdown()
         node.destroy_node()
         context.shutdown()
+
+
+def test_a_configuration_is_read_once_however_often_it_is_there(tmp_path, monkeypatch):
+    """Each takes a millisecond: 20 000 of them, 17 MB, held a recovery up for 20 s."""
+    path, saved = tmp_path / 'many.mcap', tmp_path / 'saved.mcap'
+    about = write_configuration(load('quadrilateral'))
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2', 'linkage_ros')
+        for _ in range(50):
+            writer.add_metadata(CONFIGURATION_RECORD, about)
+        writer.finish()
+    read = []
+
+    def counted(record):
+        read.append(record)
+        return read_configuration(record)
+
+    monkeypatch.setattr(recover_module, 'read_configuration', counted)
+    monkeypatch.setattr(reader_module, 'read_configuration', counted)
+    with pytest.raises(LogError, match='50 configuration records'):
+        LogReader(path)
+    assert not read
+    recover(path, saved)
+    assert len(read) <= 2
+    with saved.open('rb') as stream:
+        assert [one.name for one in make_reader(stream).iter_metadata()] == [CONFIGURATION_RECORD]

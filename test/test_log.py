@@ -25,7 +25,7 @@ import yaml
 from mcap.reader import make_reader
 from mcap.records import Message, Metadata
 from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
+from mcap.writer import MCAP0_MAGIC, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability
 
@@ -376,7 +376,7 @@ def test_the_same_record_has_the_same_bytes(tmp_path):
 # ---------------------------------------------------------------- existing and unwritable files
 
 
-@pytest.mark.parametrize('old', [b'', b'precious', None], ids=['empty', 'text', 'log'])
+@pytest.mark.parametrize('old', [b'', MCAP0_MAGIC, None], ids=['empty', 'begun', 'log'])
 def test_an_existing_file_is_kept(path, tmp_path, old):
     target = tmp_path / 'run.mcap'
     target.write_bytes(path.read_bytes() if old is None else old)
@@ -804,3 +804,11 @@ def test_the_configuration_that_info_prints_makes_the_same_run(tmp_path, preset)
         text = '\n'.join(lines[lines.index('configuration:') + 1 :])
         assert configure(yaml.safe_load(text)) == log.configuration
     assert re.search(r'^  crank\.length: \S+  # m$', text, re.MULTILINE)
+
+
+@pytest.mark.parametrize('old', [b'/**:\n  ros__parameters:\n', b'x', MCAP0_MAGIC[:4]])
+def test_what_is_no_log_is_never_overwritten(tmp_path, old):
+    (target := tmp_path / 'p.yaml').write_bytes(old)
+    with pytest.raises(LogError, match=r'p\.yaml is no log and is kept: choose another name'):
+        LogWriter(target, CONFIGURATION, overwrite=True)
+    assert target.read_bytes() == old

@@ -20,6 +20,8 @@ from rosgraph_msgs.msg import Clock
 from test_node import CODEC, TYPES, call, decoded, logged, set_parameter, stop
 from trajectory_msgs.msg import JointTrajectory
 
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
 from linkage_ros.parameters.configuration import load
 from linkage_ros.run.machine import Machine
 
@@ -95,6 +97,31 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(tmp_p
     for message, number in zip(messages['/joint_states'], range(302), strict=True):
         motion = log.motions[number > 200]
         assert machine.step(motion, CODEC.decode(message.data)[0]).messages[0] == message.data
+
+
+def test_a_clock_that_tells_no_time_ends_nothing(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    arguments = node_arguments(use_sim_time='true', rate_hz=100.0, log=path)
+    with (
+        Listener(domain, STATES) as listener,
+        running('node', *arguments, domain=domain) as process,
+    ):
+        clock = FakeClock(listener)
+        wait_for(lambda: clock.tell() or stamps(listener))
+        clock.run(0.05)
+        for seconds, rest in ((2**31 - 1, 2**32 - 1), (60, 10**9), (-1, 0)):
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = seconds, rest
+            clock._publisher.publish(message)
+        time.sleep(1.5)  # a report falls into this time
+        clock.run(0.05)
+        code, output = stop(process)
+    assert code == 0
+    assert '/clock says 2147483647 s and 4294967295 ns, which is no time: left out' in output
+    assert 'Traceback' not in output
+    with LogReader(path) as log:
+        report = verify(log)
+    assert (report.states, report.difference) == (len(stamps(listener)), '')
 
 
 def test_simulated_time_cannot_be_switched_while_running():

@@ -305,7 +305,7 @@ def test_the_command_says_what_it_wrote(main, tmp_path):
 
 def test_a_parameter_file_is_recorded_with_its_own_values(main, tmp_path):
     (tmp_path / 'params.yaml').write_text(layout(rpm='60', rate_hz='20', log_overwrite='true'))
-    (tmp_path / 'run.mcap').write_text('to be replaced, as the file says')
+    (tmp_path / 'run.mcap').touch()  # to be replaced, as the file says
     code, _, errors = main(tmp_path / 'params.yaml', tmp_path / 'run.mcap', '--duration', 1)
     assert (code, errors) == (0, [])
     configuration, *_, states, _ = content(tmp_path / 'run.mcap')
@@ -319,6 +319,12 @@ def test_an_existing_file_is_kept_unless_asked(main, tmp_path):
     assert (code, lines) == (2, [])
     assert error.startswith(f'linkage_record: {out} exists already and is kept')
     assert out.read_bytes() == b'precious'
+    code, _, [error] = main('quadrilateral', out, '--overwrite')
+    assert (code, error) == (
+        2,
+        f'linkage_record: {out} is no log and is kept: choose another name',
+    )
+    out.write_bytes(b'')
     assert main('quadrilateral', out, '--overwrite', '--duration', 0.1)[0] == 0
     assert len(content(out)[3]) == 20
 

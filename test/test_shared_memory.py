@@ -62,13 +62,21 @@ def test_without_the_removal_it_would_wait_for_ever(leftover):
         )
 
 
-@pytest.mark.parametrize('data', [b'', bytes(100), b'\1' + bytes(100)])
+@pytest.mark.parametrize('data', [b'', bytes(100), b'\1' + bytes(100), b'\2' + bytes(10)])
 def test_what_was_never_made_is_removed(tmp_path, monkeypatch, data):
     monkeypatch.setattr(shared_memory, '_FOLDER', tmp_path)
     left = make(port_of(7, tmp_path), data)
     others = [make(port_of(6, tmp_path), data), make(port_of(8, tmp_path), data)]
     assert remove_half_made(7) == [left]
     assert sorted(tmp_path.iterdir()) == sorted(others)
+
+
+def test_a_pipe_of_that_name_holds_nobody_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(shared_memory, '_FOLDER', tmp_path)
+    monkeypatch.setattr(shared_memory, '_MAKING_SECONDS', 0.0)
+    os.mkfifo(pipe := port_of(7, tmp_path))
+    assert remove_half_made(7) == [pipe]
+    assert not pipe.exists()
 
 
 @pytest.mark.parametrize('data', [b'\2' + bytes(100), b'\3' + bytes(100)])
@@ -83,11 +91,11 @@ def test_what_is_being_made_has_its_time(tmp_path, monkeypatch):
     monkeypatch.setattr(shared_memory, '_FOLDER', tmp_path)
     monkeypatch.setattr(shared_memory, '_MAKING_SECONDS', 60.0)
     path = make(port_of(7, tmp_path), age=0.0)
-    maker = threading.Timer(0.2, path.write_bytes, [b'\2'])
+    maker = threading.Timer(0.2, path.write_bytes, [b'\2' + bytes(100)])
     maker.start()
     assert remove_half_made(7) == []
     maker.join()
-    assert path.read_bytes() == b'\2'
+    assert path.exists()
 
 
 def test_what_cannot_be_removed_is_named(tmp_path, monkeypatch):

@@ -20,6 +20,7 @@ from linkage_ros import (
     EquationsOfMotion,
     MechanismError,
     Piston,
+    Solver,
     UnreachableError,
     WindPump,
 )
@@ -242,3 +243,9 @@ def test_what_overflows_or_has_no_mass_is_refused():
     bare = WindPump(Body(0.12), Coupler(0.8), Body(1.6), Piston(1.5), 'crossed')
     with pytest.raises(MechanismError, match='something moves without a mass'):
         EquationsOfMotion(bare).accelerations((0.0, 1.5), (1.0, 0.0), 1.0)
+
+
+@pytest.mark.parametrize('what', [load('wind_pump').mechanism, 3, None])
+def test_a_solver_refuses_what_its_crank_does_not_tell_all_of(what):
+    with pytest.raises(MechanismError, match='a WindPump has EquationsOfMotion'):
+        Solver(what)

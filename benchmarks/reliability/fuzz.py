@@ -5,7 +5,7 @@
 Each case has to end in success or one clear line, within 5 s and 1 GB beyond what the imports
 take. The cases are those of test/hostile.py; what fails is saved in DIR/fuzz. With --coverage a
 fuzzer that sees which lines are reached (pip install atheris) goes on from good files for so many
-seconds, a third for each of its targets.
+seconds, as many for each of its targets.
 Run: python benchmarks/reliability/fuzz.py [--out DIR] [--cases N] [--coverage S]
 """
 
@@ -37,7 +37,7 @@ CONTROLS = {
     'hang': 'while True: pass', 'memory': 'bytearray(2**31)', 'error': '1 / 0',
     'death': 'os.abort()', 'two lines': 'hostile_outcomes.one_line("two\\nlines of words")',
 }  # fmt: skip
-TARGETS = ('parameter_file', 'log', 'recover')
+TARGETS = 'parameter_file', 'log', 'recover', 'replay_options', 'live_parameters'
 
 
 # ---------------------------------------------------------------- seeded cases
@@ -207,7 +207,7 @@ class Seeded:
 
 
 def run_covered(seconds, out):
-    """A third of the time for each target; where a hang ends the fuzzer it is started again."""
+    """The same time for each target; where a hang ends the fuzzer it is started again."""
     if importlib.util.find_spec('atheris') is None:
         sys.exit('fuzz.py: atheris is not installed: pip install atheris')
     figures = {}

@@ -7,10 +7,13 @@ compute them: they are made right, or not asked for. A finding is a file FOLDER/
 its traceback in FOLDER/KIND-NUMBER.txt; a hang or too much memory ends the process, and leaves
 FOLDER/timeout-HASH or oom-HASH. A machine that was busy or stood still looks like a hang: try such
 a file alone.
-Usage: python fuzz_covered.py parameter_file|log|recover SECONDS FOLDER
-       python fuzz_covered.py parameter_file|log|recover FILE
+Options and live parameters are those of test/hostile.py, drawn as the bytes of the fuzzer say.
+Usage: python fuzz_covered.py TARGET SECONDS FOLDER
+       python fuzz_covered.py TARGET FILE
+TARGET is parameter_file, log, recover, replay_options or live_parameters.
 """
 
+import random
 import sys
 import tempfile
 import time
@@ -18,10 +21,12 @@ import traceback
 from pathlib import Path
 
 import atheris
+import rclpy
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))
 
 with atheris.instrument_imports(include=['linkage_ros', 'mcap', 'yaml']):
+    import hostile
     import hostile_bombs
     import hostile_logs
     import hostile_outcomes
@@ -30,9 +35,24 @@ with atheris.instrument_imports(include=['linkage_ros', 'mcap', 'yaml']):
     from linkage_ros import LinkageError
     from linkage_ros.log import records
     from linkage_ros.log.recover import recover
+    from linkage_ros.parameters.configuration import load
     from linkage_ros.parameters.presets import preset_names, preset_path
 
 KNOWN = set()  # where findings so far were raised
+
+
+class Drawn(random.Random):
+    """Draws what some bytes say, and the least there is behind their end."""
+
+    def __init__(self, data):
+        super().__init__(0)
+        self._bytes = atheris.FuzzedDataProvider(data)
+
+    def getrandbits(self, k):
+        return self._bytes.ConsumeUInt(-(-k // 8)) & ((1 << k) - 1)
+
+    def random(self):
+        return self.getrandbits(32) / 2**32
 
 
 def targets(scratch):
@@ -55,13 +75,32 @@ def targets(scratch):
         except LinkageError as error:
             hostile_outcomes.one_line(str(error))
 
-    return {'parameter_file': parameter_file, 'log': log, 'recover': save}
+    def options(data):
+        hostile_outcomes.replay_options(hostile.replay_options(Drawn(data)), path)
+
+    def live(data):
+        if not nodes:
+            rclpy.init(domain_id=99)
+            context = rclpy.get_default_context()
+            names = ('quadrilateral', 'wind_pump')
+            nodes.extend(hostile_outcomes.LiveNode(load(name), context) for name in names)
+        drawn = Drawn(data)
+        drawn.choice(nodes).request(hostile.live_parameters(drawn))
+
+    nodes = []
+    path.write_bytes(hostile_logs.good_logs(scratch)[0])
+    return {
+        'parameter_file': parameter_file, 'log': log, 'recover': save,
+        'replay_options': options, 'live_parameters': live,
+    }  # fmt: skip
 
 
 def corpus(target, scratch):
     """Good files to begin with; logs without checksums, and not packed."""
     if target == 'parameter_file':
         return [preset_path(name).read_bytes() for name in preset_names()]
+    if target in {'replay_options', 'live_parameters'}:
+        return [random.Random(seed).randbytes(400) for seed in range(30)]
     logs = hostile_logs.good_logs(scratch)
     return [*logs, *(hostile_logs.bare(log) for log in logs)]
 

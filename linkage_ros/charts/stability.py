@@ -36,15 +36,16 @@ _COLORS = {
     NAN: (BLACK, WHITE),
 }
 _WORDS = {
-    RIGHT: 'right', REFUSED: 'refused: an error says why', DIVERGED: 'diverged: a wrong value',
+    RIGHT: 'right', REFUSED: 'refused: an error says why',
+    DIVERGED: 'wrong: a value that diverged',
     WRONG_BRANCH: "wrong branch: the other assembly's", NAN: 'NaN, an arithmetic error, or stuck',
 }  # fmt: skip
-_SHORT = {WRONG_BRANCH: 'branch'}  # in a cell
+_SHORT = {DIVERGED: 'wrong', WRONG_BRANCH: 'branch'}  # in a cell
 _DEFAULTS = {DEFAULT: 'default', LIVE: 'default, live', RECORDS: 'default for records'}
 # Sizes in inches: a cell; the names to the left; those above, aslant; what is above and below all.
 # Cells of whole pixels are alike: the file is smaller by a third.
-_WIDE, _HIGH = 89 / DPI, 53 / DPI
-_LEFT, _ABOVE = 1.2, 1.4
+_HIGH = 53 / DPI
+_LEFT, _RIGHT, _ABOVE = 1.2, 0.53, 1.4
 _TOP, _FOOT = 0.35, 0.75
 _NAMES, _SAID = 16, 52  # letters in a line, of situations and of what is said of them
 
@@ -95,10 +96,10 @@ def draw_stability(
     ]
     height = _TOP + sum(grid.height for grid, _ in grids) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
-    y = height - _TOP
+    y, wide = height - _TOP, (WIDTH - _LEFT - _RIGHT) / len(METHODS)
     for grid, chosen in grids:
         y -= grid.height
-        across, down = _WIDE * len(grid.columns), _HIGH * len(grid.rows)
+        across, down = wide * len(grid.columns), _HIGH * len(grid.rows)
         axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
         _draw_grid(axes, grid, chosen)
     figure.suptitle(title, fontsize=TITLE, y=1 - 0.15 / height)

@@ -15,6 +15,7 @@ from linkage_ros.core.slider_crank import SliderCrankKinematics
 from linkage_ros.core.structure import Structure
 from linkage_ros.core.transmission import TransmissionMap
 from linkage_ros.core.wind_pump import WindPumpKinematics
+from linkage_ros.errors import MechanismError
 
 
 class Kinematics(Protocol):
@@ -37,7 +38,6 @@ class Kinematics(Protocol):
         """The position and its derivatives by the crank angle, where the loop closes."""
 
 
-# A linkage that is not among them has none, and says so at once.
 KINEMATICS: dict[type[Linkage], Callable[..., Kinematics]] = {
     FourBar: FourBarKinematics,
     SliderCrank: SliderCrankKinematics,
@@ -45,7 +45,17 @@ KINEMATICS: dict[type[Linkage], Callable[..., Kinematics]] = {
 
 
 def kinematics_of(mechanism: Linkage) -> Kinematics:
-    """The kinematics of a described mechanism."""
+    """The kinematics of a described mechanism.
+
+    Raises:
+        MechanismError: It has not one degree of freedom, or is no mechanism.
+    """
+    if type(mechanism) not in KINEMATICS:
+        names = ', '.join(kind.__name__ for kind in KINEMATICS)
+        raise MechanismError(
+            f'a {type(mechanism).__name__} is no linkage whose crank tells all: one of {names}; '
+            'a WindPump has EquationsOfMotion'
+        )
     return KINEMATICS[type(mechanism)](mechanism)
 
 

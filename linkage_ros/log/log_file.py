@@ -27,18 +27,21 @@ class LogFile:
         begun: Whether it holds enough for a recovery; to be set.
     """
 
-    def __init__(self, path: Path | str, *, overwrite: bool) -> None:
+    def __init__(self, path: Path | str, magic: bytes, *, overwrite: bool) -> None:
         """Creates the file.
 
         Args:
             path: Its name.
-            overwrite: Whether to replace an existing file.
+            magic: With what a log begins.
+            overwrite: Whether to replace an existing log.
 
         Raises:
-            LogError: The file exists and is not to be replaced, is being written by another run,
-                or cannot be created.
+            LogError: The file exists and is not to be replaced, or is no log; it is being written
+                by another run, or cannot be created.
         """
         self.path, self.begun = Path(path), False
+        if overwrite and _is_something_else(self.path, magic):
+            raise LogError(f'{path} is no log and is kept: choose another name')
         try:
             opened = open_file(self.path, 'wb' if overwrite else 'xb')
         except FileExistsError as error:
@@ -126,6 +129,14 @@ class LogFile:
             if stat.S_ISREG(os.fstat(self.stream.fileno()).st_mode):  # and no device
                 self.path.unlink()
         self.close()
+
+
+def _is_something_else(path: Path, magic: bytes) -> bool:
+    """Whether there is a file that nobody can have meant, such as the parameters of the run."""
+    with suppress(OSError), open_file(path) as stream:
+        if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            return stream.read(len(magic)) not in {b'', magic}
+    return False
 
 
 def _copy(source: int, path: Path) -> None:

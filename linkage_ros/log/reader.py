@@ -24,11 +24,10 @@ from linkage_ros.log.records import (
     read_configuration,
     read_motion,
 )
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import TIME_END
 
 _MAGIC_SIZE = len(MCAP0_MAGIC)
 # ns at which ROS's time ends: its seconds are signed, of 32 bits.
-_TIME_END = 2**31 * NS_PER_S
 _NO_SCHEMA = Schema(0, b'', '', '')
 _CUT = (
     'it is not complete: its run was killed, or goes on; linkage_log recover saves what is there'
@@ -114,24 +113,19 @@ class LogReader(AbstractContextManager['LogReader']):
         # The index is under the summary's checksum, the records' names are under none.
         if [record.name for record in records] != [i.name for i in summary.metadata]:
             raise LogError('it is damaged: its metadata records are not those of its index')
-        about, motions = [], []
-        for record in records:
-            if record.name == CONFIGURATION_RECORD:
-                about.append(read_configuration(record.metadata))
-            elif record.name == MOTION_RECORD:
-                motions.append(read_motion(record.metadata))
+        about = [r.metadata for r in records if r.name == CONFIGURATION_RECORD]
         if not about:
             raise LogError('it is no log of linkage_ros: it has no configuration record')
         if len(about) > 1:
             raise LogError(f'it has {len(about)} configuration records: which one explains it?')
-        self.version, self.configuration = about[0]
-        self.motions = tuple(motions)
+        self.version, self.configuration = read_configuration(about[0])
+        self.motions = tuple(read_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
         statistics = summary.statistics
         self.topics = tuple(
             _topic(channel, summary.schemas, statistics) for channel in summary.channels.values()
         )
         self.start, self.end = statistics.message_start_time, statistics.message_end_time
-        if not self.start <= self.end < _TIME_END:
+        if not self.start <= self.end < TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are none of ROS')
 
     def _read_summary(self) -> untrusted_mcap.Summary:
@@ -184,7 +178,7 @@ class LogReader(AbstractContextManager['LogReader']):
             for number, channel in summary.channels.items()
             if names is None or channel.topic in names
         }
-        last = _TIME_END if end is None else end
+        last = TIME_END if end is None else end
         with _damage_reported(self.path):
             for message in untrusted_mcap.in_order(
                 self._stream, summary, set(wanted), start or 0, last

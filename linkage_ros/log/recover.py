@@ -213,7 +213,7 @@ class _Copy:
         self._sources = spare.schemas if spare else {}
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
-        self._begun = False
+        self._begun = self._is_configured = False
 
     def add(self, record: McapRecord) -> None:
         """Writes a record, unless it is damaged or there already."""
@@ -267,7 +267,11 @@ class _Copy:
         self.messages += 1
 
     def _add_metadata(self, record: Metadata) -> None:
+        is_configuration = record.name == CONFIGURATION_RECORD
+        if is_configuration and self._is_configured:
+            return  # a log has one, at its beginning
         if _is_right(record):
+            self._is_configured |= is_configuration
             self._writer.add_metadata(record.name, record.metadata)
         else:
             self._losses.records += 1

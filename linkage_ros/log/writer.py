@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TypeAlias
 
-from mcap.writer import CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.log_file import DiskSync, LogFile
@@ -60,14 +60,14 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Args:
             path: The file.
             configuration: Of the run.
-            overwrite: Whether to replace an existing file.
+            overwrite: Whether to replace an existing log.
 
         Raises:
-            LogError: The file exists and is not to be replaced, is being written by another run,
-                or cannot be created.
+            LogError: The file exists and is not to be replaced, or is no log; it is being written
+                by another run, or cannot be created.
         """
         self.path = Path(path)
-        self._file = LogFile(path, overwrite=overwrite)
+        self._file = LogFile(path, MCAP0_MAGIC, overwrite=overwrite)
         self._writer = Writer(
             self._file.stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD
         )

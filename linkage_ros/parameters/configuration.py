@@ -243,9 +243,16 @@ def load(source: str) -> Configuration:
         The configuration.
 
     Raises:
-        ConfigurationError: There is no such file or preset, or it cannot be used.
+        ConfigurationError: There is no such file or preset, it cannot be used, or it is of other
+            nodes alone.
     """
-    return configure(read_parameter_file(find_file(source)))
+    values = read_parameter_file(find_file(source))
+    if not values:
+        raise ConfigurationError(
+            f'{shown(source)} has no parameters of linkage_node: above ros__parameters write /** '
+            'or linkage_node'
+        )
+    return configure(values)
 
 
 def to_strings(configuration: Configuration) -> dict[str, str]:

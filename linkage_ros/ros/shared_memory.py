@@ -13,10 +13,12 @@ import time
 from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.files import open_file
 
 _FOLDER = Path('/dev/shm')  # noqa: S108, where Linux has shared memory
 _FIRST_PORT, _PORTS = 7400, 250  # of RTPS: the first one, and how many a domain has
 _READY = (2, 3)  # the first number in a file that is made, or known to be broken
+_LEAST = 64  # bytes of one
 _MAKING_SECONDS = 1.0  # which takes a millisecond
 
 
@@ -65,7 +67,8 @@ def _is_left_half_made(port: Path) -> bool:
 
 def _is_half_made(port: Path) -> bool:
     try:
-        with port.open('rb') as file:
-            return int.from_bytes(file.read(4), 'little') not in _READY
+        with open_file(port) as file:  # which waits for nobody, should it be a pipe
+            begin = file.read(_LEAST)
+        return len(begin) < _LEAST or int.from_bytes(begin[:4], 'little') not in _READY
     except OSError:  # there is none, or it is another user's
         return False
