@@ -32,6 +32,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.palette import FIRST, SECOND, fractions
 from linkage_ros.parameters.presets import preset_path
+from linkage_ros.progress import progress_bar
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import radians_per_second
 from linkage_ros.wire.messages import JointStateCodec
@@ -228,7 +229,11 @@ def main() -> None:
     cases = CASES[:1] if options.quick else CASES
     speeds = SPEEDS[:1] if options.quick else SPEEDS
     records, curves = [], {}
-    with tempfile.TemporaryDirectory() as folder:
+    total = 2 * len(speeds) * len(cases)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        progress_bar(total=total, desc='linkage_controller and its plant', unit=' runs') as bar,
+    ):
         for rpm in speeds:
             for name, factor, delay in cases:
                 for feed_forward in (False, True):
@@ -240,17 +245,18 @@ def main() -> None:
                     records.append(
                         {'rpm': rpm, 'case': name, 'feed_forward': feed_forward, **figures}
                     )
+                    bar.update()
                 without, with_ = records[-2:]
                 ratio = without['peak_ripple'] / with_['peak_ripple']
-                print(
+                bar.write(
                     f'{rpm:5g} rpm, {name:17}: PI alone {100 * without["peak_ripple"]:8.4f} %, '
                     f'with feed-forward {100 * with_["peak_ripple"]:8.4f} %, {ratio:6.1f} times '
                     f'less (p99 {without["p99_ripple"] / with_["p99_ripple"]:.1f}); '
                     f'commands {with_["command_age_p50_ms"]:.2f} ms after the stamp '
                     f'(p99 {with_["command_age_p99_ms"]:.2f}), act {with_["acts_after_ticks"]:g} '
-                    f'tick later in {100 * with_["acts_then"]:.1f} %',
-                    flush=True,
+                    f'tick later in {100 * with_["acts_then"]:.1f} %'
                 )
+                sys.stdout.flush()
     (options.out / 'controller.json').write_text(json.dumps(records, indent=1) + '\n')
     draw(curves, options.out / 'controller.png')
     print(options.out / 'controller.png')

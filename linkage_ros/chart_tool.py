@@ -205,6 +205,7 @@ def _add_pump(commands: Any) -> None:
         commands, pump, 'what a wind pump settles at, from where, for which torques: PNG and JSON',
         '', 'my_pump.yaml --speeds 1 4 --quick --out charts',
     )  # fmt: skip
+    command.usage = '%(prog)s [PARAMS] [options]'  # behind --speeds they would be one of them
     add = command.add_argument
     # fmt: off
     add('params', nargs='?', default='wind_pump', metavar='PARAMS',

@@ -61,6 +61,7 @@ def _parser() -> argparse.ArgumentParser:
         ('run.mcap', 'run.mcap --rate 0.5 --start-offset 2 --topics /joint_states',
          'run.mcap --loop --clock', 'run.mcap --viewer spawn --no-ros'),
     )  # fmt: skip
+    parser.usage = '%(prog)s LOG.mcap [options]'  # behind --topics it would be one of them
     parser.epilog = f'{KEYS}\n\n{parser.epilog}'
     add = parser.add_argument
     # fmt: off

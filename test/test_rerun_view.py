@@ -439,6 +439,7 @@ view.close()
         capture_output=True, text=True, check=True, timeout=PATIENCE,
     )  # fmt: skip
     assert done.stdout == f'{tmp_path}/run.rrd takes no more: is the disk full?\n'
+    assert done.stderr == ''  # and none of Rerun's own
 
 
 def test_without_rerun_the_package_to_install_is_named(monkeypatch):

@@ -206,11 +206,11 @@ def _columns(rows: Rows) -> rr.ComponentColumnList:
 
 
 def _import_rerun() -> None:
-    # The SDK would warn at every start that files get no index, which is meant, and of each
-    # flush that comes to nothing, which is what flushes are asked for here.
+    # The SDK would warn at every start that files get no index, which is meant; of each flush that
+    # comes to nothing, which is what flushes are asked for here; and of a full disk, which we say.
     quiet = 'RUST_LOG' not in os.environ
     if quiet:
-        os.environ['RUST_LOG'] = 'warn,re_log_encoding=error,re_sdk=off,re_grpc_client=off'
+        os.environ['RUST_LOG'] = 'warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off'
     try:
         import rerun as rr
 
