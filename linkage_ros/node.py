@@ -204,9 +204,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 self.get_logger().warning(status.message)
             else:
                 self.get_logger().info(status.message)
-        stepper = self._stepper
-        stamp = stepper.now if isinstance(stepper, ClockStepper) else time.time_ns()
-        diagnosis = encode_diagnostics(stamp, statuses)
+        diagnosis = encode_diagnostics(self._stepper.now(), statuses)
         self._diagnostics.publish(diagnosis)
         if self._log is not None:
             self._log.note(DIAGNOSTICS, diagnosis)

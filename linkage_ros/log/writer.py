@@ -48,11 +48,7 @@ def _qos(topic: Topic) -> str:
 
 
 class LogWriter(AbstractContextManager['LogWriter']):
-    """Writes one log; not to be shared between threads.
-
-    Attributes:
-        path: The file.
-    """
+    """Writes one log; not to be shared between threads."""
 
     def __init__(self, path: Path | str, configuration: Configuration, *, overwrite: bool) -> None:
         """Creates the file and writes down what the run is.
@@ -66,7 +62,6 @@ class LogWriter(AbstractContextManager['LogWriter']):
             LogError: The file exists and is not to be replaced, or is no log; it is being written
                 by another run, or cannot be created.
         """
-        self.path = Path(path)
         self._file = LogFile(path, MCAP0_MAGIC, overwrite=overwrite)
         self._writer = Writer(
             self._file.stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD
@@ -172,7 +167,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
     def disk_sync(self) -> DiskSync:
         """What brings the file to the disk; for a worker of its own."""
-        return DiskSync(self.path, self._file.stream.fileno())
+        return DiskSync(self._file.path, self._file.stream.fileno())
 
     def __exit__(self, *error: object) -> None:
         self.close()

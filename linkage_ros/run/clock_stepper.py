@@ -19,16 +19,13 @@ class ClockStepper(Stepping):
     Tick 0 is the first time heard; no tick is invented while the clock stands. Where the clock
     goes back, t0 moves with it and the motion goes on from there: the step is counted, as one of
     the wall clock is.
-
-    Attributes:
-        now: What the clock said last, ns; 0: nothing yet.
     """
 
     def __init__(self, *calls: Any) -> None:
         super().__init__(*calls)
         self._heard = False
         self._begin: Callable[[int], None] | None = None
-        self._t0 = self._tick = self.now = 0
+        self._t0 = self._tick = self._now = 0
 
     def start(self, begin: Callable[[int], None]) -> None:
         """Lets the motion begin.
@@ -37,6 +34,10 @@ class ClockStepper(Stepping):
             begin: Called with the stamp of tick 0, ns, once the clock is heard.
         """
         self._begin = begin
+
+    def now(self) -> int:
+        """What the clock said last, ns; 0: nothing yet."""
+        return self._now
 
     def stop(self) -> None:
         """Ends the motion: what is heard from now on makes no step."""
@@ -56,7 +57,7 @@ class ClockStepper(Stepping):
             self._fail(error)
 
     def _advance(self, begin: Callable[[int], None], now: int) -> None:
-        before, self.now = self.now, now
+        before, self._now = self._now, now
         if not self._heard:
             self._heard = True
             self._t0 = now

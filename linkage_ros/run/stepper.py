@@ -98,6 +98,10 @@ class Stepper(Stepping):
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name='stepper', daemon=True)
 
+    def now(self) -> int:
+        """The time of day, ns."""
+        return time.time_ns()
+
     def start(self, begin: Callable[[int], None]) -> None:
         """Starts ticking at once.
 
