@@ -20,11 +20,10 @@ import numpy as np
 from sheet import Sheet
 
 import linkage_ros as lr
-from linkage_ros.core.kinematics import structure_of
+from linkage_ros.core.kinematics import kinematics_of
 from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.core.structure import Point
-from linkage_ros.core.wind_pump import WindPumpKinematics
 from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color
 from linkage_ros.view.drawing import Drawing
 
@@ -61,14 +60,12 @@ class Picture(Sheet):
             self.text(self.at[name], name, shift=shift)
 
     def _links(self, mechanism: Mechanism, crank: float, look: str) -> None:
-        if isinstance(mechanism, lr.WindPump):
-            place = mechanism.slider.position
-            position = WindPumpKinematics(mechanism).solve(crank, place, SCALAR)[0]
-        else:
-            position = lr.Solver(mechanism).state(crank).position
+        kinematics = kinematics_of(mechanism)
+        structure = kinematics.structure
+        slider = structure.free_slider
+        position, *_ = kinematics.links((crank, *(slider.start[:1] if slider else ())), SCALAR)
         drawing = Drawing(mechanism, crank)
         turned = [cmath.rect(1, angle) for angle in position[:3]]
-        structure = structure_of(mechanism)
         self.directions = position
 
         def place_of(point: Point) -> complex:

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
-from linkage_ros.core.mechanism import Mechanism, WindPump
+from linkage_ros.core.mechanism import Linkage, Mechanism
 from linkage_ros.core.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
@@ -79,7 +79,7 @@ class SpeedController:
         Raises:
             ConfigurationError: No crank angle tells the state of this mechanism.
         """
-        if isinstance(mechanism, WindPump):
+        if not isinstance(mechanism, Linkage):
             raise ConfigurationError('plant: a wind_pump keeps its own speed; name a linkage')
         self._solver, self._lead = Solver(mechanism), lead
         self._solver.require_full_turn()

@@ -210,7 +210,7 @@ def test_a_flow_of_many_follows_each_as_the_map_does(analysis):
     # This one comes to the edge, where coupler and rod are in one line.
     assert spans[2] < 1e-7
     assert times[2] < 0.3
-    sine, words = analysis.section.equations.dyad(*phases[:2, 2].tolist())
+    sine, words = analysis.section.equations.dyad(phases[:2, 2].tolist())
     assert sine < 1e-3
     assert words.endswith('stretched')
 

@@ -250,7 +250,7 @@ def test_a_swing_that_turns_back_next_to_its_dead_centre_goes_on(integrate, sine
     inside, outside = limited_rest()[0], high
     while outside - inside > 1e-15:
         middle = 0.5 * (inside + outside)
-        near = middle < high and equations.dyad(middle)[0] < sine
+        near = middle < high and equations.dyad((middle,))[0] < sine
         inside, outside = (inside, middle) if near else (middle, outside)
     steps = begun(integrate, LIMITED, (inside, 0.0))
     start, angles = energy(steps), []
@@ -283,7 +283,7 @@ def test_a_stretched_dyad_ends_the_motion_with_time_and_place(integrate, velocit
         steps.advance(2.0)
     error = raised.value
     assert error.time == pytest.approx(time, abs=5e-6)
-    assert steps.motion.equations.dyad(*error.coordinates)[0] < 0.01
+    assert steps.motion.equations.dyad(error.coordinates)[0] < 0.01
     assert f't = {error.time:.6g} s' in str(error)
     assert 'slider at' in str(error)
     assert 'start slower' in str(error)

@@ -91,7 +91,7 @@ def test_all_motion_is_that_of_fifty_digits(place, torque):
     found = equations.accelerations(q, u, torque)
     state = equations.state(q, u, found)
     # How strongly a rounding of q shows in what follows from it.
-    sine = equations.dyad(*q)[0]
+    sine = equations.dyad(q)[0]
     for name, tolerance in (('position', 1e-13), ('velocity', 1e-13), ('acceleration', 1e-11)):
         true = [float(value) for value in getattr(exact, name)]
         size = 1 + max(map(abs, true))
@@ -111,7 +111,7 @@ def test_all_motion_is_that_of_fifty_digits(place, torque):
 def test_energies_and_accelerations_are_those_of_lagrange(place, torque):
     pump, q, u = place
     equations, other = EquationsOfMotion(pump), described(pump)
-    sine = equations.dyad(*q)[0]
+    sine = equations.dyad(q)[0]
     ours, theirs = equations.energy(q, u), lagrange_energy(other, q, u)
     at_rest = equations.energy(q, (0.0, 0.0))[1] - lagrange_energy(other, q, (0.0, 0.0))[1]
     size = abs(ours[0]) + abs(ours[1]) + 1
@@ -141,7 +141,7 @@ def test_the_matrix_is_positive_and_power_is_the_rate_of_energy(place, torque):
     rate = (8 * (energy(h) - energy(-h)) - (energy(2 * h) - energy(-2 * h))) / (12 * h)
     size = abs(torque * u[0]) + equations.energy(q, u)[0] + 1
     power = equations.power(q, u, torque)
-    assert rate == pytest.approx(power, abs=2e-5 * size / equations.dyad(*q)[0] ** 2)
+    assert rate == pytest.approx(power, abs=2e-5 * size / equations.dyad(q)[0] ** 2)
     damping = pump.slider.damping
     assert power == pytest.approx(torque * u[0] - damping * u[1] ** 2, rel=1e-12, abs=1e-12)
 
@@ -217,7 +217,7 @@ def test_on_the_edge_itself_too():
     equations = EquationsOfMotion(PUMP)
     for slide in (0.12 + 2.4, 0.12 + 0.8):
         inside = slide - 1e-9 if slide > 2 else slide + 1e-9
-        assert equations.dyad(0.0, inside)[0] < 1e-4
+        assert equations.dyad((0.0, inside))[0] < 1e-4
         with pytest.raises(UnreachableError):
             equations.matrix((0.0, slide + (1e-9 if slide > 2 else -1e-9)))
 

@@ -32,7 +32,7 @@ class Adapter(Peer):
         solve, speed, square, rows = self.solve, self.speed, self.speed**2, []
         for angle in angles:
             if self.limited:
-                self.solver.require_reachable(angle, SCALAR)
+                self.solver.kinematics.require_reachable(angle, SCALAR)
             (_, beta, gamma), _, _, ((_, k2, k3),), ((_, c2, c3),) = solve(angle, SCALAR)
             rows.append((beta, gamma, k2 * speed, k3 * speed, c2 * square, c3 * square))
         return rows

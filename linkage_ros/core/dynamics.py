@@ -9,10 +9,11 @@ work, m v . a, J w eps and P . v, then need the bodies only through two kinds of
     C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
 
 made once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
-through the spin of link j is sum_k A phi_k'' - B phi_k'^2. Weighed with the links' spins per unit
-of each independent speed (the partial velocities), this and the weights' power make the equations
+through the spin of link j is sum_k A phi_k'' - B phi_k'^2. Weighed with the links' spins per rate
+of each coordinate (the partial velocities), this and the weights' power make the equations
 of motion M q'' + h = Q + driving torque. No pin reaction appears. A link that slides adds its
-mass, its weight's share along the guide, the external force and the guide's resistance.
+mass, its weight's share along the guide, the external force and the guide's resistance. A free
+slider, whose place is the last coordinate, is coupled with no link: it adds them to that alone.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class MassDistribution:
         first = (sum(body.mass * body.center.weights[j] for body in bodies) for j in range(3))
         weight = [complex(w).conjugate() * complex(*gravity) for w in first]
         slider = structure.slider
-        self._output = slider if slider and slider.link == 2 else None
+        self._output = None if structure.free_slider else slider
         self._resistance: tuple[float, float] | None = None
         if self._output:
             # Link 2 slides: its "inertia" is its mass, and g . e^(i guide) the weight's share.
@@ -50,8 +51,8 @@ class MassDistribution:
             weight[2] = self._output.mass * complex(-gravity[1], gravity[0])
             if self._output.damping or self._output.force:
                 self._resistance = self._output.damping, self._output.force
-        # A slider that is a coordinate by itself, along x, and the share of its weight there.
-        self._free = slider if slider and slider.link == 3 else None
+        # A free slider, along x, and the share of its weight there.
+        self._free = structure.free_slider
         self._free_weight = slider.mass * gravity[0] if slider else 0.0
         self._diagonal = tuple(diagonal)
         self._weight = tuple((w.real, w.imag) if w else None for w in weight)
@@ -63,7 +64,7 @@ class MassDistribution:
         accelerations: PerLink,
         slide: tuple[Real, Real] | None = None,
     ) -> tuple[Real, ...]:
-        """M q'' + h - Q: what has to act on each independent speed besides the weights.
+        """M q'' + h - Q: what has to act on each coordinate besides the weights.
 
         It is linear in the accelerations. With those of the whole motion it is the driving
         torque; with those that remain at q'' = 0 it is h - Q; at rest it is -Q, the weights.
@@ -72,10 +73,10 @@ class MassDistribution:
             links: The position.
             rates: Velocity of each of the three links, rad/s or m/s.
             accelerations: Acceleration of each, rad/s^2 or m/s^2.
-            slide: Velocity and acceleration of a slider that is a coordinate by itself.
+            slide: Velocity and acceleration of a free slider.
 
         Returns:
-            For each speed, N m where it is an angle's, else N; floats or arrays, as in `links`.
+            For each coordinate, N m where it is an angle, else N; floats or arrays, as in `links`.
         """
         _, (c1, c2, c3), (s1, s2, s3), partial, _ = links
         (w1, w2, w3), (e1, e2, e3) = rates, accelerations
@@ -140,8 +141,8 @@ class MassDistribution:
             links: The position.
 
         Returns:
-            A row for each speed, kg m^2 between angles, kg between slides; floats or arrays, as
-            in `links`.
+            A row for each coordinate, kg m^2 between angles, kg between slides; floats or
+            arrays, as in `links`.
         """
         _, (c1, c2, c3), (s1, s2, s3), partial, _ = links
         d1, d2, d3 = self._diagonal

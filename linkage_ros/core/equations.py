@@ -8,21 +8,16 @@ are the crank angle and, of a wind pump, the slider's position; the torque acts 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
 
 from linkage_ros.core.dynamics import MassDistribution
 from linkage_ros.core.finite import all_finite, require_finite
-from linkage_ros.core.links import Links, PerLink
-from linkage_ros.core.mechanism import Mechanism, SliderCrank, WindPump
+from linkage_ros.core.kinematics import kinematics_of
+from linkage_ros.core.links import Links, PerCoordinate, PerLink
+from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.numeric import ARRAY, SCALAR, Real, functions_of
-from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State
-from linkage_ros.core.wind_pump import WindPumpKinematics
 from linkage_ros.errors import ConfigurationError, MechanismError
-
-# One value for each coordinate, floats or arrays.
-PerCoordinate: TypeAlias = tuple[Real, ...]
 
 
 class EquationsOfMotion:
@@ -32,33 +27,23 @@ class EquationsOfMotion:
 
     Attributes:
         mechanism: The description it was made from.
-        solver: Of its states; None: a wind pump, where a crank angle tells no state.
         structure: How its links hang together.
         coordinates: Names of the coordinates: 'crank' and, of a wind pump, 'slider'.
         has_edge: Whether motion can reach places beyond which the coordinates do not describe it.
-        dyad: The sine of the angle at which coupler and third link meet, 0 at the edge of what
-            the coordinates describe, and what they are there, in words; of floats.
+        dyad: From coordinates, floats, to the sine of the angle at which coupler and third link
+            meet, 0 at the edge of what the coordinates describe, and what they are there, in
+            words.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self.solver: Solver | None = None
-        self._locate: Callable[..., Links]
-        self.dyad: Callable[..., tuple[float, str]]
-        if isinstance(mechanism, WindPump):
-            pump = WindPumpKinematics(mechanism)
-            self.structure, self._locate, self.dyad = pump.structure, pump.solve, pump.dyad
-            self.coordinates: tuple[str, ...] = ('crank', 'slider')
-            self.has_edge = True
-        else:
-            self.solver = solver = Solver(mechanism)
-            self.structure, self._locate = solver.structure, solver.locate
-            self.dyad = solver.dyad
-            self.coordinates = ('crank',)
-            # Change points are passed: there the coordinates do not turn back.
-            self.has_edge = not solver.mobility.turns_fully
+        kinematics = kinematics_of(mechanism)
+        self.structure, self.coordinates = kinematics.structure, kinematics.structure.coordinates
+        self.has_edge, self.dyad, self._locate = (
+            kinematics.has_edge, kinematics.dyad, kinematics.links,
+        )  # fmt: skip
         self._masses = MassDistribution(self.structure, mechanism.gravity)
-        self._crosses_guide = isinstance(mechanism, SliderCrank)
+        self._crosses_guide = self.structure.joints[2].slides
 
     def accelerations(self, q: PerCoordinate, u: PerCoordinate, torque: Real) -> PerCoordinate:
         """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
@@ -226,7 +211,7 @@ class EquationsOfMotion:
             for name, value in zip(self.coordinates, u, strict=False):
                 require_finite(**{f'{name}_speed': value})
         scalar = all(isinstance(value, float) for value in q)
-        return self._locate(*q, SCALAR if scalar else ARRAY)
+        return self._locate(q, SCALAR if scalar else ARRAY)
 
 
 _KINDS = ('angle', 'position')

@@ -102,7 +102,7 @@ class Motion:
         Returns:
             0 at the edge of what the coordinates describe.
         """
-        return self.equations.dyad(*phase[: len(phase) // 2])[0]
+        return self.equations.dyad(phase[: len(phase) // 2])[0]
 
     def fail(self, time: float, phase: Phase, cause: Exception | None) -> NoReturn:
         """Ends a motion that cannot be followed any further.
@@ -116,7 +116,7 @@ class Motion:
             MotionError: With time, place and what to do.
         """
         q = phase[: len(phase) // 2]
-        sine, words = self.equations.dyad(*q)
+        sine, words = self.equations.dyad(q)
         with suppress(LinkageError):  # the end itself is a little later
             u = phase[len(q) :]
             _, (opening, rate) = self.equations.forward(q, u, self.torque(time, u[0]))

@@ -13,10 +13,9 @@ import numpy as np
 
 from linkage_ros.core.dynamics import MassDistribution
 from linkage_ros.core.finite import all_finite, require_finite
-from linkage_ros.core.kinematics import kinematics_of
-from linkage_ros.core.links import Links
+from linkage_ros.core.kinematics import CrankKinematics
 from linkage_ros.core.mechanism import Linkage
-from linkage_ros.core.mobility import assess, refusal, unreachable
+from linkage_ros.core.mobility import refusal
 from linkage_ros.core.numeric import ARRAY, SCALAR, Functions, Real, functions_of
 from linkage_ros.core.reactions import Reactions, reactions
 from linkage_ros.core.state import PointMotion, State, point_motion
@@ -42,11 +41,10 @@ class Solver:
 
     def __init__(self, mechanism: Linkage) -> None:
         self.mechanism = mechanism
-        self.kinematics = kinematics_of(mechanism)
+        self.kinematics = CrankKinematics(mechanism)
         self.structure = self.kinematics.structure
         self.links = tuple(joint.name for joint in self.structure.joints)
-        self.mobility = assess(mechanism, self.kinematics.map)
-        self._limited = not self.mobility.turns_fully
+        self.mobility = self.kinematics.mobility
         self._masses = MassDistribution(self.structure, mechanism.gravity)
 
     def require_full_turn(self) -> None:
@@ -55,7 +53,7 @@ class Solver:
         Raises:
             MechanismError: With its class, what stops the crank, and where it can be.
         """
-        if self._limited:
+        if not self.mobility.turns_fully:
             raise MechanismError(refusal(self.mobility, 'turn fully'))
 
     def state(self, crank: Real, speed: Real = 0.0, acceleration: Real = 0.0) -> State:
@@ -141,42 +139,6 @@ class Solver:
         with np.errstate(under='ignore'):
             return reactions(self.mechanism, self.structure, state, sine)
 
-    def locate(self, crank: Real, functions: Functions) -> Links:
-        """The links at a crank angle, where the loop closes.
-
-        Args:
-            crank: Crank angle, rad; float or array.
-            functions: SCALAR or ARRAY.
-
-        Returns:
-            Positions, rates and curvatures per crank speed.
-
-        Raises:
-            UnreachableError: The loop cannot close at a crank angle.
-        """
-        if self._limited:
-            self.require_reachable(crank, functions)
-        return self.kinematics.solve(crank, functions)
-
-    def dyad(self, crank: float) -> tuple[float, str]:
-        """How near coupler and output link are to one line, or the coupler to across its guide.
-
-        Args:
-            crank: Crank angle, rad.
-
-        Returns:
-            The sine of the transmission angle, and what they are where it is 0.
-        """
-        mapped = self.kinematics.map
-        if self._limited and min(mapped.margins(crank, SCALAR)) <= 0:
-            sine, folded = 0.0, mapped.q < 0 and mapped.margins(crank, SCALAR)[-1] <= 0
-        else:
-            _, _, sin_m, cos_m = mapped.place(crank, SCALAR)
-            sine, folded = abs(2 * sin_m * cos_m), abs(sin_m) < abs(cos_m)
-        if self.structure.slider:
-            return sine, 'the coupler stands across the guide'
-        return sine, f'coupler and rocker are {"folded" if folded else "stretched"}'
-
     def inertia(self, crank: Real) -> Real:
         """The moment of inertia of the whole mechanism, as the crank feels it.
 
@@ -191,11 +153,11 @@ class Solver:
             UnreachableError: The loop cannot close at a crank angle.
         """
         require_finite(crank_angle=crank)
-        ((inertia,),) = self._masses.matrix(self.locate(crank, functions_of(crank)))
+        ((inertia,),) = self._masses.matrix(self.kinematics.links((crank,), functions_of(crank)))
         return inertia
 
     def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
-        links = self.locate(crank, functions)
+        links = self.kinematics.links((crank,), functions)
         position, _, _, ((k1, k2, k3),), ((c1, c2, c3),) = links
         squared = speed * speed
         velocity = k1 * speed, k2 * speed, k3 * speed
@@ -209,22 +171,6 @@ class Solver:
             )
         (torque,) = self._masses.balance(links, velocity, accelerations)
         return _new(State, (position, velocity, accelerations, torque))
-
-    def require_reachable(self, crank: Real, functions: Functions) -> None:
-        """Refuses crank angles that a limited crank cannot have.
-
-        Args:
-            crank: Crank angle, rad; float or array.
-            functions: SCALAR or ARRAY.
-
-        Raises:
-            UnreachableError: The loop cannot close at a crank angle.
-        """
-        for margin in self.kinematics.map.margins(crank, functions):
-            if not functions.lowest(margin) > 0:
-                worst = np.atleast_1d(crank)[np.atleast_1d(margin) <= 0][0]
-                error: UnreachableError = unreachable(self.mobility, float(worst))
-                raise error
 
     def _solve_chunks(self, shape: tuple[int, ...], inputs: tuple[Real, Real, Real]) -> State:
         # What is the same for all states stays a number: half of the work on it is saved.

@@ -67,17 +67,19 @@ class SlidingBody(NamedTuple):
     """A link that slides, the last of a mechanism.
 
     Attributes:
-        link: Its index. 2: it is the output link, and the crank tells where it is; 3: its place
-            is a coordinate by itself, the last one.
+        link: Its index.
         mass: kg.
         force: External force along the guide, N.
         damping: N s/m.
+        start: Of a free slider, whose place is a coordinate by itself: position, m, and
+            velocity, m/s, at t = 0. Empty: the crank tells where it is.
     """
 
     link: int
     mass: float
     force: float
     damping: float
+    start: tuple[float, ...] = ()
 
 
 class Structure(NamedTuple):
@@ -97,3 +99,13 @@ class Structure(NamedTuple):
     bodies: tuple[TurningBody, ...]
     closure: Point
     slider: SlidingBody | None = None
+
+    @property
+    def free_slider(self) -> SlidingBody | None:
+        """The slider, if the crank does not tell where it is."""
+        return self.slider if self.slider and self.slider.start else None
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the joints that tell where all links are: 'crank', and a free slider's."""
+        return ('crank', self.joints[-1].name) if self.free_slider else ('crank',)

@@ -24,7 +24,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from linkage_ros.core.links import Links
+from linkage_ros.core.links import Links, PerCoordinate
 from linkage_ros.core.mechanism import OPEN, WindPump
 from linkage_ros.core.numeric import SCALAR, Functions, Real
 from linkage_ros.core.structure import Joint, Point, SlidingBody, Structure, TurningBody
@@ -36,7 +36,11 @@ class WindPumpKinematics:
 
     Attributes:
         structure: How the links hang together.
+        has_edge: True: coupler and rod may become one line, where the motion goes on in another
+            assembly.
     """
+
+    has_edge = True
 
     def __init__(self, mechanism: WindPump) -> None:
         self.structure = structure(mechanism)
@@ -69,12 +73,11 @@ class WindPumpKinematics:
             (d - r) * (d - r) + near,
         )
 
-    def solve(self, crank: Real, slide: Real, functions: Functions) -> Links:
+    def links(self, q: PerCoordinate, functions: Functions) -> Links:
         """The position and its derivatives.
 
         Args:
-            crank: Crank angle, rad; float or array.
-            slide: The slider's position, m; likewise.
+            q: Crank angle, rad, and the slider's position, m; floats or arrays.
             functions: SCALAR or ARRAY.
 
         Returns:
@@ -83,7 +86,7 @@ class WindPumpKinematics:
         Raises:
             UnreachableError: Coupler and rod do not reach there, or are in one line.
         """
-        r, b, c = self._lengths
+        (crank, slide), (r, b, c) = q, self._lengths
         stretch, fold, square = self.margins(crank, slide, functions)
         if not (functions.lowest(stretch) > 0 and functions.lowest(fold) > 0):
             self._refuse(crank, slide, stretch, fold)
@@ -119,18 +122,17 @@ class WindPumpKinematics:
             ),
         )
 
-    def dyad(self, crank: float, slide: float) -> tuple[float, str]:
+    def dyad(self, q: PerCoordinate) -> tuple[float, str]:
         """How near coupler and rod are to one line.
 
         Args:
-            crank: Crank angle, rad.
-            slide: The slider's position, m.
+            q: Crank angle, rad, and the slider's position, m; floats.
 
         Returns:
             The sine of the angle at which they meet, and whether they are nearer to being
             stretched or folded, in words.
         """
-        _, b, c = self._lengths
+        (crank, slide), (_, b, c) = q, self._lengths
         stretch, fold, _ = self.margins(crank, slide, SCALAR)
         sine = math.sqrt(max(stretch, 0.0)) * math.sqrt(max(fold, 0.0)) / (2 * b * c)
         return sine, f'coupler and rod are {"stretched" if stretch < fold else "folded"}'
@@ -208,5 +210,5 @@ def structure(mechanism: WindPump) -> Structure:
             for link, (body, center) in enumerate(zip((crank, coupler, rod), centers, strict=True))
         ),
         points['D'],
-        SlidingBody(3, slider.mass, 0.0, slider.damping),
+        SlidingBody(3, slider.mass, 0.0, slider.damping, (slider.position, slider.velocity)),
     )

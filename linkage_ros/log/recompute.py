@@ -59,7 +59,7 @@ class Recomputation:
         # Tick, coordinates, torque at rest of the state before; the first follows from the start.
         self._before: tuple[int, CrankState, float] | None = None
         if self._drive:
-            phase = start(machine.equations, self._drive)
+            phase = start(machine.equations.structure, self._drive)
             count = len(phase) // 2
             angle, _ = within_two_turns(phase[0])
             slide = () if count == 1 else (phase[1], phase[3], 0.0)
@@ -103,7 +103,8 @@ class Recomputation:
         count = len(self._codec.names)
         position, velocity, acceleration, effort = (values[i * count :][:count] for i in range(4))
         angle, _ = within_two_turns(position[0])
-        slide = () if self._machine.solver else (position[-1], velocity[-1], acceleration[-1])
+        free = len(self._machine.equations.coordinates) > 1
+        slide = (position[-1], velocity[-1], acceleration[-1]) if free else ()
         crank = CrankState(angle, position[0], velocity[0], acceleration[0], slide)
         return crank, effort[0]
 
@@ -138,17 +139,17 @@ class Recomputation:
             return ''
         damping, equations = self._drive.motor.damping, self._machine.equations
         motion = Motion(equations, lambda _, speed: held - damping * speed)
-        q, u = (origin.angle, *origin.slide[:1]), (origin.speed, *origin.slide[1:2])
         try:
-            steps = FixedSteps(motion, (*q, *u))
+            steps = FixedSteps(motion, (*origin.q, *origin.u))
             steps.advance(elapsed)
         except LinkageError as error:
             return f'does not follow from the one before: {error}'
         due = (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
         turned = crank.unwrapped - (origin.unwrapped - origin.angle)
-        found = (turned, *crank.slide[:1], crank.speed, *crank.slide[1:2])
-        units = motion.units[: len(q)]
-        sizes = (*units, *map(max, units, map(abs, due[len(q) :])))
+        found = (turned, *crank.q[1:], *crank.u)
+        count = len(crank.q)
+        units = motion.units[:count]
+        sizes = (*units, *map(max, units, map(abs, due[count:])))
         names = [f'{n} {w}' for w in ('position', 'speed') for n in equations.coordinates]
         for name, value, expected, size in zip(names, found, due, sizes, strict=True):
             if not abs(value - expected) <= _APART * size + 4 * math.ulp(crank.unwrapped):

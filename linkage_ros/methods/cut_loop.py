@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from linkage_ros.core.kinematics import structure_of
+from linkage_ros.core.kinematics import kinematics_of
 from linkage_ros.core.mechanism import FourBar, WindPump
 
 Number: TypeAlias = Any  # a float or a Decimal
@@ -50,7 +50,7 @@ class CutLoop:
             number: Makes a number of a double.
             unit: Cosine and sine of an angle, rad, as numbers.
         """
-        structure = structure_of(mechanism)
+        structure = kinematics_of(mechanism).structure
         self.slides = isinstance(mechanism, WindPump)
         self._zero = number(0)
         x, y = mechanism.gravity

@@ -27,7 +27,7 @@ def factored(mechanism: Linkage, f: Functions) -> Locate:
         return lambda crank: locate(crank, f)
 
     def within_reach(crank: Real) -> tuple[Real, Real]:
-        solver.require_reachable(crank, f)
+        solver.kinematics.require_reachable(crank, f)
         return locate(crank, f)
 
     return within_reach

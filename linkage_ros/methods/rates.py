@@ -38,7 +38,7 @@ def analytic(mechanism: Linkage, f: Functions) -> Rates:
 
     def second(crank: Real) -> tuple[Pair, Pair, Pair]:
         if limited:
-            solver.require_reachable(crank, f)
+            solver.kinematics.require_reachable(crank, f)
         (_, *position), _, _, ((_, *first),), ((_, *curvature),) = solve(crank, f)
         return tuple(position), tuple(first), tuple(curvature)
 

@@ -5,9 +5,9 @@
 from __future__ import annotations
 
 from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import with_turns, within_two_turns
 from linkage_ros.core.simulation import FixedSteps, Integrate, Motion, Phase
+from linkage_ros.core.structure import Structure
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.units import radians_per_second
@@ -38,7 +38,7 @@ class Plant:
         """
         self.equations = equations
         self._motor, self._damping, self._command = drive.motor.torque, drive.motor.damping, 0.0
-        self._steps = integrate(Motion(equations, self.torque), start(equations, drive))
+        self._steps = integrate(Motion(equations, self.torque), start(equations.structure, drive))
 
     @property
     def time(self) -> float:
@@ -94,11 +94,8 @@ class Plant:
         return CrankState(angle, unwrapped, u[0], a[0], slide)
 
 
-def start(equations: EquationsOfMotion, drive: TorqueDrive) -> Phase:
+def start(structure: Structure, drive: TorqueDrive) -> Phase:
     """Coordinates and rates at t = 0."""
-    speed = radians_per_second(drive.start_rpm)
-    mechanism = equations.mechanism
-    if isinstance(mechanism, WindPump):
-        slider = mechanism.slider
-        return drive.crank_angle, slider.position, speed, slider.velocity
-    return drive.crank_angle, speed
+    slider = structure.free_slider
+    slide = slider.start if slider else ()
+    return drive.crank_angle, *slide[:1], radians_per_second(drive.start_rpm), *slide[1:]

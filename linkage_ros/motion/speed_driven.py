@@ -14,6 +14,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
+from linkage_ros.core.links import PerCoordinate
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.units import NS_PER_S
 
@@ -36,8 +37,7 @@ class CrankState(NamedTuple):
         unwrapped: The whole angle turned, correctly rounded, rad.
         speed: rad/s.
         acceleration: rad/s^2.
-        slide: Position, m, velocity and acceleration of a slider that is a coordinate by itself;
-            empty: there is none.
+        slide: Position, m, velocity and acceleration of a free slider; empty: there is none.
     """
 
     angle: float
@@ -45,6 +45,21 @@ class CrankState(NamedTuple):
     speed: float
     acceleration: float
     slide: tuple[float, ...] = ()
+
+    @property
+    def q(self) -> PerCoordinate:
+        """All coordinates, the crank within two turns, rad and m."""
+        return self.angle, *self.slide[:1]
+
+    @property
+    def u(self) -> PerCoordinate:
+        """Their rates, rad/s and m/s."""
+        return self.speed, *self.slide[1:2]
+
+    @property
+    def a(self) -> PerCoordinate:
+        """Their accelerations, rad/s^2 and m/s^2."""
+        return self.acceleration, *self.slide[2:]
 
 
 class CrankMotion:

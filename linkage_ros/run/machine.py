@@ -12,7 +12,9 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from linkage_ros.core.equations import EquationsOfMotion
+from linkage_ros.core.mechanism import Linkage
 from linkage_ros.core.simulation import FixedSteps, Integrate
+from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import State, loop_residual, point_motion
 from linkage_ros.core.travel import travel
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
@@ -69,7 +71,7 @@ class Machine:
         self.configuration = configuration
         mechanism = configuration.mechanism
         self.equations = EquationsOfMotion(mechanism)
-        self.solver = self.equations.solver
+        self.solver = Solver(mechanism) if isinstance(mechanism, Linkage) else None
         structure = self.equations.structure
         self.joints = tuple(joint.name for joint in structure.joints)
         self.description = encode_string(make_urdf(mechanism))
@@ -150,18 +152,15 @@ class Machine:
 
         Args:
             stamp: ns.
-            crank: The crank and, of a wind pump, the slider.
+            crank: The crank, and what else is a coordinate.
 
         Returns:
             The state and its messages.
         """
-        angle, _, speed, acceleration, slide = crank
-        if self.solver:
-            state = self.solver.state(angle, speed, acceleration)
+        if self.solver:  # half as long as the equations of motion take
+            state = self.solver.state(crank.angle, crank.speed, crank.acceleration)
         else:
-            state = self.equations.state(
-                (angle, slide[0]), (speed, slide[1]), (acceleration, slide[2])
-            )
+            state = self.equations.state(crank.q, crank.u, crank.a)
         values = joint_values(self._tree, state, crank)
         position, velocity, _, effort = values
         messages: tuple[bytes, ...] = (

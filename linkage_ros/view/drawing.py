@@ -12,7 +12,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.core.kinematics import structure_of
+from linkage_ros.core.kinematics import kinematics_of
 from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.numeric import Array
 from linkage_ros.view.reach import going_round, reach
@@ -36,6 +36,7 @@ class Drawing:
     """The picture of one mechanism.
 
     Attributes:
+        structure: How the links hang together.
         joints: Names of the joints, in the order of positions.
         turning: Those of links that have a direction: all but a slider.
         going_round: Those of them that turn on and on.
@@ -62,10 +63,9 @@ class Drawing:
             crank_angle: From which it starts, rad; it matters where the crank cannot reach it
                 from everywhere.
         """
-        structure = structure_of(mechanism)
-        self._joints = structure.joints
-        self.joints = tuple(joint.name for joint in self._joints)
-        self.turning = tuple(joint.name for joint in self._joints if not joint.slides)
+        self.structure = structure = kinematics_of(mechanism).structure
+        self.joints = tuple(joint.name for joint in structure.joints)
+        self.turning = tuple(joint.name for joint in structure.joints if not joint.slides)
         self.going_round = going_round(mechanism)
         points = structure.points
         fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
@@ -77,7 +77,7 @@ class Drawing:
 
         positions, is_path = reach(mechanism, crank_angle)
         swept = self.place(positions)
-        output = self._joints[-1]
+        output = structure.joints[-1]
         self.output, self._output_pin = output.name, self.pins.index('D' if 'D' in moving else 'B')
         self.paths: dict[str, Array] = {}
         if is_path:
@@ -113,7 +113,8 @@ class Drawing:
             The pins, in the order of `pins`; shape (n, 2 to 4, 2), m.
         """
         # A slide would be no angle, but then the points do not depend on it.
-        turned = np.exp(1j * np.where([joint.slides for joint in self._joints], 0.0, position))
+        slides = [joint.slides for joint in self.structure.joints]
+        turned = np.exp(1j * np.where(slides, 0.0, position))
         return _plane(turned @ self._weights.T + self._fixed)
 
     def beside(self, points: Array) -> Array:
@@ -145,7 +146,7 @@ class Drawing:
             As `place` takes them: directions in base_link, rad, and slides, m.
         """
         links: Array = position.copy()
-        for joint in self._joints:
+        for joint in self.structure.joints:
             if joint.parent is not None:
                 links[:, joint.link] += links[:, joint.parent]
         return links

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.core.curves import Curves
-from linkage_ros.core.kinematics import structure_of
 from linkage_ros.core.mechanism import Linkage, Mechanism, WindPump
 from linkage_ros.core.numeric import ARRAY, Array
 from linkage_ros.core.solver import Solver
@@ -47,9 +46,9 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Reach:
     Returns:
         Positions that leave out nothing which a picture could show.
     """
-    if isinstance(mechanism, WindPump):
-        return Reach(_positions_of_pump(mechanism), is_path=False)
-    return Reach(_path(mechanism, crank_angle), is_path=True)
+    if isinstance(mechanism, Linkage):
+        return Reach(_path(mechanism, crank_angle), is_path=True)
+    return Reach(_positions_of_pump(mechanism), is_path=False)
 
 
 def going_round(mechanism: Mechanism) -> set[str]:
@@ -61,9 +60,10 @@ def going_round(mechanism: Mechanism) -> set[str]:
     Returns:
         Their names; the crank is one of them.
     """
-    if isinstance(mechanism, WindPump) or not Solver(mechanism).mobility.turns_fully:
+    if not isinstance(mechanism, Linkage) or not Solver(mechanism).mobility.turns_fully:
         return {'crank'}
-    curves, joints = Curves(mechanism, 0.0), structure_of(mechanism).joints
+    curves = Curves(mechanism, 0.0)
+    joints = curves.structure.joints
     turned = {j.name: np.ptp(curves.columns[f'{j.name}.position'].values[[0, -1]]) for j in joints}
     return {joint.name for joint in joints if not joint.slides and turned[joint.name] > math.pi}
 
@@ -109,5 +109,5 @@ def _positions_of_pump(mechanism: WindPump) -> Array:
     crank, slide = (grid.ravel() for grid in np.meshgrid(angles, places))
     closes = np.min(kinematics.margins(crank, slide, ARRAY), axis=0) > 0
     with np.errstate(all='ignore'):  # next to a stretched dyad rates pass all bounds
-        position, *_ = kinematics.solve(crank[closes], slide[closes], ARRAY)
+        position, *_ = kinematics.links((crank[closes], slide[closes]), ARRAY)
     return np.stack(position, axis=-1)

@@ -8,10 +8,10 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from linkage_ros.core.curves import extent
-from linkage_ros.core.mechanism import Mechanism, WindPump
+from linkage_ros.core.mechanism import Linkage
 from linkage_ros.core.numeric import Array
 from linkage_ros.core.solver import Solver
-from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.palette import COLORS, FIRST, GREY, SECOND, Color
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.units import radians_per_second
@@ -56,15 +56,11 @@ def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
     )
     mechanism, drive = configuration.mechanism, configuration.drive
     pictures: rrb.View | rrb.Container = linkage
-    if isinstance(mechanism, WindPump):
+    if drawing.structure.free_slider:
         pictures = rrb.Vertical(linkage, _phase_view(), row_shares=[2, 3])
-    if isinstance(mechanism, WindPump) or isinstance(drive, TorqueDrive):
-        curves, shares = (
-            _curves_of_torque(mechanism, drawing),
-            [1, 2],
-        )  # two columns with room for tabs
-    else:
-        curves, shares = _curves_of_speed(Solver(mechanism), drive.rpm, drawing), None
+    curves, shares = _curves_of_torque(drawing), [1, 2]  # two columns with room for tabs
+    if isinstance(drive, SpeedDrive) and isinstance(mechanism, Linkage):
+        curves, shares = _curves_of_speed(Solver(mechanism), drive.rpm, drawing), [1, 1]
     return rrb.Blueprint(
         rrb.Horizontal(pictures, curves, column_shares=shares),
         rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
@@ -104,7 +100,7 @@ def _plotted_seconds(rpm: float) -> float:
     return min(max(min(_FOR_THE_EYE, _MANY_TURNS * turn), _FEW_TURNS * turn), _FOR_PATIENCE)
 
 
-def _curves_of_torque(mechanism: Mechanism, drawing: Drawing) -> rrb.Container:
+def _curves_of_torque(drawing: Drawing) -> rrb.Container:
     """Speed first, because it is what the torque leads to; the energies as well."""
     import rerun.blueprint as rrb
 
@@ -112,7 +108,7 @@ def _curves_of_torque(mechanism: Mechanism, drawing: Drawing) -> rrb.Container:
     energies = dict(zip(ENERGIES, _ENERGY_COLORS, strict=True))
     speeds = [joints.plot('Crank speed, rad/s', 'velocity', ['crank']), *joints.rates()]
     causes = [joints.plot('Torque, N m', 'effort', ['crank'])]
-    if isinstance(mechanism, WindPump):
+    if drawing.structure.free_slider:
         title = 'Flow (stroke x speed), m/s'
         causes.insert(0, _plot(title, 'flow', {'flow': COLORS['slider']}, _DRIVEN_SECONDS))
     title = 'Energies, J (potential: from the start)'

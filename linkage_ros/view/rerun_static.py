@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkage_ros.core.mechanism import WindPump
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.palette import BLACK, COLORS, GREY, mixed
 from linkage_ros.parameters.configuration import Configuration
@@ -69,7 +68,7 @@ def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str
         fixed[entity] = rr.SeriesLines(names=names)
     if isinstance(configuration.drive, TorqueDrive):
         fixed['energies'] = rr.SeriesLines(names=list(ENERGIES))
-    if isinstance(configuration.mechanism, WindPump):
+    if drawing.structure.free_slider:
         fixed['flow'] = rr.SeriesLines(names='flow')
         fixed.update(_phase_plane())
     return fixed

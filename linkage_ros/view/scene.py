@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import Array
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import Configuration
@@ -97,9 +96,9 @@ class Scene:
         self._last_point: Array | None = None
         if isinstance(drive, TorqueDrive):
             self._energies = Energies(EquationsOfMotion(mechanism), drive)
-        if isinstance(mechanism, WindPump):
+        if slider := self.drawing.structure.free_slider:
             # Room at least for what the crank pin does at 1 rad/s.
-            middle, room = np.array([mechanism.slider.position, 0.0]), mechanism.crank.length
+            middle, room = np.array([slider.start[0], 0.0]), mechanism.crank.length
             self._flow, self._axes = Flow(), GrowingAxes(middle - room, middle + room)
 
     def advance(

@@ -55,7 +55,7 @@ class Energies:
         self._equations = equations
         names = [joint.name for joint in equations.structure.joints]
         self._columns = [names.index(name) for name in equations.coordinates]
-        phase, _ = wound(start(equations, drive))
+        phase, _ = wound(start(equations.structure, drive))
         q = phase[: len(self._columns)]
         _, self._offset = equations.energy(q, (0.0,) * len(q))
 

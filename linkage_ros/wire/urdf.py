@@ -8,7 +8,7 @@ import math
 from xml.etree import ElementTree as ET
 
 from linkage_ros.core.bodies import Body, Piston, Slider
-from linkage_ros.core.kinematics import structure_of
+from linkage_ros.core.kinematics import kinematics_of
 from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.structure import Joint
 from linkage_ros.palette import COLORS
@@ -33,7 +33,7 @@ def make_urdf(mechanism: Mechanism) -> str:
     """
     robot = ET.Element('robot', name='linkage')
     ET.SubElement(robot, 'link', name=ROOT_FRAME)
-    joints = structure_of(mechanism).joints
+    joints = kinematics_of(mechanism).structure.joints
     bodies: list[Body | Piston | Slider] = [getattr(mechanism, joint.name) for joint in joints]
     lengths = [body.length for body in bodies if isinstance(body, Body)]
     width = min(lengths) / 20
