@@ -47,7 +47,7 @@ class TransmissionMap:
         near: sin^2 m at h = pi/2: 1 - p without its rounding.
         pass_by: Half angle within which the crank pin passes the rocker pivot, rad; infinite
             where there is no such pivot.
-        limited: Whether there are crank angles at which the loop cannot close.
+        turns_fully: Whether a state exists at every crank angle.
     """
 
     reference: tuple[float, float]
@@ -57,15 +57,10 @@ class TransmissionMap:
     far: float
     near: float
     pass_by: float = math.inf
-    limited: bool = field(init=False)
+    turns_fully: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, 'limited', self.p < 0 or self.q < 0)
-
-    @property
-    def turns_fully(self) -> bool:
-        """Whether a state exists at every crank angle."""
-        return not self.limited
+        object.__setattr__(self, 'turns_fully', self.p >= 0 and self.q >= 0)
 
     @property
     def period_turns(self) -> int:
@@ -204,7 +199,7 @@ class TransmissionMap:
             sin h, cos h, sin m and cos m.
         """
         kappa, p, q = self.kappa, self.p, self.q
-        if self.limited:
+        if not self.turns_fully:
             sin_h, cos_h = self.half_angle(crank, functions)
             cos_square, sin_square = self._squares(kappa * sin_h, kappa * cos_h)
             return (

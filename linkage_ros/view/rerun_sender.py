@@ -22,7 +22,7 @@ import numpy as np
 
 from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ViewerError
-from linkage_ros.view.scene import TIMELINE, Kind, Rows
+from linkage_ros.view.scene import TIMELINE, Form, Rows
 from linkage_ros.view.targets import (
     SPAWN,
     WEB,
@@ -192,13 +192,13 @@ def _columns(rows: Rows) -> rr.ComponentColumnList:
     import rerun as rr
 
     values = rows.values
-    if rows.kind is Kind.SCALARS:
+    if rows.form is Form.SCALARS:
         return rr.Scalars.columns(scalars=values)
-    if rows.kind is Kind.POINTS:
+    if rows.form is Form.POINTS:
         return rr.Points2D.columns(positions=values)
-    if rows.kind is Kind.LINES:
+    if rows.form is Form.LINES:
         return rr.LineStrips2D.columns(strips=values.astype(np.float32))
-    if rows.kind is Kind.LABELS:
+    if rows.form is Form.LABELS:
         count, size = values.shape
         return rr.Points2D.columns(labels=values.ravel()).partition([size] * count)
     factors, shifts = np.pad(values, ((0, 0), (0, 0), (0, 1))).swapaxes(0, 1)

@@ -14,7 +14,7 @@ from linkage_ros.palette import BLACK, COLORS, GREY, mixed
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import ASPECT, MARKS
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.scene import PHASE_PLANE, QUANTITIES, RATES, angles_of
+from linkage_ros.view.scene import JOINT_FIELDS, PHASE_PLANE, RATES, angles_of
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
@@ -61,8 +61,8 @@ def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str
         fixed[f'linkage/{joint}'] = lines.from_fields(
             colors=COLORS[joint], radii=_THICK, draw_order=order
         )
-    for quantity in QUANTITIES:
-        fixed[f'joint_states/{quantity}'] = rr.SeriesLines(names=list(drawing.joints))
+    for field in JOINT_FIELDS:
+        fixed[f'joint_states/{field}'] = rr.SeriesLines(names=list(drawing.joints))
     fixed[RATES] = rr.SeriesLines(names=list(drawing.turning))
     for entity, names in angles_of(drawing).items():
         fixed[entity] = rr.SeriesLines(names=names)

@@ -24,7 +24,7 @@ Stamps: TypeAlias = npt.NDArray[np.int64]
 # The names that Rerun's MCAP importer gives stamps and the parts of a topic joint_states: the live
 # view, a replay and a log that is opened directly have them in common.
 TIMELINE = 'ros2_timestamp'
-QUANTITIES = ('position', 'velocity', 'effort')
+JOINT_FIELDS = ('position', 'velocity', 'effort')
 # Of the links that turn, in base_link: where those point that swing, the angles of those that go
 # round (the crank's is unwrapped), and how fast all turn. Those of joints, which a log has, count
 # from the link before, and jump at pi.
@@ -35,7 +35,7 @@ _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
 _SHOWN = 1e30  # beyond which nothing has a place in a drawing
 
 
-class Kind(Enum):
+class Form(Enum):
     """What the numbers of an entity are."""
 
     SCALARS = 'one or more curves'
@@ -50,13 +50,13 @@ class Rows(NamedTuple):
 
     Attributes:
         entity: Its path.
-        kind: What the values are.
+        form: What the values are.
         stamps: ns.
         values: One row for each stamp.
     """
 
     entity: str
-    kind: Kind
+    form: Form
     stamps: Stamps
     values: npt.NDArray[Any]
 
@@ -115,21 +115,21 @@ class Scene:
         Yields:
             Rows of all entities that have any.
         """
-        for quantity, row in zip(QUANTITIES, (position, velocity, effort), strict=True):
-            yield Rows(f'joint_states/{quantity}', Kind.SCALARS, stamps, row)
+        for field, row in zip(JOINT_FIELDS, (position, velocity, effort), strict=True):
+            yield Rows(f'joint_states/{field}', Form.SCALARS, stamps, row)
         links = self.drawing.of_links(position)
         count = len(self.drawing.turning)
         others = self._directions.follow(links[:, 1:count])
         angles = np.hstack([links[:, :1], others])
         for entity, columns in self._angles.items():
-            yield Rows(entity, Kind.SCALARS, stamps, angles[:, columns])
+            yield Rows(entity, Form.SCALARS, stamps, angles[:, columns])
         rates = self.drawing.of_links(velocity)[:, :count]
-        yield Rows(RATES, Kind.SCALARS, stamps, rates)
+        yield Rows(RATES, Form.SCALARS, stamps, rates)
         if self._energies:
-            yield Rows('energies', Kind.SCALARS, stamps, self._energies.at(position, velocity))
+            yield Rows('energies', Form.SCALARS, stamps, self._energies.at(position, velocity))
         if self._flow:
             flow = self._flow.follow(position[:, 0], velocity[:, 0], position[:, -1])
-            yield Rows('flow', Kind.SCALARS, stamps, flow[:, np.newaxis])
+            yield Rows('flow', Form.SCALARS, stamps, flow[:, np.newaxis])
         frames = stamps // _DRAWING_NS
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
@@ -141,25 +141,25 @@ class Scene:
 
     def _draw(self, stamps: Stamps, links: Array) -> Iterator[Rows]:
         points = self.drawing.place(links)
-        yield Rows('linkage/pins', Kind.POINTS, stamps, points)
-        yield Rows('linkage/pins/names', Kind.POINTS, stamps, self.drawing.beside(points))
+        yield Rows('linkage/pins', Form.POINTS, stamps, points)
+        yield Rows('linkage/pins/names', Form.POINTS, stamps, self.drawing.beside(points))
         for link, lines in self.drawing.links(points).items():
-            yield Rows(f'linkage/{link}', Kind.LINES, stamps, lines)
+            yield Rows(f'linkage/{link}', Form.LINES, stamps, lines)
 
     def _trace(self, axes: GrowingAxes, stamps: Stamps, points: Array) -> Iterator[Rows]:
         shown = (np.abs(points) < _SHOWN).all(axis=1)  # nan is not
         stamps, points = stamps[shown], points[shown]
         for i, (x, y) in axes.follow(points):
             now = stamps[i : i + 1]
-            yield Rows(f'{PHASE_PLANE}/curve', Kind.SCALE, now, _into_square(x, y))
+            yield Rows(f'{PHASE_PLANE}/curve', Form.SCALE, now, _into_square(x, y))
             for name, one in (('x', x), ('y', y)):
-                yield Rows(f'{PHASE_PLANE}/{name}', Kind.LABELS, now, np.array([one.labels]))
+                yield Rows(f'{PHASE_PLANE}/{name}', Form.LABELS, now, np.array([one.labels]))
         if points.size:
             start = points[:1] if self._last_point is None else self._last_point
             strips = np.stack([np.concatenate([start, points[:-1]]), points], axis=1)
             self._last_point = points[-1:]
-            yield Rows(f'{PHASE_PLANE}/curve/trail', Kind.LINES, stamps, strips)
-            yield Rows(f'{PHASE_PLANE}/curve/now', Kind.POINTS, stamps, points[:, np.newaxis])
+            yield Rows(f'{PHASE_PLANE}/curve/trail', Form.LINES, stamps, strips)
+            yield Rows(f'{PHASE_PLANE}/curve/now', Form.POINTS, stamps, points[:, np.newaxis])
 
 
 def _into_square(x: Axis, y: Axis) -> Array:
