@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import argparse
+from typing import cast
 
 from linkage_ros.chart_output import folder, libraries, progress
 from linkage_ros.core.curves import Curves, Period
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.motion.drives import Drive, Motor, TorqueDrive
+from linkage_ros.motion.drives import Drive, TorqueDrive
 from linkage_ros.parameters.configuration import find_file, load
 from linkage_ros.units import radians_per_second
 
@@ -38,7 +39,8 @@ def motion(options: argparse.Namespace) -> None:
     configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
     if isinstance(mechanism, WindPump):
-        period, words = _settled(options, mechanism, configuration.drive)
+        drive = cast('TorqueDrive', configuration.drive)  # a wind pump has no other
+        period, words = _settled(options, mechanism, drive)
     else:
         period, words = _driven(options, mechanism, configuration.drive)
     title = [name, f'{configuration.kind.mechanism}, {mechanism.assembly}{words[0]}', *words[1:]]
@@ -72,7 +74,7 @@ def _driven(
 
 
 def _settled(
-    options: argparse.Namespace, mechanism: WindPump, drive: Drive
+    options: argparse.Namespace, mechanism: WindPump, drive: TorqueDrive
 ) -> tuple[Period, list[str]]:
     """A turn of what a wind pump settles at, and words about it.
 
@@ -86,7 +88,7 @@ def _settled(
             '--acceleration and --reactions are for a crank at a given speed: '
             f'{options.params} moves as its motor drives it'
         )
-    motor = drive.motor if isinstance(drive, TorqueDrive) else Motor()
+    motor = drive.motor
     rpm = drive.initial_rpm if options.rpm is None else options.rpm
     line, speed = (motor.torque, motor.damping), radians_per_second(rpm)
     turn = SettledTurn(mechanism, line, speed, progress)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart: pictures and tables of what a mechanism does."""
+"""linkage_chart: its command line; what each command does is in a file of its name."""
 
 from __future__ import annotations
 
@@ -11,133 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from linkage_ros import cli
+from linkage_ros.chart_accuracy import accuracy
 from linkage_ros.chart_motion import motion
-from linkage_ros.chart_output import about, folder, libraries, progress, save
-from linkage_ros.core.mechanism import Linkage, WindPump
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.methods.motions import Machines
-from linkage_ros.motion.adaptive import AdaptiveSteps
-from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.parameters.configuration import find_file, load
+from linkage_ros.chart_pump import pump
+from linkage_ros.chart_stability import stability
 from linkage_ros.parameters.presets import preset_names
 
 _NAME = 'linkage_chart'
-
-
-def _preset(name: str) -> Linkage:
-    """The mechanism of a preset that a crank angle describes."""
-    mechanism = load(name).mechanism
-    assert not isinstance(mechanism, WindPump)  # noqa: S101
-    return mechanism
-
-
-def accuracy(options: argparse.Namespace) -> None:
-    """Measures speed and accuracy of all methods, draws them and writes the records.
-
-    Args:
-        options: Of the command line.
-
-    Raises:
-        ConfigurationError: The folder cannot be written.
-    """
-    with libraries():
-        from linkage_ros.charts.accuracy import draw_accuracy
-        from linkage_ros.charts.integration import draw_integration
-        from linkage_ros.methods.accuracy import measure_accuracy, tasks
-        from linkage_ros.methods.measure import Bench
-        from linkage_ros.methods.motion_accuracy import measure_motion_accuracy
-        from linkage_ros.methods.table import integrators
-    quadrilateral, slider_crank = (_preset(name) for name in ('quadrilateral', 'slider_crank'))
-    with folder(options.out):
-        benches = {
-            name: Bench(task, 120 if options.quick else 360)
-            for name, task in tasks(quadrilateral, slider_crank).items()
-        }
-        points = measure_accuracy(benches, quick=options.quick, progress=progress)
-        methods = integrators(AdaptiveSteps)
-        moved = measure_motion_accuracy(
-            methods, _machines(), quick=options.quick, progress=progress
-        )
-        on = ', '.join(f'{name} {value}' for name, value in about().items())
-        save(options.out / 'accuracy.json', [point.record() for point in (*points, *moved)])
-        for name in benches:
-            path = options.out / f'accuracy_{name.replace(" ", "_")}.png'
-            title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
-            draw_accuracy([point for point in points if point.mechanism == name], title, path)
-            print(path)
-        path = options.out / 'accuracy_motions.png'
-        title = f'Speed against accuracy: motions under a torque\n{on}'
-        draw_integration(moved, methods, title, path)
-        print(path)
-
-
-def stability(options: argparse.Namespace) -> None:
-    """Runs all methods through all situations, draws what comes of it and writes the records.
-
-    Args:
-        options: Of the command line.
-
-    Raises:
-        ConfigurationError: The folder cannot be written.
-    """
-    with libraries():
-        from linkage_ros.charts.stability import draw_stability
-        from linkage_ros.methods.motion_stability import measure_motion_stability
-        from linkage_ros.methods.situations import SITUATIONS
-        from linkage_ros.methods.stability import measure_stability
-        from linkage_ros.methods.table import integrators
-    with folder(options.out):
-        cases = 6 if options.quick else 30
-        cells = measure_stability(SITUATIONS, cases=cases, progress=progress)
-        methods = integrators(AdaptiveSteps)
-        moved = measure_motion_stability(methods, _machines(), cases=cases, progress=progress)
-        save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
-        title = (
-            'What comes of each method in each situation\n'
-            f'the worst of {cases} cases, or of a few motions, and the largest relative error'
-        )
-        draw_stability(cells, moved, methods, title, options.out / 'stability.png')
-    print(options.out / 'stability.png')
-
-
-def _machines() -> Machines:
-    """What moves in the charts: the presets, the pump with its motor."""
-    pump = load('wind_pump')
-    motor = pump.drive.motor if isinstance(pump.drive, TorqueDrive) else Motor()
-    return Machines.of(
-        load('quadrilateral').mechanism, pump.mechanism, motor.torque, motor.damping
-    )
-
-
-def pump(options: argparse.Namespace) -> None:
-    """Finds what a wind pump settles at, draws it and writes the numbers.
-
-    Args:
-        options: Of the command line.
-
-    Raises:
-        ConfigurationError: It is no wind pump, or the folder cannot be written.
-    """
-    with libraries():
-        from linkage_ros.analysis.pump import analyse
-        from linkage_ros.analysis.table import write_table
-        from linkage_ros.charts.pump import draw_pump
-    configuration = load(options.params)
-    mechanism, drive = configuration.mechanism, configuration.drive
-    if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
-        raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
-    torque, damping = drive.motor.torque, drive.motor.damping
-    name = find_file(options.params).stem
-    title = f'{name}: motor {torque:g} N m - {damping:g} N m s x crank speed'
-    picture = options.out / f'{name}_settled.png'
-    with folder(options.out):
-        found = analyse(
-            mechanism, torque, damping,
-            speeds=options.speeds, quick=options.quick, progress=progress,
-        )  # fmt: skip
-        save(options.out / f'{name}_settled.json', [found.record()])
-        draw_pump(found, title, picture)
-    print(*write_table(found), picture, sep='\n')
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -30,7 +30,7 @@ from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump')
 QUADRILATERAL = load('quadrilateral').mechanism
-MACHINES = Machines.of(
+MACHINES = Machines(
     QUADRILATERAL, PUMP.mechanism, PUMP.drive.motor.torque, PUMP.drive.motor.damping
 )
 INTEGRATORS = table.integrators(AdaptiveSteps)
@@ -345,11 +345,6 @@ def test_only_steps_up_to_a_ms_have_a_slowest_ms():
     for point in points:
         assert 0 < point.us_per_state < 1e4
         assert point.pareto <= (point.max_error <= LIMIT)
-
-
-def test_machines_are_of_their_kinds():
-    with pytest.raises(TypeError, match='a four-bar and a wind pump'):
-        Machines.of(PUMP.mechanism, QUADRILATERAL, 1.0, 1.0)
 
 
 def test_errors_are_seen(benches):

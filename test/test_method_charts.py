@@ -7,6 +7,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import os
 import re
 import subprocess
 import sys
@@ -29,6 +30,7 @@ from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.methods.stability import OUTCOMES, Cell
 from linkage_ros.methods.table import DEFAULT, METHODS, integrators, label
 from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.parameters.presets import preset_path
 
 INTEGRATORS = integrators(AdaptiveSteps)
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
@@ -100,6 +102,24 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, command):
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr == f'linkage_chart: {tmp_path / "file"} is no folder: name another\n'
+
+
+@pytest.mark.parametrize('command', ['accuracy', 'stability'])
+def test_a_preset_of_another_kind_is_one_line(tmp_path, command):
+    config = tmp_path / 'share' / 'linkage_ros' / 'config'
+    config.mkdir(parents=True)
+    (hiding := config / 'quadrilateral.yaml').symlink_to(preset_path('slider_crank'))
+    done = subprocess.run(
+        [sys.executable, '-m', 'linkage_ros.chart_tool', command, '--out', tmp_path / 'out'],
+        env={**os.environ, 'AMENT_PREFIX_PATH': str(tmp_path)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == (
+        f'linkage_chart: {hiding} describes a slider_crank in place of the '
+        "package's quadrilateral: rename it\n"
+    )
+    assert not (tmp_path / 'out').exists()
 
 
 def test_every_method_and_situation_has_its_place_in_the_docs():

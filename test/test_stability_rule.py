@@ -41,9 +41,7 @@ from linkage_ros.parameters.configuration import load
 BY_NAME = {situation.name: situation for situation in SITUATIONS}
 PUMP = load('wind_pump')
 MOTOR = PUMP.drive.motor
-MACHINES = Machines.of(
-    load('quadrilateral').mechanism, PUMP.mechanism, MOTOR.torque, MOTOR.damping
-)
+MACHINES = Machines(load('quadrilateral').mechanism, PUMP.mechanism, MOTOR.torque, MOTOR.damping)
 INTEGRATORS = integrators(AdaptiveSteps)
 MOTIONS = {situation.name: situation for situation in MOTION_SITUATIONS}
 # Where the situations' own motions would take a while.

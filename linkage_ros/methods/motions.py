@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import FourBar, Mechanism, WindPump
+from linkage_ros.core.mechanism import FourBar, WindPump
 from linkage_ros.core.simulation import Motion, Phase
 
 
@@ -66,28 +66,6 @@ class Machines(NamedTuple):
     pump: WindPump
     torque: float
     damping: float
-
-    @classmethod
-    def of(
-        cls, quadrilateral: Mechanism, pump: Mechanism, torque: float, damping: float
-    ) -> Machines:
-        """Takes mechanisms as presets hold them.
-
-        Args:
-            quadrilateral: The four-bar.
-            pump: The wind pump.
-            torque: Of its motor at rest, N m.
-            damping: What it loses per crank speed, N m s.
-
-        Returns:
-            The machines.
-
-        Raises:
-            TypeError: The mechanisms are of other kinds.
-        """
-        if not isinstance(quadrilateral, FourBar) or not isinstance(pump, WindPump):
-            raise TypeError('a four-bar and a wind pump')
-        return cls(quadrilateral, pump, torque, damping)
 
     def driven(self, speed: float, velocity: float = 0.0) -> MotionTask:
         """The pump with its motor and its water.

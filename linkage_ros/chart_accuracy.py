@@ -1,0 +1,51 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart accuracy: every method of solving, speed against accuracy."""
+
+from __future__ import annotations
+
+import argparse
+
+from linkage_ros.chart_output import about, folder, libraries, progress, save
+from linkage_ros.chart_presets import moving_presets, preset
+from linkage_ros.core.mechanism import FourBar, SliderCrank
+from linkage_ros.motion.adaptive import AdaptiveSteps
+
+
+def accuracy(options: argparse.Namespace) -> None:
+    """Measures speed and accuracy of all methods, draws them and writes the records.
+
+    Args:
+        options: Of the command line.
+
+    Raises:
+        ConfigurationError: A preset is another's, or the folder cannot be written.
+    """
+    with libraries():
+        from linkage_ros.charts.accuracy import draw_accuracy
+        from linkage_ros.charts.integration import draw_integration
+        from linkage_ros.methods.accuracy import measure_accuracy, tasks
+        from linkage_ros.methods.measure import Bench
+        from linkage_ros.methods.motion_accuracy import measure_motion_accuracy
+        from linkage_ros.methods.table import integrators
+    mechanisms = preset('quadrilateral', FourBar)[0], preset('slider_crank', SliderCrank)[0]
+    machines = moving_presets()
+    with folder(options.out):
+        benches = {
+            name: Bench(task, 120 if options.quick else 360)
+            for name, task in tasks(*mechanisms).items()
+        }
+        points = measure_accuracy(benches, quick=options.quick, progress=progress)
+        methods = integrators(AdaptiveSteps)
+        moved = measure_motion_accuracy(methods, machines, quick=options.quick, progress=progress)
+        on = ', '.join(f'{name} {value}' for name, value in about().items())
+        save(options.out / 'accuracy.json', [point.record() for point in (*points, *moved)])
+        for name in benches:
+            path = options.out / f'accuracy_{name.replace(" ", "_")}.png'
+            title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
+            draw_accuracy([point for point in points if point.mechanism == name], title, path)
+            print(path)
+        path = options.out / 'accuracy_motions.png'
+        title = f'Speed against accuracy: motions under a torque\n{on}'
+        draw_integration(moved, methods, title, path)
+        print(path)

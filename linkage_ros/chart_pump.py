@@ -1,0 +1,44 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart pump: what a wind pump settles at, from where and for which torques."""
+
+from __future__ import annotations
+
+import argparse
+
+from linkage_ros.chart_output import folder, libraries, progress, save
+from linkage_ros.core.mechanism import WindPump
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.parameters.configuration import find_file, load
+
+
+def pump(options: argparse.Namespace) -> None:
+    """Finds what a wind pump settles at, draws it and writes the numbers.
+
+    Args:
+        options: Of the command line.
+
+    Raises:
+        ConfigurationError: It is no wind pump, or the folder cannot be written.
+    """
+    with libraries():
+        from linkage_ros.analysis.pump import analyse
+        from linkage_ros.analysis.table import write_table
+        from linkage_ros.charts.pump import draw_pump
+    configuration = load(options.params)
+    mechanism, drive = configuration.mechanism, configuration.drive
+    if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
+        raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
+    torque, damping = drive.motor.torque, drive.motor.damping
+    name = find_file(options.params).stem
+    title = f'{name}: motor {torque:g} N m - {damping:g} N m s x crank speed'
+    picture = options.out / f'{name}_settled.png'
+    with folder(options.out):
+        found = analyse(
+            mechanism, torque, damping,
+            speeds=options.speeds, quick=options.quick, progress=progress,
+        )  # fmt: skip
+        save(options.out / f'{name}_settled.json', [found.record()])
+        draw_pump(found, title, picture)
+    print(*write_table(found), picture, sep='\n')

@@ -1,0 +1,41 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart stability: every method of solving, where some of them fail."""
+
+from __future__ import annotations
+
+import argparse
+
+from linkage_ros.chart_output import folder, libraries, progress, save
+from linkage_ros.chart_presets import moving_presets
+from linkage_ros.motion.adaptive import AdaptiveSteps
+
+
+def stability(options: argparse.Namespace) -> None:
+    """Runs all methods through all situations, draws what comes of it and writes the records.
+
+    Args:
+        options: Of the command line.
+
+    Raises:
+        ConfigurationError: A preset is another's, or the folder cannot be written.
+    """
+    with libraries():
+        from linkage_ros.charts.stability import draw_stability
+        from linkage_ros.methods.motion_stability import measure_motion_stability
+        from linkage_ros.methods.situations import SITUATIONS
+        from linkage_ros.methods.stability import measure_stability
+        from linkage_ros.methods.table import integrators
+    machines = moving_presets()
+    with folder(options.out):
+        cases = 6 if options.quick else 30
+        cells = measure_stability(SITUATIONS, cases=cases, progress=progress)
+        methods = integrators(AdaptiveSteps)
+        moved = measure_motion_stability(methods, machines, cases=cases, progress=progress)
+        save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
+        title = (
+            'What comes of each method in each situation\n'
+            f'the worst of {cases} cases, or of a few motions, and the largest relative error'
+        )
+        draw_stability(cells, moved, methods, title, options.out / 'stability.png')
+    print(options.out / 'stability.png')
