@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_output import about, folder, libraries, progress, save
+from linkage_ros.chart_output import about, folder, libraries, progress, save_records
 from linkage_ros.chart_presets import moving_presets, preset
 from linkage_ros.core.mechanism import FourBar, SliderCrank
 from linkage_ros.motion.adaptive import AdaptiveSteps
@@ -39,13 +39,13 @@ def accuracy(options: argparse.Namespace) -> None:
         methods = integrators(AdaptiveSteps)
         moved = measure_motion_accuracy(methods, machines, quick=options.quick, progress=progress)
         on = ', '.join(f'{name} {value}' for name, value in about().items())
-        save(options.out / 'accuracy.json', [point.record() for point in (*points, *moved)])
-        for name in benches:
-            path = options.out / f'accuracy_{name.replace(" ", "_")}.png'
+        records = options.out / 'accuracy.json'
+        save_records(records, [point.record() for point in (*points, *moved)])
+        pictures = [options.out / f'accuracy_{name.replace(" ", "_")}.png' for name in benches]
+        for name, picture in zip(benches, pictures, strict=True):
             title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
-            draw_accuracy([point for point in points if point.mechanism == name], title, path)
-            print(path)
-        path = options.out / 'accuracy_motions.png'
+            draw_accuracy([point for point in points if point.mechanism == name], title, picture)
+        pictures.append(options.out / 'accuracy_motions.png')
         title = f'Speed against accuracy: motions under a torque\n{on}'
-        draw_integration(moved, methods, title, path)
-        print(path)
+        draw_integration(moved, methods, title, pictures[-1])
+    print(records, *pictures, sep='\n')

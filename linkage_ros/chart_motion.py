@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 from typing import cast
 
-from linkage_ros.chart_output import folder, libraries, progress
+from linkage_ros.chart_output import folder, libraries, progress, save_table
 from linkage_ros.core.curves import Curves, Period
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.core.travel import travel
@@ -46,10 +46,9 @@ def motion(options: argparse.Namespace) -> None:
     title = [name, f'{configuration.kind.mechanism}, {mechanism.assembly}{words[0]}', *words[1:]]
     picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
     with folder(options.out):
-        period.save(table)
+        save_table(table, period.columns.values())
         draw_motion(period, title, picture)
-    print(', '.join(title))
-    print(f'{picture}\n{table}')
+    print(', '.join(title), picture, table, sep='\n')
 
 
 def _driven(

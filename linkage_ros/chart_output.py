@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import platform
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from linkage_ros import __version__
+from linkage_ros.core.curves import Column
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.progress import progress_bar
 
@@ -70,7 +72,16 @@ def about() -> dict[str, str]:
     }
 
 
-def save(path: Path, records: list[dict[str, Any]]) -> None:
-    """Writes records, with what they were measured on."""
+def save_records(path: Path, records: list[dict[str, Any]]) -> None:
+    """Writes records as JSON, with what they were measured on."""
     path.write_text(json.dumps({'about': about(), 'records': records}, indent=1) + '\n')
-    print(path)
+
+
+def save_table(path: Path, columns: Iterable[Column]) -> None:
+    """Writes columns as CSV; every number reads back to the last bit."""
+    columns = list(columns)
+    with path.open('w', newline='', encoding='utf-8') as stream:
+        writer = csv.writer(stream)
+        writer.writerow(f'{column.name} [{column.unit}]' for column in columns)
+        rows = zip(*(column.values.tolist() for column in columns), strict=True)
+        writer.writerows([repr(value) for value in row] for row in rows)

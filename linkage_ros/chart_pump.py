@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_output import folder, libraries, progress, save
+from linkage_ros.chart_output import folder, libraries, progress, save_records
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import TorqueDrive
@@ -33,12 +33,12 @@ def pump(options: argparse.Namespace) -> None:
     torque, damping = drive.motor.torque, drive.motor.damping
     name = find_file(options.params).stem
     title = f'{name}: motor {torque:g} N m - {damping:g} N m s x crank speed'
-    picture = options.out / f'{name}_settled.png'
+    records, picture = options.out / f'{name}_settled.json', options.out / f'{name}_settled.png'
     with folder(options.out):
         found = analyse(
             mechanism, torque, damping,
             speeds=options.speeds, quick=options.quick, progress=progress,
         )  # fmt: skip
-        save(options.out / f'{name}_settled.json', [found.record()])
+        save_records(records, [found.record()])
         draw_pump(found, title, picture)
-    print(*write_table(found), picture, sep='\n')
+    print(records, *write_table(found), picture, sep='\n')

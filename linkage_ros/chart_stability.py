@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_output import folder, libraries, progress, save
+from linkage_ros.chart_output import folder, libraries, progress, save_records
 from linkage_ros.chart_presets import moving_presets
 from linkage_ros.motion.adaptive import AdaptiveSteps
 
@@ -27,15 +27,16 @@ def stability(options: argparse.Namespace) -> None:
         from linkage_ros.methods.stability import measure_stability
         from linkage_ros.methods.table import integrators
     machines = moving_presets()
+    records, picture = options.out / 'stability.json', options.out / 'stability.png'
     with folder(options.out):
         cases = 6 if options.quick else 30
         cells = measure_stability(SITUATIONS, cases=cases, progress=progress)
         methods = integrators(AdaptiveSteps)
         moved = measure_motion_stability(methods, machines, cases=cases, progress=progress)
-        save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
+        save_records(records, [cell.record() for cell in (*cells, *moved)])
         title = (
             'What comes of each method in each situation\n'
             f'the worst of {cases} cases, or of a few motions, and the largest relative error'
         )
-        draw_stability(cells, moved, methods, title, options.out / 'stability.png')
-    print(options.out / 'stability.png')
+        draw_stability(cells, moved, methods, title, picture)
+    print(records, picture, sep='\n')

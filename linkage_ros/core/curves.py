@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -120,19 +118,6 @@ class Period:
             for (name, unit), vector in zip(units, motion, strict=True)
             for axis, values in zip('xy', vector, strict=True)
         ]
-
-    def save(self, path: Path) -> None:
-        """Writes all columns to a CSV file; every number reads back to the last bit.
-
-        Args:
-            path: The file; replaced if there is one.
-        """
-        columns = self.columns.values()
-        with path.open('w', newline='', encoding='utf-8') as stream:
-            writer = csv.writer(stream)
-            writer.writerow(f'{column.name} [{column.unit}]' for column in columns)
-            rows = zip(*(column.values.tolist() for column in columns), strict=True)
-            writer.writerows([repr(value) for value in row] for row in rows)
 
 
 class Curves(Period):
