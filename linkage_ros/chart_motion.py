@@ -10,11 +10,16 @@ from typing import cast
 from linkage_ros.chart_output import folder, libraries, progress, save_table
 from linkage_ros.core.curves import Curves, Period
 from linkage_ros.core.mechanism import Linkage, WindPump
+from linkage_ros.core.quantities import Quantity
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import Drive, TorqueDrive
 from linkage_ros.parameters.configuration import find_file, load
 from linkage_ros.units import radians_per_second
+
+# What its options may be.
+RPM = Quantity('number', "crank speed instead of the file's", 'rpm', -1e6, 1e6)
+ACCELERATION = Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9)
 
 
 def motion(options: argparse.Namespace) -> None:
@@ -28,14 +33,12 @@ def motion(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.motion import draw_motion
-    for flag, value, most, unit in (
-        ('--rpm', options.rpm or 0.0, 1e6, 'rpm'),
-        ('--acceleration', options.acceleration, 1e9, 'rad/s^2'),
+    for name, value, quantity in (
+        ('--rpm', options.rpm, RPM),
+        ('--acceleration', options.acceleration, ACCELERATION),
     ):
-        if not abs(value) <= most:
-            raise ConfigurationError(
-                f'{flag} {value:g}: must be a number from {-most:g} to {most:g} {unit}'
-            )
+        if value is not None:
+            quantity.clean(name, value)
     configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
     if isinstance(mechanism, WindPump):

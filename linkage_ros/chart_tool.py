@@ -12,7 +12,7 @@ from typing import Any
 
 from linkage_ros import cli
 from linkage_ros.chart_accuracy import accuracy
-from linkage_ros.chart_motion import motion
+from linkage_ros.chart_motion import ACCELERATION, RPM, motion
 from linkage_ros.chart_pump import pump
 from linkage_ros.chart_stability import stability
 from linkage_ros.parameters.presets import preset_names
@@ -62,9 +62,9 @@ def _add_motion(commands: Any) -> None:
     add('params', metavar='PARAMS',
         help=f'parameter file, or a preset: {", ".join(preset_names())}')
     add('--rpm', type=float, metavar='N',
-        help="crank speed instead of the file's, rpm; of a wind_pump, the one it settles from")
+        help=f'{RPM.meaning}, {RPM.unit}; of a wind_pump, the one it settles from')
     add('--acceleration', type=float, default=0.0, metavar='A',
-        help='crank acceleration at every angle, rad/s^2 (default 0)')
+        help=f'{ACCELERATION.meaning}, {ACCELERATION.unit} (default 0)')
     add('--reactions', action='store_true', help='add joint forces, shaking force and moment')
     # fmt: on
 

@@ -14,6 +14,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from linkage_ros import cli
+from linkage_ros.core.quantities import Quantity
 from linkage_ros.errors import ConfigurationError, MotionError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive import AdaptiveSteps
@@ -30,6 +31,8 @@ from linkage_ros.wire.messages import ROBOT_DESCRIPTION, qualified
 _NAME = 'linkage_record'
 _DEFAULT_DURATION = 10.0
 _LONGEST = 1e9  # s; stamps of thirty years still fit ROS's time
+_DURATION = Quantity('number', 'how long', 's', 1e-9, _LONGEST)
+_REVOLUTIONS = Quantity('number', 'turns of the crank', 'turns', 1, _LONGEST)
 _PATIENCE = 3600  # s, for revolutions that a torque is to make
 
 
@@ -112,10 +115,7 @@ class _End:
         if revolutions is None:
             self.ticks = _ticks(machine, _nanoseconds(duration))
             return
-        if not 0 < revolutions <= _LONGEST:
-            raise ConfigurationError(
-                f'revolutions = {revolutions}: must be a whole number from 1 to {_LONGEST:g}'
-            )
+        _REVOLUTIONS.clean('revolutions', revolutions)
         if isinstance(motion, CrankMotion):
             self.ticks = _ticks(machine, _time_to_turn(motion, revolutions))
         else:
@@ -144,16 +144,9 @@ def _ticks(machine: Machine, end: int) -> range:
 
 
 def _nanoseconds(duration: float | None) -> int:
-    """A duration as it was typed.
-
-    Raises:
-        ConfigurationError: It is not a positive number.
-    """
+    """A duration as it was typed."""
     seconds = _DEFAULT_DURATION if duration is None else duration
-    if not 0 < seconds <= _LONGEST:
-        raise ConfigurationError(
-            f'duration = {seconds!r}: must be a number above 0 up to {_LONGEST:g} s'
-        )
+    _DURATION.clean('duration', seconds)
     # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
     return math.ceil(Fraction(repr(float(seconds))) * NS_PER_S)
 
@@ -191,8 +184,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('out', metavar='OUT.mcap', type=Path, help='the log to write')
     length = parser.add_mutually_exclusive_group()
-    length.add_argument('--duration', type=float, metavar='S', help='how long, s (default 10)')
-    length.add_argument('--revolutions', type=int, metavar='N', help='turns of the crank')
+    length.add_argument(
+        '--duration', type=float, metavar='S',
+        help=f'{_DURATION.meaning}, s (default {_DEFAULT_DURATION:g})',
+    )  # fmt: skip
+    length.add_argument('--revolutions', type=int, metavar='N', help=_REVOLUTIONS.meaning)
     parser.add_argument(
         '--rate', type=float, metavar='HZ', help='states a second (default: rate_hz of the file)'
     )

@@ -11,8 +11,10 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 
 from linkage_ros import cli
+from linkage_ros.core.quantities import Quantity
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import VIEWERS
@@ -27,8 +29,13 @@ from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_replay'
 _CLOCK_HZ = 40.0
-_LONGEST = 1e9  # s
 _SHOW_SECONDS = 1.0
+# What its options may be.
+_RATE = Quantity('number', 'log time over real time', low=SLOWEST, high=FASTEST)
+_OFFSET = Quantity('number', 'leave out the first S s', 's of the log', low=0.0)
+_DURATION = Quantity('number', 'play S s of the log from there, the end left out', 's', 1e-9, 1e9)
+_DELAY = Quantity('number', 'wait S seconds before the start', 's', 0.0, 1e6)
+_CLOCK = Quantity('number', 'publish the log time on /clock, HZ times a second', 'Hz', 0.01, 1e3)
 
 
 @contextmanager
@@ -67,17 +74,15 @@ def _parser() -> argparse.ArgumentParser:
     # fmt: off
     add('log', metavar='LOG.mcap', help='the log')
     add('-r', '--rate', type=float, default=1.0, metavar='R',
-        help='log time over real time (default 1)')
+        help=f'{_RATE.meaning} (default 1)')
     add('-l', '--loop', action='store_true',
         help='begin again at the end, until Ctrl-C; the time on /clock goes on')
-    add('--start-offset', type=float, default=0.0, metavar='S', help='leave out the first S s')
-    add('--playback-duration', type=float, metavar='S',
-        help='play S s of the log from there, the end left out')
+    add('--start-offset', type=float, default=0.0, metavar='S', help=_OFFSET.meaning)
+    add('--playback-duration', type=float, metavar='S', help=_DURATION.meaning)
     add('-p', '--start-paused', action='store_true', help='wait for a key before the start')
-    add('-d', '--delay', type=float, default=0.0, metavar='S',
-        help='wait S seconds before the start')
+    add('-d', '--delay', type=float, default=0.0, metavar='S', help=_DELAY.meaning)
     add('--clock', type=float, nargs='?', const=_CLOCK_HZ, metavar='HZ',
-        help=f'publish the log time on /clock, HZ times a second (default {_CLOCK_HZ:g})')
+        help=f'{_CLOCK.meaning} (default {_CLOCK_HZ:g})')
     add('--topics', nargs='+', metavar='NAME', help='replay these topics only')
     add('--viewer', default='', metavar='TARGET',
         help=f'also show it in Rerun: {VIEWERS}')
@@ -88,20 +93,15 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(options: argparse.Namespace, log: LogReader) -> None:
     length = (log.end - log.start) / NS_PER_S
-    duration = 1.0 if options.playback_duration is None else options.playback_duration
-    clock = _CLOCK_HZ if options.clock is None else options.clock
-    for wrong, name, value, words in (
-        (not SLOWEST <= options.rate <= FASTEST, '--rate', options.rate,
-         f'must be a number from {SLOWEST:g} to {FASTEST:g}'),
-        (not 0 <= options.start_offset <= length, '--start-offset', options.start_offset,
-         f"must be from 0 to the log's {length:g} s"),
-        (not 0 < duration <= _LONGEST, '--playback-duration', duration,
-         f'must be a number above 0 up to {_LONGEST:g} s'),
-        (not 0 <= options.delay <= 1e6, '--delay', options.delay, 'must be from 0 to 1e+06 s'),
-        (not 0.01 <= clock <= 1000, '--clock', clock, 'must be from 0.01 to 1000 Hz'),
-    ):  # fmt: skip
-        if wrong:
-            raise ConfigurationError(f'{name} {value:g}: {words}')
+    for name, value, quantity in (
+        ('--rate', options.rate, _RATE),
+        ('--start-offset', options.start_offset, replace(_OFFSET, high=length)),
+        ('--playback-duration', options.playback_duration, _DURATION),
+        ('--delay', options.delay, _DELAY),
+        ('--clock', options.clock, _CLOCK),
+    ):
+        if value is not None:
+            quantity.clean(name, value)
     names = [topic.name for topic in log.topics]
     for name in options.topics or ():
         if name not in names:

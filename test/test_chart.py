@@ -265,9 +265,9 @@ def test_a_file_of_other_nodes_is_not_the_preset(tmp_path, monkeypatch, capsys):
     ('arguments', 'words'),
     [
         (['motion', 'pentagon'], "No preset 'pentagon'"),
-        (['motion', 'quadrilateral', '--rpm', 'nan'], '--rpm nan: must be a number from'),
+        (['motion', 'quadrilateral', '--rpm', 'nan'], '--rpm = nan: must be a number from'),
         (['motion', 'quadrilateral', '--rpm', 'fast'], 'invalid float value'),
-        (['motion', 'quadrilateral', '--acceleration', '1e99'], '--acceleration 1e+99: must be'),
+        (['motion', 'quadrilateral', '--acceleration', '1e99'], '--acceleration = 1e+99: must be'),
         (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
         (['motion', 'wind_pump', '--reactions'], '--acceleration and --reactions are for a crank'),
         (['motion', 'wind_pump', '--acceleration', '1'], 'wind_pump moves as its motor drives it'),
