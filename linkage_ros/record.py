@@ -5,35 +5,24 @@
 from __future__ import annotations
 
 import argparse
-import itertools
-import math
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 
 from linkage_ros import cli
-from linkage_ros.core.quantities import Quantity
-from linkage_ros.errors import ConfigurationError, MotionError
+from linkage_ros.errors import MotionError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive import AdaptiveSteps
-from linkage_ros.motion.speed_driven import CrankMotion
-from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.parameters.configuration import Configuration, configure, find_file, preset_note
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.progress import progress_bar
-from linkage_ros.run.machine import Machine, Step
-from linkage_ros.units import NS_PER_S
+from linkage_ros.record_end import DEFAULT_DURATION, DURATION, REVOLUTIONS, End
+from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION, qualified
 
 _NAME = 'linkage_record'
-_DEFAULT_DURATION = 10.0
-_LONGEST = 1e9  # s; stamps of thirty years still fit ROS's time
-_DURATION = Quantity('number', 'how long', 's', 1e-9, _LONGEST)
-_REVOLUTIONS = Quantity('number', 'turns of the crank', 'turns', 1, _LONGEST)
-_PATIENCE = 3600  # s, for revolutions that a torque is to make
 
 
 def record(
@@ -67,7 +56,7 @@ def record(
     """
     machine = Machine(configuration)
     motion = machine.begin(0, AdaptiveSteps)
-    last = _End(machine, motion, duration, revolutions)
+    last = End(machine, motion, duration, revolutions)
     tick = 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         *channels, description = (
@@ -95,82 +84,6 @@ def record(
     return tick + 1
 
 
-class _End:
-    """When a record ends.
-
-    Attributes:
-        ticks: Those of the record, or all where the motion has to tell.
-    """
-
-    def __init__(
-        self,
-        machine: Machine,
-        motion: RunMotion,
-        duration: float | None,
-        revolutions: int | None,
-    ) -> None:
-        self.ticks: Iterable[int]
-        self._turns: int | None = None
-        self._start = machine.configuration.drive.crank_angle
-        if revolutions is None:
-            self.ticks = _ticks(machine, _nanoseconds(duration))
-            return
-        _REVOLUTIONS.clean('revolutions', revolutions)
-        if isinstance(motion, CrankMotion):
-            self.ticks = _ticks(machine, _time_to_turn(motion, revolutions))
-        else:
-            self.ticks, self._turns = itertools.count(), revolutions
-
-    def reached(self, stamp: int, step: Step) -> bool:
-        """Whether a state is at or beyond the end that the motion tells.
-
-        Raises:
-            ConfigurationError: It does not come.
-        """
-        if self._turns is None:
-            return False
-        turned = abs(step.values.position[0] - self._start) / (2 * math.pi)
-        if stamp > _PATIENCE * NS_PER_S:
-            raise ConfigurationError(
-                f'the crank has not come {self._turns} revolutions far within {_PATIENCE} s, but '
-                f'{turned:.3g}: give a --duration'
-            )
-        return turned >= self._turns
-
-
-def _ticks(machine: Machine, end: int) -> range:
-    """The states in [0, end), ns."""
-    return range(machine.tick_at(end - 1) + 1)
-
-
-def _nanoseconds(duration: float | None) -> int:
-    """A duration as it was typed."""
-    seconds = _DEFAULT_DURATION if duration is None else duration
-    _DURATION.clean('duration', seconds)
-    # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
-    return math.ceil(Fraction(repr(float(seconds))) * NS_PER_S)
-
-
-def _time_to_turn(motion: CrankMotion, revolutions: int) -> int:
-    """When the crank has made its revolutions, ns.
-
-    Raises:
-        ConfigurationError: Never, or not in a lifetime.
-    """
-    turned = motion.time_to_turn(revolutions)
-    if turned is None:
-        raise ConfigurationError(
-            f'the crank comes to rest before {revolutions} revolutions: '
-            'give a --duration, or an rpm other than 0'
-        )
-    if turned > _LONGEST * NS_PER_S:
-        raise ConfigurationError(
-            f'{revolutions} revolutions take longer than {_LONGEST:g} s: '
-            'give fewer, or a higher rpm'
-        )
-    return turned
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = cli.make_parser(
         _NAME,
@@ -186,9 +99,9 @@ def _parser() -> argparse.ArgumentParser:
     length = parser.add_mutually_exclusive_group()
     length.add_argument(
         '--duration', type=float, metavar='S',
-        help=f'{_DURATION.meaning}, s (default {_DEFAULT_DURATION:g})',
+        help=f'{DURATION.meaning}, s (default {DEFAULT_DURATION:g})',
     )  # fmt: skip
-    length.add_argument('--revolutions', type=int, metavar='N', help=_REVOLUTIONS.meaning)
+    length.add_argument('--revolutions', type=int, metavar='N', help=REVOLUTIONS.meaning)
     parser.add_argument(
         '--rate', type=float, metavar='HZ', help='states a second (default: rate_hz of the file)'
     )

@@ -26,6 +26,7 @@ from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
+from linkage_ros.record_end import End
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import JointStateCodec, encode_float64, encode_string
 from linkage_ros.wire.urdf import make_urdf
@@ -174,7 +175,7 @@ def test_topics_are_the_nodes(tmp_path):
 
 
 def states_below(machine, duration, revolutions=None):
-    return len(record_module._End(machine, machine.begin(0), duration, revolutions).ticks)
+    return len(End(machine, machine.begin(0), duration, revolutions).ticks)
 
 
 def brute_count(rate, duration):
