@@ -26,6 +26,21 @@ def printable(text: str) -> str:
     return ''.join(parts)
 
 
+def shortened(text: str, longest: int) -> str:
+    """A text that is not endless.
+
+    Args:
+        text: Any.
+        longest: How many characters are shown.
+
+    Returns:
+        The text; of a longer one beginning and end.
+    """
+    if len(text) <= longest:
+        return text
+    return f'{text[: longest // 2]} ... {text[5 - longest // 2 :]}'
+
+
 def one_line(text: str) -> str:
     """A text as an error message shows it: on one line, printable, and not endless.
 
@@ -35,14 +50,8 @@ def one_line(text: str) -> str:
     Returns:
         At most 600 characters; the middle of a longer text is left out.
     """
-    words = _shortened(' '.join(text.split()))
-    return _shortened(printable(words))
-
-
-def _shortened(text: str) -> str:
-    if len(text) <= _LONGEST:
-        return text
-    return f'{text[: _LONGEST // 2]} ... {text[5 - _LONGEST // 2 :]}'
+    words = shortened(' '.join(text.split()), _LONGEST)
+    return shortened(printable(words), _LONGEST)
 
 
 class LinkageError(Exception):

@@ -363,7 +363,7 @@ def test_what_is_no_pair_in_range_is_refused(name, value):
         ('viewer', True, 'viewer = True: must be text'),
         ('log_overwrite', 'true', "log_overwrite = 'true': must be true or false"),
         ('log_overwrite', 1, 'log_overwrite = 1: must be true or false'),
-        ('log', ['x' * 1_000], r"log = \['x+\.\.\.: must be text"),
+        ('log', ['x' * 1_000], r"log = \['x+ \.\.\. x+'\]: must be text"),
     ],
 )
 def test_words_and_switches_are_checked(name, value, words):

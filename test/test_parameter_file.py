@@ -437,7 +437,7 @@ MESSAGES = {
     '"": 1': "'' is no name; write",
     'a: &x 1\nb: *x': r'line 4: ROS takes no alias \(\*x\); write the value',
     r'a: "x\0"': r"'x\\x00' holds a NUL or half a character; remove it",
-    'a' * 256 + ': 1': "'a{79} makes a name of over 255; shorten it",
+    'a' * 256 + ': 1': "'a{39} [.]{3} a{34}' makes a name of over 255; shorten it",
     'a: b: c': r'line 3: no YAML in UTF-8 \(mapping values are not allowed.*\); correct the file',
     'a: "x': r'no YAML in UTF-8 \(found unexpected end of stream\); correct',
     'a: \x01': r'no YAML in UTF-8 \(.*\); correct the file there',

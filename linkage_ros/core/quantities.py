@@ -17,9 +17,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, NamedTuple, TypeVar
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, shortened
 
 _T = TypeVar('_T')
+_LONGEST = 80  # characters of a value in an error
 
 
 @dataclass(frozen=True)
@@ -104,14 +105,13 @@ class Quantity:
 
 
 def shown(value: object) -> str:
-    """A value as an error message shows it: on one line and not endless."""
+    """A value as an error message shows it, short enough to leave room for the words about it."""
     try:
-        words = ' '.join(repr(value).split())
+        return shortened(' '.join(repr(value).split()), _LONGEST)
     except ValueError:  # Python writes no whole number of thousands of digits
         return 'a number of thousands of digits'
     except RecursionError:
         return 'lists nested deeper than Python goes'
-    return words if len(words) <= 80 else words[:77] + '...'
 
 
 def quantity(

@@ -16,7 +16,8 @@ from typing import TypeAlias, cast
 
 import yaml
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.core.quantities import shown
+from linkage_ros.errors import ConfigurationError, shortened
 from linkage_ros.files import open_file
 
 _Scalar: TypeAlias = bool | int | float | str
@@ -125,7 +126,7 @@ class _Reader:
                 raise self.error(f'{name!r} holds {_show(event)}; {_VALUE}')
             items.append(self.scalar(name, event))
             if type(items[0]) is not type(items[-1]):
-                mix = f'{items[0]!r:.40} and {items[-1]!r:.40}'
+                mix = f'{shown(items[0])} and {shown(items[-1])}'
                 raise self.error(f'{name!r} mixes types, {mix}; give one, as in [0.0, -9.81]')
         return cast('ParameterValue', items)
 
@@ -161,7 +162,9 @@ class _Reader:
             raise self.error(f'no YAML in UTF-8 ({reason}); correct the file there') from error
         self.line = getattr(event.start_mark, 'line', 0) + 1
         if isinstance(event, yaml.AliasEvent):
-            raise self.error(f'ROS takes no alias (*{event.anchor:.40}); write the value')
+            raise self.error(
+                f'ROS takes no alias (*{shortened(event.anchor, 40)}); write the value'
+            )
         if isinstance(event, yaml.ScalarEvent) and re.search('[\0\ud800-\udfff]', event.value):
             raise self.error(f'{_show(event)} holds a NUL or half a character; remove it')
         return event
@@ -172,7 +175,7 @@ class _Reader:
 
 def _show(event: yaml.Event) -> str:
     other = 'a mapping' if isinstance(event, yaml.MappingStartEvent) else 'a list'
-    return f'{event.value!r:.80}' if isinstance(event, yaml.ScalarEvent) else other
+    return shown(event.value) if isinstance(event, yaml.ScalarEvent) else other
 
 
 def _types(value: ParameterValue) -> list[type]:
