@@ -26,11 +26,10 @@ from linkage_ros.parameters.configuration import (
     Kind,
     check_live,
     configure,
-    from_strings,
     load,
     parameter_leaves,
-    to_strings,
 )
+from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.parameters.presets import preset_names
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'

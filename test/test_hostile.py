@@ -29,7 +29,8 @@ from linkage_ros.log.message_difference import differing
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import _seal, read_motion, write_motion
 from linkage_ros.log.verify import verify
-from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import JOINT_STATES
 

@@ -35,7 +35,8 @@ from linkage_ros.log.records import CONFIGURATION_RECORD, MOTION_RECORD, _seal
 from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
 from linkage_ros.log_tool import info
 from linkage_ros.motion.speed_driven import CrankMotion
-from linkage_ros.parameters.configuration import configure, load, to_strings
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.logged import to_strings
 from linkage_ros.record import record
 from linkage_ros.wire.messages import (
     DRIVING_TORQUE,

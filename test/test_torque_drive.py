@@ -21,7 +21,8 @@ from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.plant import Plant
 from linkage_ros.motion.speed_driven import CrankState
-from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine

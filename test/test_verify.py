@@ -28,7 +28,8 @@ from linkage_ros.log.records import (
 )
 from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import configure, from_strings, load
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.logged import from_strings
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import (

@@ -253,29 +253,3 @@ def load(source: str) -> Configuration:
             'or linkage_node'
         )
     return configure(values)
-
-
-def to_strings(configuration: Configuration) -> dict[str, str]:
-    """All settings as text that loses nothing, for the log: JSON values by parameter name."""
-    return {name: json.dumps(value) for name, value in configuration.parameters().items()}
-
-
-def from_strings(strings: Mapping[str, str]) -> Configuration:
-    """The configuration that `to_strings` wrote down.
-
-    Args:
-        strings: JSON values by parameter name.
-
-    Returns:
-        The configuration.
-
-    Raises:
-        ConfigurationError: A value is not JSON, or the configuration is bad.
-    """
-    try:
-        values = {name: json.loads(text) for name, text in strings.items()}
-    except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f'the logged configuration is not JSON: {error}') from error
-    if 'mechanism' not in values:
-        raise ConfigurationError('mechanism is missing from the logged configuration')
-    return configure(values)
