@@ -14,7 +14,8 @@ from linkage_ros.core.quantities import Quantity
 from linkage_ros.core.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import Drive, TorqueDrive
-from linkage_ros.parameters.configuration import find_file, load
+from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.presets import find_file
 from linkage_ros.units import radians_per_second
 
 # What its options may be.

@@ -10,7 +10,8 @@ from linkage_ros.chart_output import folder, libraries, progress, save_records
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.parameters.configuration import find_file, load
+from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.presets import find_file
 
 
 def pump(options: argparse.Namespace) -> None:

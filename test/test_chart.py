@@ -264,7 +264,7 @@ def test_a_file_of_other_nodes_is_not_the_preset(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (['motion', 'pentagon'], "No preset 'pentagon'"),
+        (['motion', 'pentagon'], "no preset 'pentagon'"),
         (['motion', 'quadrilateral', '--rpm', 'nan'], '--rpm = nan: must be a number from'),
         (['motion', 'quadrilateral', '--rpm', 'fast'], 'invalid float value'),
         (['motion', 'quadrilateral', '--acceleration', '1e99'], '--acceleration = 1e+99: must be'),

@@ -155,7 +155,7 @@ def test_every_preset_loads_by_name_and_by_path_and_turns(path):
 
 def test_an_unknown_preset_is_refused_with_the_known_ones():
     with pytest.raises(
-        ConfigurationError, match=r"No preset 'pentagon': choose one of .*quadrila"
+        ConfigurationError, match=r"no preset 'pentagon': choose one of .*quadrila"
     ):
         load('pentagon')
 

@@ -129,7 +129,7 @@ def test_a_killed_controller_is_noticed_and_a_new_one_takes_over(tmp_path):
 @pytest.mark.parametrize(
     ('parameter', 'words'),
     [
-        ('plant:=pentagon', 'No preset'),
+        ('plant:=pentagon', 'no preset'),
         ('plant:=wind_pump', 'a wind_pump keeps its own speed'),
         ('rpm:=fast', 'rpm'),
         ('feed_forward:=3', 'feed_forward = 3: must be true or false'),

@@ -620,7 +620,7 @@ def test_revolutions_of_a_crank_at_rest_are_refused(main, tmp_path):
 @pytest.mark.parametrize(
     ('params', 'words'),
     [
-        ('pentagon', "No preset 'pentagon': choose one of .*quadrilateral"),
+        ('pentagon', "no preset 'pentagon': choose one of .*quadrilateral"),
         ('missing.yaml', 'missing.yaml: No such file or directory'),
         ('.', 'Is a directory'),
         ('file/x.yaml', 'Not a directory'),

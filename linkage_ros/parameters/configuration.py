@@ -8,18 +8,17 @@ import difflib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
-from pathlib import Path
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import MECHANISMS, Mechanism, WindPump
 from linkage_ros.core.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
-from linkage_ros.files import is_one_file, is_there
+from linkage_ros.files import is_one_file
 from linkage_ros.motion.drives import DRIVES, Drive, TorqueDrive
 from linkage_ros.motion.plant import Plant
-from linkage_ros.parameters import presets
 from linkage_ros.parameters.parameter_file import read_parameter_file
+from linkage_ros.parameters.presets import find_file, preset_path
 
 DEFAULT_PRESET = 'quadrilateral'
 # What a viewer may be, wherever people are told.
@@ -172,7 +171,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
     given = without_ros_own(values)
     preset: dict[str, object] = {}
     if 'mechanism' not in given:
-        preset = dict(read_parameter_file(presets.preset_path(DEFAULT_PRESET)))
+        preset = dict(read_parameter_file(preset_path(DEFAULT_PRESET)))
     kind = Kind.of({**preset, **given})
     valid = [leaf.name for leaf in parameter_leaves(kind)]
     for name in given:
@@ -218,19 +217,6 @@ def _unknown(name: str, kind: Kind, valid: list[str]) -> str:
             break
     given = f'a {kind.mechanism}' if kind.drive == 'speed' else f'a torque-driven {kind.mechanism}'
     return f'{shown(name)} is not a parameter of {given}{hint} Valid names: {known}'
-
-
-def find_file(source: str) -> Path:
-    """The parameter file that a path or the name of a preset stands for.
-
-    Args:
-        source: Path of a ROS 2 parameter file, or the name of a preset.
-
-    Returns:
-        The file, which need not exist where source is a path.
-    """
-    path = Path(source)
-    return path if path.suffix or is_there(path) else presets.preset_path(source)
 
 
 def load(source: str) -> Configuration:

@@ -163,7 +163,7 @@ class _Reader:
         self.line = getattr(event.start_mark, 'line', 0) + 1
         if isinstance(event, yaml.AliasEvent):
             raise self.error(
-                f'ROS takes no alias (*{shortened(event.anchor, 40)}); write the value'
+                f'ROS takes no alias (*{shortened(str(event.anchor), 40)}); write the value'
             )
         if isinstance(event, yaml.ScalarEvent) and re.search('[\0\ud800-\udfff]', event.value):
             raise self.error(f'{_show(event)} holds a NUL or half a character; remove it')

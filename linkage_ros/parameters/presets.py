@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The presets: parameter files that come with the package, found by name.
+"""Parameter files by path or by name: those that come with the package are its presets.
 
-They are no package data, because `colcon build --symlink-install` would leave that behind.
+Presets are no package data, because `colcon build --symlink-install` would leave that behind.
 """
 
 from __future__ import annotations
@@ -12,16 +12,18 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.files import is_there
 
 
 def preset_names() -> list[str]:
-    """Give the names that preset_path knows here, in alphabetical order."""
+    """The names that `preset_path` knows here, in alphabetical order."""
     return sorted(_presets())
 
 
 def preset_path(name: str) -> Path:
-    """Find the parameter file of a preset.
+    """The parameter file of a preset.
 
     Args:
         name: The preset's name, which is its file's name without `.yaml`.
@@ -41,12 +43,27 @@ def preset_path(name: str) -> Path:
             'install it with `pip install .` or `colcon build`'
         )
     if name not in presets:
-        raise ConfigurationError(f'No preset {name!r}: choose one of {", ".join(sorted(presets))}')
+        raise ConfigurationError(
+            f'no preset {shown(name)}: choose one of {", ".join(sorted(presets))}'
+        )
     return presets[name]
 
 
+def find_file(source: str) -> Path:
+    """The parameter file that a path or the name of a preset stands for.
+
+    Args:
+        source: Path of a ROS 2 parameter file, or the name of a preset.
+
+    Returns:
+        The file, which need not exist where source is a path.
+    """
+    path = Path(source)
+    return path if path.suffix or is_there(path) else preset_path(source)
+
+
 def _presets() -> dict[str, Path]:
-    """Map each preset's name to the first file of that name."""
+    """Each preset's name, and the first file of that name."""
     presets: dict[str, Path] = {}
     for folder in _folders():
         for path in folder.glob('*.yaml'):
@@ -56,7 +73,7 @@ def _presets() -> dict[str, Path]:
 
 
 def _folders() -> Iterator[Path]:
-    """Give the folders that may hold presets, the one that counts most first."""
+    """The folders that may hold presets, the one that counts most first."""
     share = Path('share', 'linkage_ros', 'config')
     # Even code that runs from a checkout takes a sourced workspace's presets first: sourcing
     # is how a ROS user says which installation counts, and how an overlay changes a preset.
