@@ -21,7 +21,8 @@ from linkage_ros.core.mechanism import Linkage, Mechanism
 from linkage_ros.core.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.parameters.configuration import load, parameters_in_words, without_ros_own
+from linkage_ros.parameters.configuration import load, without_ros_own
+from linkage_ros.parameters.help import in_words
 from linkage_ros.ros.parameters import declare_values, given_values
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
@@ -158,7 +159,7 @@ def _run(arguments: list[str]) -> int:
         _NAME,
         'Keep a torque-driven crank at a speed.',
         ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
-        'parameters, with defaults:\n' + parameters_in_words(PARAMETERS),
+        'parameters:\n' + in_words(PARAMETERS),
     )
     with never_waited_for(), on_ros(arguments) as others:
         parser.parse_args(others)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import replace
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -18,14 +17,8 @@ from linkage_ros.core.state import State
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
-from linkage_ros.parameters.configuration import (
-    Configuration,
-    Kind,
-    configure,
-    parameter_leaves,
-    parameters_in_words,
-    preset_note,
-)
+from linkage_ros.parameters.configuration import Configuration, configure, preset_note
+from linkage_ros.parameters.help import of_every_kind
 from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import check_parameter_files, declare, given_values
@@ -239,21 +232,6 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stop.set()
 
 
-def _parameters() -> str:
-    """Those of a four_bar at a given speed, and what other mechanisms and drives have besides."""
-    usual = Kind('four_bar', 'speed')
-    leaves = parameter_leaves(usual)
-    parts = ['parameters of a four_bar, with defaults; README.md has the ranges:']
-    parts.append(parameters_in_words(leaves))
-    known = {leaf.name for leaf in leaves}
-    others = ('drive', 'torque'), ('mechanism', 'slider_crank'), ('mechanism', 'wind_pump')
-    for name, value in others:
-        found = parameter_leaves(replace(usual, **{name: value}))
-        parts.append(f'with {name}:={value}, beside some of these:')
-        parts.append(parameters_in_words(leaf for leaf in found if leaf.name not in known))
-    return '\n'.join(parts)
-
-
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
     parser = cli.make_parser(
@@ -262,7 +240,7 @@ def _run(arguments: list[str]) -> int:
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
          '--ros-args -p drive:=torque -p motor.torque:=9.0 -p motor.damping:=0.5',
          '--ros-args --params-file linkage.yaml'),
-        _parameters(),
+        of_every_kind(),
     )  # fmt: skip
     check_parameter_files(arguments, _NAME)
     with never_waited_for(), on_ros(arguments) as others:

@@ -46,12 +46,16 @@ class Quantity:
     live: bool = False
 
     @property
+    def span(self) -> str:
+        """From where to where it goes, with its unit (numbers and pairs)."""
+        return f'{self.low:g} to {self.high:g} {self.unit}'.rstrip()
+
+    @property
     def valid(self) -> str:
         """The valid values in words."""
-        unit = f' {self.unit}' if self.unit else ''
         return {
-            'number': f'a number from {self.low:g} to {self.high:g}{unit}',
-            'pair': f'two numbers, each from {self.low:g} to {self.high:g}{unit}',
+            'number': f'a number from {self.span}',
+            'pair': f'two numbers, each from {self.span}',
             'choice': 'one of ' + ', '.join(self.choices),
             'text': 'text',
             'switch': 'true or false',

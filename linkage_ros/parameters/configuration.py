@@ -5,9 +5,8 @@
 from __future__ import annotations
 
 import difflib
-import json
-from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import MECHANISMS, Mechanism, WindPump
@@ -118,19 +117,6 @@ def parameter_leaves(kind: Kind) -> tuple[Leaf, ...]:
     """The parameters that a mechanism and a drive use, in the order of their declaration."""
     classes = (Kind, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
     return tuple(leaf for cls in classes for leaf in leaves(cls))
-
-
-def parameters_in_words(parameters: Iterable[Leaf]) -> str:
-    """Parameters, a line each, for people: name, unit, meaning, and the default if there is."""
-    return '\n'.join(
-        f'  {name}{f", {quantity.unit}" if quantity.unit else ""}: {quantity.meaning}'
-        + ('' if default in (MISSING, None, '') else f' ({_as_typed(default)})')
-        for name, quantity, default in parameters
-    )
-
-
-def _as_typed(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def without_ros_own(values: Mapping[str, object]) -> dict[str, object]:

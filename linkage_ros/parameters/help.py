@@ -1,0 +1,57 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters as --help lists them, made of their declarations."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import MISSING, replace
+
+from linkage_ros.core.quantities import Leaf, Quantity
+from linkage_ros.parameters.configuration import Kind, parameter_leaves
+
+
+def in_words(parameters: Iterable[Leaf]) -> str:
+    """Parameters, a line each: name, valid values, meaning, and the default if there is one.
+
+    Args:
+        parameters: Of any dataclass of quantities.
+
+    Returns:
+        The lines.
+    """
+    return '\n'.join(
+        f'  {name}: {_values(quantity)}{quantity.meaning}'
+        + ('' if default in (MISSING, None, '') else f' (default {_as_typed(default)})')
+        for name, quantity, default in parameters
+    )
+
+
+def _values(quantity: Quantity) -> str:
+    """The valid values, shorter than an error says them; text may be any."""
+    return {
+        'number': f'{quantity.span}; ',
+        'pair': f'two, {quantity.span}; ',
+        'choice': f'{", ".join(quantity.choices)}; ',
+        'text': '',
+        'switch': 'true, false; ',
+    }[quantity.kind]
+
+
+def _as_typed(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def of_every_kind() -> str:
+    """Those of a four_bar at a given speed, and what other mechanisms and drives have besides."""
+    usual = Kind('four_bar', 'speed')
+    leaves = parameter_leaves(usual)
+    parts = ['parameters of a four_bar:', in_words(leaves)]
+    known = {leaf.name for leaf in leaves}
+    others = ('drive', 'torque'), ('mechanism', 'slider_crank'), ('mechanism', 'wind_pump')
+    for name, value in others:
+        found = parameter_leaves(replace(usual, **{name: value}))
+        parts.append(f'with {name}:={value}, beside some of these:')
+        parts.append(in_words(leaf for leaf in found if leaf.name not in known))
+    return '\n'.join(parts)
