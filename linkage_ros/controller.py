@@ -21,7 +21,7 @@ from linkage_ros.core.mechanism import Linkage, Mechanism
 from linkage_ros.core.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.parameters.configuration import load, without_ros_own
+from linkage_ros.parameters.configuration import load, unknown_name, without_ros_own
 from linkage_ros.parameters.help import in_words
 from linkage_ros.ros.parameters import declare_values, given_values
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
@@ -119,10 +119,9 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
         super().__init__(_NAME)
         given = given_values(self)
         names = [leaf.name for leaf in PARAMETERS]
-        if unknown := set(without_ros_own(given)) - set(names):
-            raise ConfigurationError(
-                f'{", ".join(sorted(unknown))}: no such parameter; there are {", ".join(names)}'
-            )
+        for name in without_ros_own(given):
+            if name not in names:
+                raise ConfigurationError(unknown_name(name, _NAME, names, f'{_NAME} --help'))
         settings = build(Settings, given)
         declare_values(self, PARAMETERS, flatten(settings))
         self._controller = SpeedController(

@@ -135,7 +135,10 @@ def test_a_killed_controller_is_noticed_and_a_new_one_takes_over(tmp_path):
         ('feed_forward:=3', 'feed_forward = 3: must be true or false'),
         ('bandwidth:=-15.0', 'bandwidth = -15.0: must be a number from 0 to 1e+06'),
         ('rpm:=.nan', 'rpm = nan: must be a number'),
-        ('rmp:=600.0', 'rmp: no such parameter; there are plant, rpm,'),
+        (
+            'rmp:=600.0',
+            "'rmp' is not a parameter of linkage_controller; did you mean rpm? linkage_con",
+        ),
     ],
 )
 def test_what_it_cannot_use_is_one_line_and_exit_code_2(parameter, words):

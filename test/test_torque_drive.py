@@ -70,9 +70,9 @@ def test_a_wind_pump_is_driven_by_a_torque_whether_said_or_not():
 
 
 def test_each_drive_has_its_own_parameters():
-    with pytest.raises(ConfigurationError, match=r'but of drive: speed\. Valid names: mechanism'):
+    with pytest.raises(ConfigurationError, match=r'it needs drive: speed \(-p drive:=speed\)$'):
         configure({'drive': 'torque', 'rpm': 3.0})
-    with pytest.raises(ConfigurationError, match=r'but of drive: torque\. Valid names'):
+    with pytest.raises(ConfigurationError, match=r'it needs drive: torque \(-p drive:=torque\)$'):
         configure({**load('quadrilateral').parameters(), 'motor.torque': 3.0})
     drive = configure({'drive': 'torque'}).drive
     assert (drive.start_rpm, drive.motor.torque, drive.motor.damping) == (0.0, 0.0, 0.0)

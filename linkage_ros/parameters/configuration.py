@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from linkage_ros.core.equations import EquationsOfMotion
@@ -162,7 +162,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
     valid = [leaf.name for leaf in parameter_leaves(kind)]
     for name in given:
         if name not in valid:
-            raise ConfigurationError(_unknown(name, kind, valid))
+            raise ConfigurationError(_unknown(name, kind))
     # A preset's speed is nothing to a torque.
     given = {**{name: value for name, value in preset.items() if name in valid}, **given}
     mechanism = build(MECHANISMS[kind.mechanism], given)
@@ -191,18 +191,43 @@ def preset_note(values: Mapping[str, object]) -> str:
     return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
 
 
-def _unknown(name: str, kind: Kind, valid: list[str]) -> str:
-    near = difflib.get_close_matches(name, valid, n=1)
-    hint = f'; did you mean {near[0]}?' if near else '.'
-    known = ', '.join(valid)
-    kinds = (Kind(mechanism, drive) for drive in DRIVES for mechanism in MECHANISMS)
-    for other in kinds:
-        if name in (leaf.name for leaf in parameter_leaves(other)):
-            same = other.mechanism == kind.mechanism
-            hint = f' but of {f"drive: {other.drive}" if same else f"a {other.mechanism}"}.'
-            break
-    given = f'a {kind.mechanism}' if kind.drive == 'speed' else f'a torque-driven {kind.mechanism}'
-    return f'{shown(name)} is not a parameter of {given}{hint} Valid names: {known}'
+def _unknown(name: str, kind: Kind) -> str:
+    """What is wrong with a name that a mechanism and a drive do not have, and what to do."""
+    driven = 'torque-driven ' if kind.drive == 'torque' else ''
+    owner = f'a {driven}{kind.mechanism}'
+    drives = [drive for drive, cls in DRIVES.items() if name in _names(cls)]
+    mechanisms = [mechanism for mechanism, cls in MECHANISMS.items() if name in _names(cls)]
+    if drives and MECHANISMS[kind.mechanism] is WindPump:
+        cure = ': leave it out, and set motor.torque and start_rpm'
+    elif drives:
+        cure = f': it needs drive: {drives[0]} (-p drive:={drives[0]})'
+    elif mechanisms:
+        cure = f', but of a {" or a ".join(mechanisms)}: leave it out'
+    else:
+        valid = [leaf.name for leaf in parameter_leaves(kind)]
+        return unknown_name(name, owner, valid, 'linkage_node --help, or README.md,')
+    return f'{shown(name)} is not a parameter of {owner}{cure}'
+
+
+def _names(cls: type) -> list[str]:
+    return [leaf.name for leaf in leaves(cls)]
+
+
+def unknown_name(name: str, owner: str, valid: Iterable[str], where: str) -> str:
+    """What to say of a name that nothing has.
+
+    Args:
+        name: That was given.
+        owner: What should have it.
+        valid: The names that it has.
+        where: What lists these.
+
+    Returns:
+        An error message, with the nearest name if one is near.
+    """
+    near = difflib.get_close_matches(name, list(valid), n=1)
+    question = f'; did you mean {near[0]}?' if near else ':'
+    return f'{shown(name)} is not a parameter of {owner}{question} {where} lists all'
 
 
 def load(source: str) -> Configuration:
