@@ -319,6 +319,7 @@ def test_an_existing_file_is_kept_unless_asked(main, tmp_path):
     code, lines, [error] = main('quadrilateral', out)
     assert (code, lines) == (2, [])
     assert error.startswith(f'linkage_record: {out} exists already and is kept')
+    assert error.endswith('log_overwrite:=true, of linkage_record with --overwrite')
     assert out.read_bytes() == b'precious'
     code, _, [error] = main('quadrilateral', out, '--overwrite')
     assert (code, error) == (

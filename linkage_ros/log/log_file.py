@@ -46,7 +46,8 @@ class LogFile:
             opened = open_file(self.path, 'wb' if overwrite else 'xb')
         except FileExistsError as error:
             raise LogError(
-                f'{path} exists already and is kept: choose another name, or ask to overwrite it'
+                f'{path} exists already and is kept: choose another name, or overwrite it with '
+                'log_overwrite:=true, of linkage_record with --overwrite'
             ) from error
         except BlockingIOError as error:
             raise LogError(
