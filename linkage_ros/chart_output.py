@@ -55,7 +55,7 @@ def folder(path: Path) -> Iterator[None]:
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
     """Goes through items, with a bar."""
-    return progress_bar(items, desc=words)
+    return progress_bar(items, desc=words, unit=' steps')
 
 
 def about() -> dict[str, str]:
