@@ -47,7 +47,9 @@ def motion(options: argparse.Namespace) -> None:
         period, words = _settled(options, mechanism, drive)
     else:
         period, words = _driven(options, mechanism, configuration.drive)
-    title = [name, f'{configuration.kind.mechanism}, {mechanism.assembly}{words[0]}', *words[1:]]
+    kind, (group, *lines) = configuration.kind.mechanism, words
+    about = [kind if kind != name else '', mechanism.assembly, group]  # presets bear kinds' names
+    title = [name, ', '.join(filter(None, about)), *lines]
     picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
     with folder(options.out):
         save_table(table, period.columns.values())
@@ -58,7 +60,7 @@ def motion(options: argparse.Namespace) -> None:
 def _driven(
     options: argparse.Namespace, mechanism: Linkage, drive: Drive
 ) -> tuple[Period, list[str]]:
-    """A period at a given speed, and words about it.
+    """A period at a given speed, and words about it: its class, and lines.
 
     Raises:
         ConfigurationError: No speed is given, or the reactions have no finite value.
@@ -73,26 +75,35 @@ def _driven(
     )
     accelerated = f', {options.acceleration:g} rad/s^2' if options.acceleration else ''
     grashof = curves.solver.mobility.grashof
-    return curves, [f', {grashof}', f'{rpm:g} rpm{accelerated}', *travel(curves.solver).words()]
+    return curves, [grashof, f'{rpm:g} rpm{accelerated}', *travel(curves.solver).words()]
 
 
 def _settled(
     options: argparse.Namespace, mechanism: WindPump, drive: TorqueDrive
 ) -> tuple[Period, list[str]]:
-    """A turn of what a wind pump settles at, and words about it.
+    """A turn of what a wind pump settles at, and words about it: no class, and lines.
 
     Raises:
         ConfigurationError: It does not settle, or options ask for what it does not have.
     """
     with libraries():
         from linkage_ros.analysis.settled import SettledTurn
-    if options.acceleration or options.reactions:
+    for flag, given in (
+        ('--acceleration', options.acceleration),
+        ('--reactions', options.reactions),
+    ):
+        if given:
+            raise ConfigurationError(
+                f'{flag} is for a crank at a given speed, and {options.params} moves as its motor '
+                f'drives it: leave {flag} out'
+            )
+    motor, rpm = drive.motor, drive.initial_rpm if options.rpm is None else options.rpm
+    if not rpm > 0:
+        name = 'start_rpm' if options.rpm is None else '--rpm'
         raise ConfigurationError(
-            '--acceleration and --reactions are for a crank at a given speed: '
-            f'{options.params} moves as its motor drives it'
+            f'{name} = {rpm:g}: must be above 0 rpm, because a wind_pump is started forwards and '
+            'left to its motor; try --rpm 20'
         )
-    motor = drive.motor
-    rpm = drive.initial_rpm if options.rpm is None else options.rpm
     line, speed = (motor.torque, motor.damping), radians_per_second(rpm)
     turn = SettledTurn(mechanism, line, speed, progress)
     return turn, ['', motor.words(), f'from {speed:.4g} rad/s', *turn.words()]

@@ -33,7 +33,7 @@ def pump(options: argparse.Namespace) -> None:
         raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
     torque, damping = drive.motor.torque, drive.motor.damping
     name = find_file(options.params).stem
-    title = f'{name}: motor {torque:g} N m - {damping:g} N m s x crank speed'
+    title = f'{name}: {drive.motor.words()}'
     records, picture = options.out / f'{name}_settled.json', options.out / f'{name}_settled.png'
     with folder(options.out):
         found = analyse(

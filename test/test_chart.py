@@ -30,7 +30,7 @@ from linkage_ros.analysis.settled import SettledTurn
 from linkage_ros.charts.motion import _wrapped
 from linkage_ros.core.curves import Curves, extent
 from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.presets import preset_names
+from linkage_ros.parameters.presets import preset_names, preset_path
 
 # At a given speed; a wind pump has the speed that it settles at.
 PRESETS = [name for name in preset_names() if load(name).kind.drive == 'speed']
@@ -131,6 +131,19 @@ def test_pins_are_named_in_the_drawing(tmp_path, monkeypatch, preset):
         box = text.get_window_extent()
         middle = (box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2
         assert np.argmin(np.hypot(*(places - middle).T)) == number
+
+
+@pytest.mark.parametrize(
+    ('preset', 'words'),
+    [
+        ('slider_crank', 'slider_crank, open, crank-slider, 60 rpm, '),
+        ('wind_pump', 'wind_pump, crossed, motor 8.4 N m - 1.2 N m s x speed, '),
+        ('compressor', 'compressor, slider_crank, open, '),
+    ],
+)
+def test_the_name_of_file_and_kind_is_said_once(tmp_path, monkeypatch, capsys, preset, words):
+    assert chart(monkeypatch, 'motion', preset, '--out', tmp_path) == 0
+    assert capsys.readouterr().out.startswith(words)
 
 
 def test_a_number_stands_beside_its_unit():
@@ -269,9 +282,13 @@ def test_a_file_of_other_nodes_is_not_the_preset(tmp_path, monkeypatch, capsys):
         (['motion', 'quadrilateral', '--rpm', 'fast'], 'invalid float value'),
         (['motion', 'quadrilateral', '--acceleration', '1e99'], '--acceleration = 1e+99: must be'),
         (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
-        (['motion', 'wind_pump', '--reactions'], '--acceleration and --reactions are for a crank'),
-        (['motion', 'wind_pump', '--acceleration', '1'], 'wind_pump moves as its motor drives it'),
-        (['motion', 'wind_pump', '--rpm', '-5'], 'start speed -0.523599 rad/s: must be positive'),
+        (
+            ['motion', 'wind_pump', '--reactions'],
+            '--reactions is for a crank at a given speed, and wind_pump moves as its motor',
+        ),
+        (['motion', 'wind_pump', '--acceleration', '1'], ': leave --acceleration out'),
+        (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
+        (['motion', 'wind_pump', '--rpm', '0'], '--rpm = 0: must be above 0 rpm, because'),
         (['motion'], 'PARAMS'),
         ([], 'COMMAND'),
     ],
@@ -283,6 +300,13 @@ def test_what_cannot_be_drawn_is_one_line(monkeypatch, capsys, arguments, words)
     assert words in line
     assert line.startswith('linkage_chart')
     assert out == ''
+
+
+def test_a_pump_that_starts_at_rest_says_which_parameter_to_set(tmp_path, monkeypatch, capsys):
+    text = preset_path('wind_pump').read_text()
+    (tmp_path / 'still.yaml').write_text(re.sub('start_rpm: .*', 'start_rpm: 0.0', text))
+    assert chart(monkeypatch, 'motion', tmp_path / 'still.yaml', '--out', tmp_path) == 2
+    assert ': start_rpm = 0: must be above 0 rpm' in capsys.readouterr().err
 
 
 def test_the_library_refuses_reactions_at_change_points_too(tmp_path):
