@@ -51,6 +51,22 @@ def make_parser(
     return parser
 
 
+def refuse_arguments(parser: argparse.ArgumentParser, arguments: list[str]) -> None:
+    """Ends a program that takes ROS's arguments alone, where it is given any others.
+
+    Args:
+        parser: Its parser, which knows --help and --version.
+        arguments: What is left of the command line without those of ROS.
+    """
+    _, others = parser.parse_known_args(arguments)
+    if others:
+        words = ' '.join(others)
+        parser.error(
+            f'unknown: {words}; parameters stand behind --ros-args, as in `{parser.prog} '
+            '--ros-args -p rpm:=60.0`'
+        )
+
+
 def add_command(
     commands: Any, tool: str, name: str, purpose: str, examples: tuple[str, ...]
 ) -> argparse.ArgumentParser:

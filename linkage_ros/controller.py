@@ -161,7 +161,7 @@ def _run(arguments: list[str]) -> int:
         'parameters:\n' + in_words(PARAMETERS),
     )
     with never_waited_for(), on_ros(arguments) as others:
-        parser.parse_args(others)
+        cli.refuse_arguments(parser, others)
         with reported_as_configuration():
             node = ControllerNode()
         with served(node):

@@ -244,7 +244,7 @@ def _run(arguments: list[str]) -> int:
     )  # fmt: skip
     check_parameter_files(arguments, _NAME)
     with never_waited_for(), on_ros(arguments) as others:
-        parser.parse_args(others)
+        cli.refuse_arguments(parser, others)
         node = LinkageNode(stop)
         with served(node):
             node.start()

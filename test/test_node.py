@@ -296,6 +296,19 @@ def test_every_bad_start_ends_with_one_line_and_code_2():
     )
 
 
+@pytest.mark.parametrize('name', ['node', 'controller'])
+def test_parameters_before_ros_args_are_told_where_they_belong(name):
+    done = subprocess.run(
+        command(name, '-p', 'rpm:=30'), env=environment(fresh_domain()), capture_output=True,
+        text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert re.fullmatch(
+        rf'linkage_{name}: unknown: -p rpm:=30; parameters stand behind --ros-args[^\n]*\n',
+        done.stderr,
+    )
+
+
 def test_node_and_record_refuse_a_file_in_the_same_words(tmp_path):
     path = tmp_path / 'bad.yaml'
     path.write_text('/**:\n  ros__parameters:\n    gravity: [0, -9.81]\n')
