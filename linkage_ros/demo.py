@@ -19,6 +19,7 @@ from pathlib import Path
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
 from linkage_ros.parameters.configuration import load
+from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view.rerun_program import require_screen
@@ -76,12 +77,17 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
         heard.stamps.append(stamp.sec * NS_PER_S + stamp.nanosec)
         heard.torques.append(message.effort[0])
 
-    with on_ros([_NAME]):
+    bar = progress_bar(
+        total=seconds, bar_format='{percentage:3.0f}%|{bar}| {n:.1f}/{total:g} s{postfix}\r'
+    )
+    with on_ros([_NAME]), bar:
         node = rclpy.create_node('demo_listener')
         node.create_subscription(JointState, 'joint_states', hear, 10)
-        end = time.monotonic() + seconds
-        while time.monotonic() < end and process.poll() is None:
+        start = time.monotonic()
+        while (passed := time.monotonic() - start) < seconds and process.poll() is None:
             rclpy.spin_once(node, timeout_sec=0.1)
+            bar.set_postfix_str(f'{len(heard.stamps)} joint states heard', refresh=False)
+            bar.update(passed - bar.n)
             if node.count_publishers('joint_states') > 1:
                 raise LinkageError(
                     'somebody else publishes joint_states here: stop it, or choose another '

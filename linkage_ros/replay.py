@@ -23,7 +23,7 @@ from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.playback.showing import Showing
-from linkage_ros.progress import progress_bar
+from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.run.punctual import insist, leave_out_of_collection, wake_on_time
 from linkage_ros.units import NS_PER_S
 
@@ -145,7 +145,10 @@ def _sinks(
     if options.viewer:
         showing = Showing(_NAME, log, options.viewer, alone=topics is None)
         views = [stack.enter_context(showing)]
-    return [stack.enter_context(topics), *views] if topics else views
+    if topics is None:
+        return views
+    with waiting('looks for listeners'):
+        return [stack.enter_context(topics), *views]
 
 
 def _run(arguments: list[str]) -> int:
@@ -167,7 +170,9 @@ def _run(arguments: list[str]) -> int:
         leave_out_of_collection()
         insist()
         wake_on_time()
-        stop.wait(options.delay)
+        if options.delay:
+            with waiting(f'begins in {options.delay:g} s'):
+                stop.wait(options.delay)
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))
         player = Player(pace, keyboard, stop, show)

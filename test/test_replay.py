@@ -251,8 +251,8 @@ def test_keys_pause_step_and_go_on(log, player):
 
 def test_keys_change_the_rate_and_ctrl_c_gives_the_terminal_back(player):
     start, listener = player
-    with start('--rate', 0.5, '--loop') as shell:
-        shell.sees(rb'rate 0\.5')
+    with start('--rate', 0.5, '--loop', '--delay', 0.1) as shell:
+        shell.sees(rb'looks for listeners.*begins in 0\.1 s.*rate 0\.5')
         assert not held(shell.terminal)
         shell.send(3 * b'\x1b[A')
         shell.sees(rb'rate 0\.8')
