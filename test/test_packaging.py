@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -224,6 +225,17 @@ def test_package_xml_depends_on_all_that_the_ros_extra_brings(metadata: Message)
         name = canonicalize_name(Requirement(line).name).removeprefix('ros-')
         if 'extra == "ros"' in line.replace("'", '"'):
             assert name.removeprefix('jazzy-').replace('-', '_') in packages
+
+
+def test_package_xml_depends_on_all_that_launch_files_start() -> None:
+    manifest = ET.parse(ROOT / 'package.xml').getroot()
+    packages = {element.text for element in manifest.iter('exec_depend')}
+    started = {
+        package
+        for path in (ROOT / 'launch').glob('*.py')
+        for package in re.findall(r"package='(\w+)'", path.read_text())
+    }
+    assert started - packages == {'linkage_ros'}
 
 
 def test_constraints_pin_what_the_metadata_ask_for(metadata: Message) -> None:
