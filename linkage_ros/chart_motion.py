@@ -34,12 +34,9 @@ def motion(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.motion import draw_motion
-    for name, value, quantity in (
-        ('--rpm', options.rpm, RPM),
-        ('--acceleration', options.acceleration, ACCELERATION),
-    ):
-        if value is not None:
-            quantity.clean(name, value)
+    if options.rpm is not None:
+        RPM.clean('--rpm', options.rpm)
+    ACCELERATION.clean('--acceleration', options.acceleration)
     configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
     if isinstance(mechanism, WindPump):
