@@ -161,24 +161,22 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
     def add(
-        name: str, purpose: str, run: Callable[[argparse.Namespace], int], *example: str
+        name: str, log: str, purpose: str, run: Callable[[argparse.Namespace], int], example: str
     ) -> argparse.ArgumentParser:
-        command = cli.add_command(commands, _NAME, name, purpose, (' '.join(example),))
-        metavar = 'LOG.mcap' if len(example) == 1 else 'BROKEN.mcap'
-        command.add_argument('log', metavar=metavar, type=Path, help='log of linkage_ros')
+        command = cli.add_command(commands, _NAME, name, purpose, (example,))
+        command.add_argument('log', metavar=log, type=Path, help='log of linkage_ros')
         command.set_defaults(run=run)
         return command
 
-    add('info', 'topics, counts, times, configuration, mechanism', _info, 'run.mcap')
-    add(
-        'verify',
+    words = 'topics, counts, times, configuration, mechanism'
+    add('info', 'LOG.mcap', words, _info, 'run.mcap')
+    words = (
         'recompute every state from the logged configuration and motions; exit code 0: all are '
-        'equal to the bit, 1: one differs, 2: the log cannot be read',
-        _verify,
-        'run.mcap',
+        'equal to the bit, 1: one differs, 2: the log cannot be read'
     )
+    add('verify', 'LOG.mcap', words, _verify, 'run.mcap')
     words = 'save what a killed run or a damaged disk left'
-    save = add('recover', words, _recover, 'run.mcap', 'saved.mcap')
+    save = add('recover', 'BROKEN.mcap', words, _recover, 'run.mcap saved.mcap')
     save.add_argument('out', metavar='OUT.mcap', type=Path, help='the complete log to write')
     save.add_argument('--overwrite', action='store_true', help='replace an existing file')
     return parser
