@@ -4,7 +4,8 @@
 
     python docs/layers.py        writes docs/layers.svg anew
 
-The floors, the rooms on them and their imports are what test/test_layers.py reads and checks.
+The floors, the rooms on them and their imports are what test/house.py reads, and
+test/test_layers.py checks.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from linkage_ros.palette import (
 )
 
 sys.path.append(str(Path(__file__).parents[1] / 'test'))
-import test_layers as house
+import house
 
 _DOORS, _GROUND = 'executables', 'ground'
 _PURPOSES = {

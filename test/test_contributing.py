@@ -15,9 +15,9 @@ import sys
 import textwrap
 from importlib import import_module
 
+import house
 import pytest
 import test_docs_figures as figures
-import test_layers as house
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from pages import ROOT, read

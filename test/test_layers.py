@@ -4,38 +4,31 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 from typing import get_args
 
 import pytest
+from house import (
+    EDGES,
+    FILES,
+    FLOORS,
+    IMPORTS,
+    MODULES,
+    PACKAGE,
+    ROOT,
+    foreign,
+    graph,
+    imports,
+    name_of,
+)
 
 from linkage_ros.core.kinematics import KINEMATICS
 from linkage_ros.core.mechanism import Linkage
 
-ROOT = Path(__file__).resolve().parents[1]
-PACKAGE = ROOT / 'linkage_ros'
-FILES = sorted(PACKAGE.rglob('*.py'))
-# The floors, lowest first: each imports those below it. What lies in no folder is an edge, or one
-# of six files that stand apart.
-FLOORS = (
-    *('core', 'methods', 'analysis', 'wire', 'motion', 'parameters', 'run', 'log'),
-    *('view', 'charts', 'ros', 'playback'),
-)
 BELOW_ALL = {'errors', 'files', 'palette', 'cli', 'progress', 'units'}
-
-
-def name_of(path):
-    """A file's module, without the package; '__init__' is the package itself."""
-    parts = path.relative_to(PACKAGE).with_suffix('').parts
-    return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts) or '__init__'
-
-
-MODULES = {name_of(path) for path in FILES} - {'__init__'}
 # Which files may import what, at their top and within functions.
 ROS = {name for name in MODULES if name.startswith('ros.')} | {
     'playback.republish',
@@ -92,61 +85,6 @@ ROOMS = {
     'std_msgs': (ROS, {*ROS, 'demo'}),
     'rosgraph_msgs': (ROS, ROS),
 }
-# What a shell starts: nothing of the package is built on these, but the demo on the recorder.
-EDGES = {'node', 'controller', 'record', 'replay', 'log_tool', 'chart_tool', 'demo'}
-
-
-def imports(path):
-    """(module, whether at the top of the file), for all imports that are carried out."""
-    found = []
-
-    def visit(node, is_top):
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.If) and ast.unparse(child.test) == 'TYPE_CHECKING':
-                names = [name for part in child.body for name in named(part)]
-                found.extend((name, is_top) for name in names)
-            elif isinstance(child, (ast.Import, ast.ImportFrom)):
-                found.extend((name, is_top) for name in named(child))
-            else:
-                inside = isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
-                visit(child, is_top and not inside)
-
-    def named(node):
-        if isinstance(node, ast.Import):
-            return [alias.name for alias in node.names]
-        if not isinstance(node, ast.ImportFrom):
-            return []
-        assert node.level == 0, f'{path.name} imports relatively'
-        if node.module.partition('.')[0] != 'linkage_ros':
-            return [node.module]
-        folder = node.module.partition('.')[2]
-        own = [f'{folder}.{alias.name}'.lstrip('.') for alias in node.names]
-        return [f'linkage_ros.{n}' if n in MODULES else node.module for n in own]
-
-    visit(ast.parse(path.read_text()), is_top=True)
-    return found
-
-
-IMPORTS = {name_of(path): imports(path) for path in FILES}
-
-
-def graph(only_top=False):
-    """Which modules of the package each of them imports; '__init__' is the package itself."""
-    edges = {name: set() for name in IMPORTS}
-    for name, found in IMPORTS.items():
-        for module, is_top in found:
-            top, _, rest = module.partition('.')
-            if top == 'linkage_ros' and (is_top or not only_top):
-                edges[name].add(rest or '__init__')
-    return edges
-
-
-def foreign(name, *, top):
-    """The libraries that a module imports at its top, or within its functions."""
-    found = {module.partition('.')[0] for module, is_top in IMPORTS[name] if is_top == top}
-    return found - {'linkage_ros'} - set(sys.stdlib_module_names)
-
-
 # ---------------------------------------------------------------- direction
 
 
