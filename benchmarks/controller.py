@@ -29,12 +29,12 @@ from pathlib import Path
 import numpy as np
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.verify import verify
 from linkage_ros.palette import FIRST, SECOND, fractions
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.progress import progress_bar
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import radians_per_second
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.messages import JointStateCodec
 
 RATE, SECONDS = 1000.0, 6.0

@@ -13,11 +13,11 @@ import time
 from pathlib import Path
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.recover import recover
-from linkage_ros.log.verify import verify
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.record import record
+from linkage_ros.recovery.recover import recover
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.verify import verify
 
 
 def main():

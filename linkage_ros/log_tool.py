@@ -15,12 +15,12 @@ from typing import Any
 from linkage_ros import __version__, cli
 from linkage_ros.errors import LogError, printable
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.recover import Recovered, recover
-from linkage_ros.log.verify import Report, verify
 from linkage_ros.parameters.configuration import parameter_leaves
 from linkage_ros.progress import progress_bar
+from linkage_ros.recovery.recover import Recovered, recover
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S
+from linkage_ros.verification.verify import Report, verify
 
 _NAME = 'linkage_log'
 # Of progress bars: in thousands, and none where all is done in 2 s.

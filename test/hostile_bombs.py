@@ -21,7 +21,7 @@ from mcap.records import (
     Statistics,
 )
 
-from linkage_ros.log.records import _seal, write_configuration, write_motion
+from linkage_ros.log.metadata import _seal, write_configuration, write_motion
 from linkage_ros.parameters.configuration import load
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.messages import JOINT_STATES

@@ -14,7 +14,7 @@ from mcap.records import Channel, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from linkage_ros.log.records import _seal
+from linkage_ros.log.metadata import _seal
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.parameters.configuration import configure, load

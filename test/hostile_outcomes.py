@@ -12,13 +12,13 @@ from contextlib import redirect_stderr, redirect_stdout
 
 from linkage_ros import LinkageError, replay
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.recover import recover
-from linkage_ros.log.verify import verify
 from linkage_ros.log_tool import info, saved, verdict
 from linkage_ros.parameters.configuration import load
 from linkage_ros.playback.feed import cut, feed
 from linkage_ros.record import record
+from linkage_ros.recovery.recover import recover
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 LONGEST = 700  # characters: 600 of an error, and around it what the command line adds

@@ -16,9 +16,9 @@ from test_node import stop
 
 from linkage_ros import ConfigurationError, EquationsOfMotion
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.verify import verify
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.messages import JointStateCodec
 
 pytest.importorskip('rclpy')

@@ -15,8 +15,9 @@ from xml.etree import ElementTree as ET
 import pytest
 from pages import ROOT, read
 
-from linkage_ros.log import recover, writer
-from linkage_ros.log.chunks import LARGEST
+from linkage_ros.log import writer
+from linkage_ros.log.untrusted_chunks import LARGEST
+from linkage_ros.recovery import recover
 from linkage_ros.wire.messages import JOINT_COMMANDS, TOPICS, qualified
 
 DOCS = ROOT / 'docs'

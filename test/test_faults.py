@@ -26,13 +26,13 @@ from test_rerun_view import running as viewing
 
 from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.recover import recover
-from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.recovery.recover import recover
 from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import Timekeeping
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN
 from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
 

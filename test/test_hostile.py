@@ -25,13 +25,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_harness import fresh_domain
 
-from linkage_ros.log.message_difference import differing
+from linkage_ros.log.metadata import _seal, read_motion, write_motion
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.records import _seal, read_motion, write_motion
-from linkage_ros.log.verify import verify
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.message_difference import differing
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.messages import JOINT_STATES
 
 CASES = int(os.environ.get('LINKAGE_ROS_CASES', '400'))

@@ -24,13 +24,9 @@ from ros_harness import command, environment, fresh_domain, running
 
 from linkage_ros import ConfigurationError, LinkageError, LogError, MotionError
 from linkage_ros.errors import one_line, printable
-from linkage_ros.log import chunks, salvage
 from linkage_ros.log import reader as reader_module
-from linkage_ros.log import recover as recover_module
-from linkage_ros.log.chunks import LARGEST, unpack
-from linkage_ros.log.message_difference import differing
-from linkage_ros.log.reader import LogReader
-from linkage_ros.log.records import (
+from linkage_ros.log import untrusted_chunks as chunks
+from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     _seal,
@@ -39,13 +35,18 @@ from linkage_ros.log.records import (
     write_configuration,
     write_motion,
 )
-from linkage_ros.log.recover import recover
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.untrusted_chunks import LARGEST, unpack
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.log_tool import info
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.record import record
+from linkage_ros.recovery import damaged_mcap
+from linkage_ros.recovery import recover as recover_module
+from linkage_ros.recovery.recover import recover
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.message_difference import differing
 from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
 
 MOTION = write_motion(Machine(load('quadrilateral')).begin(0))
@@ -253,7 +254,7 @@ def test_a_chunk_unpacks_to_the_size_that_it_tells_and_to_no_more():
     good = tight(data)
 
     def chunk_of(record):
-        from linkage_ros.log.chunks import stream
+        from linkage_ros.log.untrusted_chunks import stream
 
         return Chunk.read(stream(record[9:]))
 
@@ -397,15 +398,15 @@ def test_as_many_channels_as_there_are_numbers_are_recovered(tmp_path):
 
 def test_what_looks_like_the_beginning_of_a_chunk_is_not_tried_for_ever(tmp_path, monkeypatch):
     tries = []
-    read = salvage._read
-    monkeypatch.setattr(salvage, '_read', lambda *words: tries.append(1) or read(*words))
+    read = damaged_mcap._read
+    monkeypatch.setattr(damaged_mcap, '_read', lambda *words: tries.append(1) or read(*words))
     head = struct.pack('<QQQII', 0, 0, LARGEST, 0, 4) + b'zstd' + struct.pack('<Q', 400_000)
     landmark = hostile_bombs.record(6, head, len(head) + 400_000)
     path = stored(tmp_path, whole(b'\xff' + landmark * 20_000))
     done = recover(path, tmp_path / 'out.mcap')
     assert done.losses.tail > 900_000
     assert 50 < len(tries) < 1000
-    monkeypatch.setattr(salvage, '_PATIENCE', 1 << 60)  # as it was
+    monkeypatch.setattr(damaged_mcap, '_PATIENCE', 1 << 60)  # as it was
     tries.clear()
     recover(path, tmp_path / 'out.mcap', overwrite=True)
     assert len(tries) > 10_000

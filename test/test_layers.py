@@ -36,14 +36,14 @@ ROS = {name for name in MODULES if name.startswith('ros.')} | {
     'controller',
 }
 MCAP = {
-    'log.chunks',
+    'log.untrusted_chunks',
     'log.untrusted_mcap',
     'log.writer',
     'log.reader',
-    'log.recover',
-    'log.salvage',
+    'recovery.recover',
+    'recovery.damaged_mcap',
 }
-UNPACKING = {'log.chunks', 'log.salvage'}
+UNPACKING = {'log.untrusted_chunks', 'recovery.damaged_mcap'}
 RERUN = {name for name in MODULES if name.startswith('view.rerun_')} - {'view.rerun_program'}
 CHARTS = {
     'charts.front',
@@ -68,7 +68,7 @@ ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'progress'}
 ROOMS = {
     'mcap': (MCAP, MCAP),
-    'lz4': ({'log.chunks'}, {'log.chunks'}),
+    'lz4': ({'log.untrusted_chunks'}, {'log.untrusted_chunks'}),
     'zstandard': (UNPACKING, UNPACKING),
     'rerun': (RERUN, RERUN),
     'matplotlib': (CHARTS, CHARTS),

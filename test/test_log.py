@@ -30,8 +30,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability
 
 from linkage_ros import LogError, __version__
+from linkage_ros.log.metadata import CONFIGURATION_RECORD, MOTION_RECORD, _seal
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.records import CONFIGURATION_RECORD, MOTION_RECORD, _seal
 from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
 from linkage_ros.log_tool import info
 from linkage_ros.motion.speed_driven import CrankMotion

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from mpmath import mp
 
 from linkage_ros import ConfigurationError
-from linkage_ros.log.records import read_motion, write_motion
+from linkage_ros.log.metadata import read_motion, write_motion
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.motion.speed_driven import CrankMotion
 

@@ -21,9 +21,9 @@ from test_node import CODEC, TYPES, call, decoded, logged, set_parameter, stop
 from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.verify import verify
 from linkage_ros.parameters.configuration import load
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.verify import verify
 
 STATES = {'/joint_states': TYPES['/joint_states']}
 MS = 10**6

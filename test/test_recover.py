@@ -21,12 +21,12 @@ from test_verify import CHANGES, live
 
 from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.recover import recover
-from linkage_ros.log.salvage import Losses
-from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
+from linkage_ros.recovery.damaged_mcap import Losses
+from linkage_ros.recovery.recover import recover
+from linkage_ros.verification.verify import verify
 
 NOTHING = Losses()
 

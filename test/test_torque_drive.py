@@ -15,7 +15,6 @@ from linkage_ros import ConfigurationError, EquationsOfMotion, LogError, MotionE
 from linkage_ros import record as recorder
 from linkage_ros.core.numeric import within_two_turns
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.motion.drives import TorqueDrive
@@ -27,6 +26,7 @@ from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.torque_commands import Commands
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.messages import ROBOT_DESCRIPTION, JointStateCodec, TrajectoryCodec
 
 START = 1_780_000_000_000_000_000

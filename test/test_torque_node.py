@@ -17,11 +17,11 @@ from sensor_msgs.msg import JointState
 from test_node import logged, set_parameter, stop
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.verify import verify
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.messages import JointStateCodec
 
 STATES = {'/joint_states': 'sensor_msgs/msg/JointState'}

@@ -17,21 +17,21 @@ from mcap.writer import Writer
 from ros_harness import command
 
 from linkage_ros import LogError
-from linkage_ros.log.fields import read_fields
-from linkage_ros.log.message_difference import differing
-from linkage_ros.log.reader import LogReader
-from linkage_ros.log.records import (
+from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     _seal,
     write_configuration,
 )
-from linkage_ros.log.verify import verify
+from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.logged import from_strings
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.message_difference import differing
+from linkage_ros.verification.message_fields import read_fields
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.messages import (
     DIAGNOSTICS,
     DRIVING_TORQUE,

@@ -12,7 +12,7 @@ import numpy as np
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.verify import verify
+from linkage_ros.verification.verify import verify
 
 RATE = 200.0
 TIMED_OUT = b'no command within command_timeout'

@@ -33,10 +33,10 @@ with atheris.instrument_imports(include=['linkage_ros', 'mcap', 'yaml']):
     import numpy as np
 
     from linkage_ros import LinkageError
-    from linkage_ros.log import records
-    from linkage_ros.log.recover import recover
+    from linkage_ros.log import metadata
     from linkage_ros.parameters.configuration import load
     from linkage_ros.parameters.presets import preset_names, preset_path
+    from linkage_ros.recovery.recover import recover
 
 KNOWN = set()  # where findings so far were raised
 
@@ -109,7 +109,7 @@ def main():
     """Fuzzes one target."""
     target = sys.argv[1]
     np.seterr(all='raise')
-    records._unseal = lambda record, _: {  # noqa: SLF001, a forger knows it as well
+    metadata._unseal = lambda record, _: {  # noqa: SLF001, a forger knows it as well
         name: text for name, text in record.items() if name != 'crc32'
     }
     with tempfile.TemporaryDirectory() as name:

@@ -32,8 +32,8 @@ from harness import Process, finish, node, options, running, wait_for
 from mpmath import mp, mpf
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.verify import verify
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.verify import verify
 from linkage_ros.view.rerun_program import find_viewer
 from linkage_ros.view.targets import free_address
 from linkage_ros.wire.messages import JointStateCodec

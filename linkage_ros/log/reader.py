@@ -18,7 +18,7 @@ from mcap.writer import MCAP0_MAGIC
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.files import open_file
 from linkage_ros.log import untrusted_mcap
-from linkage_ros.log.records import (
+from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     read_configuration,

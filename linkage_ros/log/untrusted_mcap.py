@@ -31,7 +31,7 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import LogError
-from linkage_ros.log.chunks import (
+from linkage_ros.log.untrusted_chunks import (
     HEAD,
     LARGEST,
     Allowance,

@@ -14,7 +14,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.log_file import DiskSync, LogFile
-from linkage_ros.log.records import (
+from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     write_configuration,

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from linkage_ros import cli
 from linkage_ros.errors import LogError, ViewerError
-from linkage_ros.log.pairing import paired
+from linkage_ros.log.channels import paired
 from linkage_ros.log.reader import LogReader
 from linkage_ros.playback.feed import Item
 from linkage_ros.run.machine import Machine

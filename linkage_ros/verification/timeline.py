@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from linkage_ros.log.records import write_motion
+from linkage_ros.log.metadata import write_motion
 from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S

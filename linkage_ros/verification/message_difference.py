@@ -8,7 +8,7 @@ import math
 import struct
 from contextlib import suppress
 
-from linkage_ros.log.fields import Value, read_fields
+from linkage_ros.verification.message_fields import Value, read_fields
 from linkage_ros.wire.interfaces import Interface
 
 _CONTEXT = 12  # characters shown on either side of the first that differs

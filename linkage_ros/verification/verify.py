@@ -13,13 +13,13 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from linkage_ros.errors import LogError
-from linkage_ros.log.message_difference import differing
-from linkage_ros.log.pairing import Pairing, paired
+from linkage_ros.log.channels import Pairing, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.log.state_comparison import StateComparison, is_stamped
-from linkage_ros.log.timeline import Timeline, check_motions, seconds
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
+from linkage_ros.verification.message_difference import differing
+from linkage_ros.verification.state_comparison import StateComparison, is_stamped
+from linkage_ros.verification.timeline import Timeline, check_motions, seconds
 from linkage_ros.wire.messages import (
     COUPLER_POINT,
     DIAGNOSTICS,

@@ -14,13 +14,13 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 from linkage_ros.errors import LinkageError
-from linkage_ros.log.message_difference import differing
-from linkage_ros.log.pairing import Pairing
+from linkage_ros.log.channels import Pairing
 from linkage_ros.log.reader import LoggedMessage
-from linkage_ros.log.recompute import Recomputation
-from linkage_ros.log.timeline import Timeline, seconds
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import CLOCK_STEP
+from linkage_ros.verification.message_difference import differing
+from linkage_ros.verification.recomputation import Recomputation
+from linkage_ros.verification.timeline import Timeline, seconds
 from linkage_ros.wire.cdr import stamp_of
 from linkage_ros.wire.messages import Topic
 

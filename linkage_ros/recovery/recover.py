@@ -16,14 +16,14 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.files import is_there, is_written, open_file
-from linkage_ros.log.records import (
+from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     read_configuration,
     read_motion,
 )
-from linkage_ros.log.salvage import Losses, Stretch, walk
 from linkage_ros.log.untrusted_mcap import Summary, read_summary
+from linkage_ros.recovery.damaged_mcap import Losses, Stretch, walk
 from linkage_ros.units import NS_PER_S
 
 # No chunk of ours is as large: the chunks stay as they were.

@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from linkage_ros.log.chunks import (
+from linkage_ros.log.untrusted_chunks import (
     HEAD,
     LARGEST,
     Allowance,
