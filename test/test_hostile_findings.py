@@ -42,8 +42,7 @@ from linkage_ros.log_tool import info
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.record import record
-from linkage_ros.recovery import damaged_mcap
-from linkage_ros.recovery import recover as recover_module
+from linkage_ros.recovery import damaged_mcap, record_copy
 from linkage_ros.recovery.recover import recover
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
@@ -556,7 +555,7 @@ def test_a_configuration_is_read_once_however_often_it_is_there(tmp_path, monkey
         read.append(record)
         return read_configuration(record)
 
-    monkeypatch.setattr(recover_module, 'read_configuration', counted)
+    monkeypatch.setattr(record_copy, 'read_configuration', counted)
     monkeypatch.setattr(reader_module, 'read_configuration', counted)
     with pytest.raises(LogError, match='50 configuration records'):
         LogReader(path)

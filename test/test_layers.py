@@ -41,6 +41,7 @@ MCAP = {
     'log.writer',
     'log.reader',
     'recovery.recover',
+    'recovery.record_copy',
     'recovery.damaged_mcap',
 }
 UNPACKING = {'log.untrusted_chunks', 'recovery.damaged_mcap'}

@@ -4,12 +4,11 @@
 
 from __future__ import annotations
 
-import errno
 import io
 import os
 import shutil
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn, cast
@@ -154,38 +153,3 @@ def _copy(source: int, path: Path) -> None:
         except OSError:
             path.unlink()
             raise
-
-
-class DiskSync:
-    """Brings a log from the system's memory to the disk, where it outlives a power cut as well.
-
-    A disk may take seconds for that, in which the log is still to be flushed: hence a worker of
-    its own.
-    """
-
-    def __init__(self, path: Path, number: int) -> None:
-        """Begins.
-
-        Args:
-            path: Of the log, for messages.
-            number: Of its open file; it may be closed before this is.
-        """
-        self._path, self._number = path, os.dup(number)
-
-    def consume(self, _: Sequence[object]) -> None:
-        """Brings to the disk what was flushed so far.
-
-        Raises:
-            LogError: The disk fails.
-        """
-        try:
-            os.fdatasync(self._number)
-        except OSError as error:
-            if error.errno != errno.EINVAL:  # a pipe or a device: there is no disk to wait for
-                raise LogError(
-                    f'{self._path} does not reach the disk: {error.strerror}'
-                ) from error
-
-    def close(self) -> None:
-        """Lets the file go."""
-        os.close(self._number)

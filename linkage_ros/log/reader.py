@@ -27,7 +27,6 @@ from linkage_ros.log.metadata import (
 from linkage_ros.units import TIME_END
 
 _MAGIC_SIZE = len(MCAP0_MAGIC)
-# ns at which ROS's time ends: its seconds are signed, of 32 bits.
 _NO_SCHEMA = Schema(0, b'', '', '')
 _CUT = (
     'it is not complete: its run was killed, or goes on; linkage_log recover saves what is there'

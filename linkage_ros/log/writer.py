@@ -13,7 +13,8 @@ from typing import TypeAlias
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import LogError
-from linkage_ros.log.log_file import DiskSync, LogFile
+from linkage_ros.log.disk_sync import DiskSync
+from linkage_ros.log.log_file import LogFile
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,

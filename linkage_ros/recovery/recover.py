@@ -11,24 +11,19 @@ from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
+from mcap.records import Metadata
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.errors import LogError
 from linkage_ros.files import is_there, is_written, open_file
-from linkage_ros.log.metadata import (
-    CONFIGURATION_RECORD,
-    MOTION_RECORD,
-    read_configuration,
-    read_motion,
-)
+from linkage_ros.log.metadata import CONFIGURATION_RECORD
 from linkage_ros.log.untrusted_mcap import Summary, read_summary
 from linkage_ros.recovery.damaged_mcap import Losses, Stretch, walk
+from linkage_ros.recovery.record_copy import RecordCopy, is_undamaged
 from linkage_ros.units import NS_PER_S
 
 # No chunk of ours is as large: the chunks stay as they were.
 _CHUNK_SIZE = 1 << 23
-_MOST_CHANNELS = 2**16 - 1  # their numbers have 16 bits, and the writer begins with 1
 
 
 class Recovered(NamedTuple):
@@ -137,20 +132,6 @@ def _replaced(target: Path, *, overwrite: bool) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
-def _is_right(record: Metadata) -> bool:
-    """Whether a record of ours is undamaged; those of others have nothing to tell by."""
-    try:
-        if record.name == CONFIGURATION_RECORD:
-            read_configuration(record.metadata)
-        elif record.name == MOTION_RECORD:
-            read_motion(record.metadata)
-    except ConfigurationError:
-        return True  # written by another version: undamaged, though this one cannot use it
-    except LogError:
-        return False
-    return True
-
-
 def _stretches(source: _Source, losses: Losses) -> Iterator[Stretch]:
     """What can be read of a log.
 
@@ -166,7 +147,9 @@ def _stretches(source: _Source, losses: Losses) -> Iterator[Stretch]:
 def _has_configuration(source: _Source) -> bool:
     """Whether the log explains itself; looked for up to the first such record."""
     return any(
-        isinstance(record, Metadata) and record.name == CONFIGURATION_RECORD and _is_right(record)
+        isinstance(record, Metadata)
+        and record.name == CONFIGURATION_RECORD
+        and is_undamaged(record)
         for stretch in _stretches(source, Losses())
         for record in stretch.records
     )
@@ -184,7 +167,7 @@ def _copy(source: _Source, path: Path, progress: Callable[[int], object]) -> Rec
     losses, before = Losses(), 0
     with path.open('wb') as stream:
         writer = Writer(stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD)
-        copy = _Copy(writer, losses, _spare(source))
+        copy = RecordCopy(writer, losses, _spare(source))
         for end, records, is_chunk in _stretches(source, losses):
             for record in records:
                 copy.add(record)
@@ -194,84 +177,3 @@ def _copy(source: _Source, path: Path, progress: Callable[[int], object]) -> Rec
             before = end
         writer.finish()
     return Recovered(copy.messages, (copy.end - copy.start) / NS_PER_S, losses)
-
-
-class _Copy:
-    """Writes records to a new file; its own numbers stand for schemas and channels there.
-
-    Attributes:
-        messages: Written so far.
-        start: First log time, ns.
-        end: Last log time, ns.
-    """
-
-    def __init__(self, writer: Writer, losses: Losses, spare: Summary | None) -> None:
-        self.messages = self.start = self.end = 0
-        self._writer, self._losses = writer, losses
-        # From the end of a complete file, for messages whose first chunk is lost.
-        self._spare = spare.channels if spare else {}
-        self._sources = spare.schemas if spare else {}
-        self._schemas: dict[int, int] = {0: 0}
-        self._channels: dict[int, int] = {}
-        self._begun = self._is_configured = False
-
-    def add(self, record: McapRecord) -> None:
-        """Writes a record, unless it is damaged or there already."""
-        if not self._begun:
-            header = record if isinstance(record, Header) else Header('ros2', 'linkage_ros')
-            self._writer.start(header.profile, header.library)
-            self._begun = True
-        if isinstance(record, Message):
-            self._add_message(record)
-        elif isinstance(record, Schema):
-            self._sources[record.id] = record
-            self._schema(record.id)
-        elif isinstance(record, Channel):
-            self._channel(record)
-        elif isinstance(record, Metadata):
-            self._add_metadata(record)
-        elif isinstance(record, Attachment):
-            self._writer.add_attachment(
-                record.create_time, record.log_time, record.name, record.media_type, record.data
-            )
-
-    def _schema(self, number: int) -> int | None:
-        if number not in self._schemas and number in self._sources:
-            source = self._sources[number]
-            self._schemas[number] = self._writer.register_schema(
-                source.name, source.encoding, source.data
-            )
-        return self._schemas.get(number)
-
-    def _channel(self, channel: Channel) -> None:
-        schema = self._schema(channel.schema_id)
-        is_new = channel.id not in self._channels and len(self._channels) < _MOST_CHANNELS
-        if is_new and schema is not None:
-            self._channels[channel.id] = self._writer.register_channel(
-                channel.topic, channel.message_encoding, schema, channel.metadata
-            )
-
-    def _add_message(self, message: Message) -> None:
-        if message.channel_id not in self._channels and message.channel_id in self._spare:
-            self._channel(self._spare[message.channel_id])
-        channel = self._channels.get(message.channel_id)
-        if channel is None:
-            self._losses.messages += 1
-            return
-        time = message.log_time
-        self._writer.add_message(
-            channel, time, message.data, message.publish_time, message.sequence
-        )
-        self.start = min(self.start, time) if self.messages else time
-        self.end = max(self.end, time)
-        self.messages += 1
-
-    def _add_metadata(self, record: Metadata) -> None:
-        is_configuration = record.name == CONFIGURATION_RECORD
-        if is_configuration and self._is_configured:
-            return  # a log has one, at its beginning
-        if _is_right(record):
-            self._is_configured |= is_configuration
-            self._writer.add_metadata(record.name, record.metadata)
-        else:
-            self._losses.records += 1

@@ -1,0 +1,121 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Copies what was read of a broken log, record by record, into a complete one."""
+
+from __future__ import annotations
+
+from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
+from mcap.writer import Writer
+
+from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.log.metadata import (
+    CONFIGURATION_RECORD,
+    MOTION_RECORD,
+    read_configuration,
+    read_motion,
+)
+from linkage_ros.log.untrusted_mcap import Summary
+from linkage_ros.recovery.damaged_mcap import Losses
+
+_MOST_CHANNELS = 2**16 - 1  # their numbers have 16 bits, and the writer begins with 1
+
+
+def is_undamaged(record: Metadata) -> bool:
+    """Whether a record of ours is undamaged; those of others have nothing to tell by."""
+    try:
+        if record.name == CONFIGURATION_RECORD:
+            read_configuration(record.metadata)
+        elif record.name == MOTION_RECORD:
+            read_motion(record.metadata)
+    except ConfigurationError:
+        return True  # written by another version: undamaged, though this one cannot use it
+    except LogError:
+        return False
+    return True
+
+
+class RecordCopy:
+    """Writes records to a new file; its own numbers stand for schemas and channels there.
+
+    Attributes:
+        messages: Written so far.
+        start: First log time, ns.
+        end: Last log time, ns.
+    """
+
+    def __init__(self, writer: Writer, losses: Losses, spare: Summary | None) -> None:
+        """Begins without a record.
+
+        Args:
+            writer: Of the new file.
+            losses: Is told what cannot be copied.
+            spare: What a complete file repeats at its end, for messages whose first chunk is lost.
+        """
+        self.messages = self.start = self.end = 0
+        self._writer, self._losses = writer, losses
+        self._spare = spare.channels if spare else {}
+        self._sources = spare.schemas if spare else {}
+        self._schemas: dict[int, int] = {0: 0}
+        self._channels: dict[int, int] = {}
+        self._begun = self._is_configured = False
+
+    def add(self, record: McapRecord) -> None:
+        """Writes a record, unless it is damaged or there already."""
+        if not self._begun:
+            header = record if isinstance(record, Header) else Header('ros2', 'linkage_ros')
+            self._writer.start(header.profile, header.library)
+            self._begun = True
+        if isinstance(record, Message):
+            self._add_message(record)
+        elif isinstance(record, Schema):
+            self._sources[record.id] = record
+            self._schema(record.id)
+        elif isinstance(record, Channel):
+            self._channel(record)
+        elif isinstance(record, Metadata):
+            self._add_metadata(record)
+        elif isinstance(record, Attachment):
+            self._writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+
+    def _schema(self, number: int) -> int | None:
+        if number not in self._schemas and number in self._sources:
+            source = self._sources[number]
+            self._schemas[number] = self._writer.register_schema(
+                source.name, source.encoding, source.data
+            )
+        return self._schemas.get(number)
+
+    def _channel(self, channel: Channel) -> None:
+        schema = self._schema(channel.schema_id)
+        is_new = channel.id not in self._channels and len(self._channels) < _MOST_CHANNELS
+        if is_new and schema is not None:
+            self._channels[channel.id] = self._writer.register_channel(
+                channel.topic, channel.message_encoding, schema, channel.metadata
+            )
+
+    def _add_message(self, message: Message) -> None:
+        if message.channel_id not in self._channels and message.channel_id in self._spare:
+            self._channel(self._spare[message.channel_id])
+        channel = self._channels.get(message.channel_id)
+        if channel is None:
+            self._losses.messages += 1
+            return
+        time = message.log_time
+        self._writer.add_message(
+            channel, time, message.data, message.publish_time, message.sequence
+        )
+        self.start = min(self.start, time) if self.messages else time
+        self.end = max(self.end, time)
+        self.messages += 1
+
+    def _add_metadata(self, record: Metadata) -> None:
+        is_configuration = record.name == CONFIGURATION_RECORD
+        if is_configuration and self._is_configured:
+            return  # a log has one, at its beginning
+        if is_undamaged(record):
+            self._is_configured |= is_configuration
+            self._writer.add_metadata(record.name, record.metadata)
+        else:
+            self._losses.records += 1
