@@ -35,7 +35,7 @@ from linkage_ros.progress import progress_bar
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import radians_per_second
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.messages import JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
 
 RATE, SECONDS = 1000.0, 6.0
 TICK = 1 / RATE

@@ -23,7 +23,7 @@ from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.diagnostics import OK, WARN, Status, encode_diagnostics
-from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
+from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 HERE = Path(__file__).resolve().parent
 DURATION = 10.0  # s

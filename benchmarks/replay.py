@@ -28,7 +28,8 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import DRIVING_TORQUE, JOINT_STATES, encode_float64
+from linkage_ros.wire.codecs import encode_float64
+from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES
 
 SECONDS, RATES = 10.0, (0.5, 1.0, 4.0)
 PERIOD = 5_000_000  # ns

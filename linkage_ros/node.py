@@ -22,10 +22,10 @@ from linkage_ros.parameters.help import of_every_kind
 from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import check_parameter_files, declare, given_values
+from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
-from linkage_ros.ros.topics import await_listeners, create_publisher
 from linkage_ros.run.clock_stepper import ClockStepper
 from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.machine import Machine
@@ -34,7 +34,7 @@ from linkage_ros.run.stepper import Stepper
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
-from linkage_ros.wire.messages import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
+from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
 
 _NAME = 'linkage_node'
 # As ROS's own clocks listen, but a burst is not thinned out.

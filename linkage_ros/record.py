@@ -20,7 +20,7 @@ from linkage_ros.parameters.presets import find_file, preset_names
 from linkage_ros.progress import progress_bar
 from linkage_ros.record_end import DEFAULT_DURATION, DURATION, REVOLUTIONS, End
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import ROBOT_DESCRIPTION, qualified
+from linkage_ros.wire.topics import ROBOT_DESCRIPTION, qualified
 
 _NAME = 'linkage_record'
 

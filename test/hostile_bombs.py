@@ -24,7 +24,7 @@ from mcap.records import (
 from linkage_ros.log.metadata import _seal, write_configuration, write_motion
 from linkage_ros.parameters.configuration import load
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import JOINT_STATES
+from linkage_ros.wire.topics import JOINT_STATES
 
 MAGIC = b'\x89MCAP0\r\n'
 

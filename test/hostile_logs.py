@@ -19,7 +19,7 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import DIAGNOSTICS, ROBOT_DESCRIPTION
+from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 # Where a length, a count, an offset or a time is expected.
 WHOLE = (0, 1, 7, 8, 255, 2**15, 2**16 - 1, 2**24, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)

@@ -19,7 +19,8 @@ from linkage_ros.record import record
 from linkage_ros.recovery.recover import recover
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
+from linkage_ros.wire.topics import JOINT_STATES
 
 LONGEST = 700  # characters: 600 of an error, and around it what the command line adds
 

@@ -19,8 +19,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from linkage_ros.ros.publishers import message_class
 from linkage_ros.ros.shared_memory import remove_half_made
-from linkage_ros.ros.topics import message_class
 
 # Each of the processes that share the tests (pytest -n 2) has half of the domains.
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 2

@@ -19,7 +19,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.messages import JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
 
 pytest.importorskip('rclpy')
 import rclpy

@@ -17,7 +17,7 @@ from ros_harness import Listener, environment, fresh_domain, running, wait_for
 from sensor_msgs.msg import JointState
 from test_node import stop
 
-from linkage_ros.wire.messages import JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
 
 PAGE = read('docs/controllers.md')
 CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))

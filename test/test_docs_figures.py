@@ -18,7 +18,7 @@ from pages import ROOT, read
 from linkage_ros.log import writer
 from linkage_ros.log.untrusted_chunks import LARGEST
 from linkage_ros.recovery import recover
-from linkage_ros.wire.messages import JOINT_COMMANDS, TOPICS, qualified
+from linkage_ros.wire.topics import JOINT_COMMANDS, TOPICS, qualified
 
 DOCS = ROOT / 'docs'
 

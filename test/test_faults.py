@@ -33,8 +33,9 @@ from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.stepper import Timekeeping
 from linkage_ros.verification.verify import verify
+from linkage_ros.wire.codecs import encode_float64
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN
-from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
+from linkage_ros.wire.topics import DRIVING_TORQUE
 
 HEARD = {
     '/joint_states': TYPES['/joint_states'],

@@ -31,8 +31,8 @@ from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
+from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.interfaces import DIAGNOSTIC_ARRAY
-from linkage_ros.wire.messages import JointStateCodec
 
 DOCUMENT = read('docs/mcap.md')
 DIAGNOSTICS = {'/diagnostics': DIAGNOSTIC_ARRAY.name}
@@ -60,7 +60,7 @@ def live(folder):
     serialization = pytest.importorskip('rclpy.serialization')
     from ros_harness import Listener, fresh_domain, node_arguments, running, wait_for
 
-    from linkage_ros.ros.topics import message_class
+    from linkage_ros.ros.publishers import message_class
 
     path, domain = folder / 'run.mcap', fresh_domain()
     drive = {'start_rpm': -30.0, 'crank_acceleration': 7.1}

@@ -32,7 +32,7 @@ from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.messages import JOINT_STATES
+from linkage_ros.wire.topics import JOINT_STATES
 
 CASES = int(os.environ.get('LINKAGE_ROS_CASES', '400'))
 MORE = settings(max_examples=max(60, CASES // 20))

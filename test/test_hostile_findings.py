@@ -46,7 +46,8 @@ from linkage_ros.recovery import damaged_mcap, record_copy
 from linkage_ros.recovery.recover import recover
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
-from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
+from linkage_ros.wire.topics import JOINT_STATES
 
 MOTION = write_motion(Machine(load('quadrilateral')).begin(0))
 STEERING = '\x1b]0;title\x07\x1b[31m\u202e'

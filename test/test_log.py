@@ -38,15 +38,8 @@ from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.logged import to_strings
 from linkage_ros.record import record
-from linkage_ros.wire.messages import (
-    DRIVING_TORQUE,
-    JOINT_STATES,
-    ROBOT_DESCRIPTION,
-    TOPICS,
-    JointStateCodec,
-    encode_float64,
-    encode_string,
-)
+from linkage_ros.wire.codecs import JointStateCodec, encode_float64, encode_string
+from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS
 
 START = 1_795_000_000_000_000_000
 PERIOD = 5_000_000
@@ -717,7 +710,8 @@ KILLED = """
 import itertools, sys, time
 from linkage_ros.parameters.configuration import load
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.wire.messages import DRIVING_TORQUE, encode_float64
+from linkage_ros.wire.codecs import encode_float64
+from linkage_ros.wire.topics import DRIVING_TORQUE
 from linkage_ros.motion.speed_driven import CrankMotion
 
 configuration = load('quadrilateral')

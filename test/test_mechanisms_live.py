@@ -16,7 +16,7 @@ from test_node import logged, set_parameter, stop
 from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 # At theta = pi the coupler and the rocker stretch, at theta = 0 they fold: both are passed.

@@ -32,7 +32,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
 
 JOINTS = ('crank', 'coupler', 'rocker')
 TYPES = {

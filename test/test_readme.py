@@ -14,7 +14,7 @@ from linkage_ros.core.mechanism import MECHANISMS
 from linkage_ros.core.quantities import leaves
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, parameter_leaves
-from linkage_ros.wire.messages import TOPICS
+from linkage_ros.wire.topics import TOPICS
 
 README = read('README.md')
 

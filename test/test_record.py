@@ -28,7 +28,7 @@ from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
 from linkage_ros.record_end import End
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import JointStateCodec, encode_float64, encode_string
+from linkage_ros.wire.codecs import JointStateCodec, encode_float64, encode_string
 from linkage_ros.wire.urdf import make_urdf
 
 ROOT = Path(__file__).resolve().parents[1]

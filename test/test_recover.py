@@ -373,7 +373,7 @@ import itertools, sys, time
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import ROBOT_DESCRIPTION
+from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 from linkage_ros.run.worker import Worker
 
 configuration = configure({'rate_hz': 1000.0, 'crank_acceleration': 20.0})

@@ -31,14 +31,8 @@ from linkage_ros.playback.feed import cut, feed
 from linkage_ros.playback.showing import Showing
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
-from linkage_ros.wire.messages import (
-    DRIVING_TORQUE,
-    JOINT_COMMANDS,
-    JOINT_STATES,
-    JointStateCodec,
-    encode_float64,
-    qualified,
-)
+from linkage_ros.wire.codecs import JointStateCodec, encode_float64
+from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
 
 STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'
 TYPES = {

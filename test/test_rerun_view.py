@@ -40,8 +40,9 @@ from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_program, rerun_sender, targets
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.diagnostics import ERROR, WARN
-from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
+from linkage_ros.wire.topics import JOINT_STATES
 
 # First as views import it: from then on the SDK says nothing in this process, not even from a
 # thread that notices after a test that the viewer has gone.

@@ -27,7 +27,8 @@ from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.torque_commands import Commands
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.messages import ROBOT_DESCRIPTION, JointStateCodec, TrajectoryCodec
+from linkage_ros.wire.codecs import JointStateCodec, TrajectoryCodec
+from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 
 START = 1_780_000_000_000_000_000
 PUMP = load('wind_pump')

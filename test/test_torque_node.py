@@ -22,7 +22,7 @@ from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.messages import JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
 
 STATES = {'/joint_states': 'sensor_msgs/msg/JointState'}
 PUMP = JointStateCodec(('crank', 'coupler', 'rod', 'slider'))

@@ -32,14 +32,13 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.message_fields import read_fields
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.messages import (
+from linkage_ros.wire.codecs import JointStateCodec, encode_float64
+from linkage_ros.wire.topics import (
     DIAGNOSTICS,
     DRIVING_TORQUE,
     JOINT_STATES,
     ROBOT_DESCRIPTION,
     TOPICS,
-    JointStateCodec,
-    encode_float64,
 )
 
 START = 1_795_000_000_123_456_789

@@ -36,7 +36,7 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.verification.verify import verify
 from linkage_ros.view.rerun_program import find_viewer
 from linkage_ros.view.targets import free_address
-from linkage_ros.wire.messages import JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
 
 DOMAIN, RATE = 85, 1000.0
 EVERY = 10.0  # s between samples of the memory, and between speeds

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.wire.messages import Topic
+from linkage_ros.wire.topics import Topic
 
 Pairing = tuple[str, Topic]  # a channel's name, and its topic
 

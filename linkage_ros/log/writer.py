@@ -23,7 +23,7 @@ from linkage_ros.log.metadata import (
 )
 from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.wire.messages import Topic
+from linkage_ros.wire.topics import Topic
 
 # s. What a killed run loses is at most this and the worker's period, and what a busy machine adds
 # to both; 0.3 s are promised. Each flush costs 0.8 kB of memory, for mcap's index of chunks.

@@ -18,15 +18,16 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.playback.feed import Item
 from linkage_ros.playback.pace import Pace
 from linkage_ros.playback.player import Sink
+from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.ros.session import (
     USER_ERRORS,
     on_ros,
     reported_as_configuration,
     served,
 )
-from linkage_ros.ros.topics import await_listeners, create_publisher
+from linkage_ros.wire.codecs import encode_clock
 from linkage_ros.wire.interfaces import CLOCK
-from linkage_ros.wire.messages import TOPICS, Topic, effort_commands, encode_clock
+from linkage_ros.wire.topics import TOPICS, Topic, effort_commands
 
 # One message only: whoever lags wants the latest time.
 _CLOCK_TOPIC = Topic('/clock', CLOCK, depth=1)

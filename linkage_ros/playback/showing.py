@@ -12,7 +12,8 @@ from linkage_ros.playback.feed import Item
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.rerun_view import Sample, View
-from linkage_ros.wire.messages import JOINT_STATES, JointStateCodec
+from linkage_ros.wire.codecs import JointStateCodec
+from linkage_ros.wire.topics import JOINT_STATES
 
 _CAPACITY, _PERIOD = 1_000_000, 0.03  # samples, s
 _CLOSE_SECONDS = 10.0

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.torque_commands import Commands
 from linkage_ros.wire.command_bytes import LARGEST_COMMAND, decode_command
-from linkage_ros.wire.messages import JOINT_COMMANDS
+from linkage_ros.wire.topics import JOINT_COMMANDS
 
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
 _DEPTH = 100

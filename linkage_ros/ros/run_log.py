@@ -16,7 +16,7 @@ from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.run.diagnostics import Health
 from linkage_ros.run.worker import Worker
-from linkage_ros.wire.messages import Topic
+from linkage_ros.wire.topics import Topic
 
 # Items that wait for a stalled disk: half a minute's at 1 kHz with four topics.
 _CAPACITY = 120_000

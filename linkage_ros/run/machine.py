@@ -24,19 +24,21 @@ from linkage_ros.motion.speed_driven import CrankMotion, CrankState
 from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.messages import (
+from linkage_ros.wire.codecs import (
+    JointStateCodec,
+    PointCodec,
+    TrajectoryCodec,
+    encode_float64,
+    encode_float64_array,
+    encode_string,
+)
+from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DRIVING_TORQUE,
     JOINT_STATES,
     MECHANISM_STATE,
-    JointStateCodec,
-    PointCodec,
     Topic,
-    TrajectoryCodec,
     effort_commands,
-    encode_float64,
-    encode_float64_array,
-    encode_string,
 )
 from linkage_ros.wire.urdf import make_urdf
 

@@ -22,7 +22,8 @@ from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.motion.torque_driven import CATCH_UP, RunMotion
 from linkage_ros.run.machine import Machine, Step
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.messages import MECHANISM_STATE, Topic, TrajectoryCodec
+from linkage_ros.wire.codecs import TrajectoryCodec
+from linkage_ros.wire.topics import MECHANISM_STATE, Topic
 
 # How far a state may be from where the one before leads: rad and crank lengths, and of rates the
 # same per second or the rate itself. Records and live runs integrate in different ways.

@@ -22,7 +22,7 @@ from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.recomputation import Recomputation
 from linkage_ros.verification.timeline import Timeline, seconds
 from linkage_ros.wire.cdr import stamp_of
-from linkage_ros.wire.messages import Topic
+from linkage_ros.wire.topics import Topic
 
 # Messages that one topic may be behind the others before it counts as broken off.
 _BEHIND = 10_000

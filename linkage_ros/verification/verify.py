@@ -20,7 +20,7 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.state_comparison import StateComparison, is_stamped
 from linkage_ros.verification.timeline import Timeline, check_motions, seconds
-from linkage_ros.wire.messages import (
+from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DIAGNOSTICS,
     JOINT_COMMANDS,

@@ -12,7 +12,7 @@ from linkage_ros.core.kinematics import kinematics_of
 from linkage_ros.core.mechanism import Mechanism
 from linkage_ros.core.structure import Joint
 from linkage_ros.palette import COLORS
-from linkage_ros.wire.messages import ROOT_FRAME
+from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF demands limits of force and speed for a prismatic joint; the model has none.
 _NO_LIMIT = '1e9'

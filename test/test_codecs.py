@@ -18,7 +18,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from linkage_ros.ros.topics import message_class
+from linkage_ros.ros.publishers import message_class
+from linkage_ros.wire.codecs import (
+    JointStateCodec,
+    PointCodec,
+    TrajectoryCodec,
+    encode_float64,
+    encode_float64_array,
+    encode_string,
+)
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
 from linkage_ros.wire.interfaces import (
     CLOCK,
@@ -30,15 +38,7 @@ from linkage_ros.wire.interfaces import (
     POINT_STAMPED,
     STRING,
 )
-from linkage_ros.wire.messages import (
-    TOPICS,
-    JointStateCodec,
-    PointCodec,
-    TrajectoryCodec,
-    encode_float64,
-    encode_float64_array,
-    encode_string,
-)
+from linkage_ros.wire.topics import TOPICS
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('crank', 'coupler', 'rocker')

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from linkage_ros.wire.messages import Topic
+from linkage_ros.wire.topics import Topic
 
 # s given to subscribers to find a node, and to be matched with it.
 _DISCOVERY, _MATCH = 0.8, 0.2

@@ -1,0 +1,63 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The topics of the node: names, message types, quality of service."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from linkage_ros.wire.interfaces import (
+    DIAGNOSTIC_ARRAY,
+    FLOAT64,
+    FLOAT64_MULTI_ARRAY,
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    POINT_STAMPED,
+    STRING,
+    Interface,
+)
+
+
+class Topic(NamedTuple):
+    """A topic of the node.
+
+    Attributes:
+        name: Relative, but for /diagnostics.
+        interface: Its message type.
+        latched: Whether late subscribers get the last message (transient local durability).
+        depth: Messages kept for a reader that lags.
+        on_demand: Whether it is published only while somebody subscribes; a log has it always.
+    """
+
+    name: str
+    interface: Interface
+    latched: bool = False
+    depth: int = 10
+    on_demand: bool = False
+
+
+JOINT_STATES = Topic('joint_states', JOINT_STATE)
+DRIVING_TORQUE = Topic('driving_torque', FLOAT64)
+MECHANISM_STATE = Topic('mechanism_state', JOINT_TRAJECTORY, on_demand=True)
+COUPLER_POINT = Topic('coupler_point', POINT_STAMPED)
+JOINT_COMMANDS = Topic('joint_commands', JOINT_STATE)
+DIAGNOSTICS = Topic('/diagnostics', DIAGNOSTIC_ARRAY)
+ROBOT_DESCRIPTION = Topic('robot_description', STRING, latched=True, depth=1)
+TOPICS = (
+    JOINT_STATES,
+    DRIVING_TORQUE,
+    MECHANISM_STATE,
+    COUPLER_POINT,
+    DIAGNOSTICS,
+    ROBOT_DESCRIPTION,
+)
+
+
+def effort_commands(name: str) -> Topic:
+    """The topic, of a name to choose, on which a controller takes the driving torque."""
+    return Topic(name, FLOAT64_MULTI_ARRAY)
+
+
+def qualified(topic: Topic) -> str:
+    """The name of a topic in a graph without namespaces."""
+    return topic.name if topic.name.startswith('/') else f'/{topic.name}'
