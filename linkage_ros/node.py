@@ -26,11 +26,12 @@ from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
-from linkage_ros.run.clock_stepper import ClockStepper
 from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.punctual import leave_out_of_collection
-from linkage_ros.run.stepper import Stepper
+from linkage_ros.run.ticker import Calls, Ticker
+from linkage_ros.run.ticker_real_time import RealTimeTicker
+from linkage_ros.run.ticker_sim_time import SimTimeTicker
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
@@ -69,7 +70,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             if self._view is not None:
                 self._view.discard()
             raise
-        self._stepper = self._make_stepper(simulated=self.get_parameter('use_sim_time').value)
+        self._ticker = self._make_ticker(simulated=self.get_parameter('use_sim_time').value)
         self._state: State | None = None
         self._inbox: CommandInbox | None = None
         if isinstance(configuration.drive, TorqueDrive):
@@ -81,7 +82,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         await_listeners(self._outputs)
         leave_out_of_collection()
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
-        self._stepper.start(self._begin)
+        self._ticker.start(self._begin)
         # Simulated time may stand still; whether all goes well is asked in real time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._reports = self.create_timer(1.0, self._report, clock=steady)
@@ -92,7 +93,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         Returns:
             Whether all went well to the end.
         """
-        self._stepper.stop()
+        self._ticker.stop()
         self._reports.cancel()  # nothing is said after the closing line
         try:
             self._report()
@@ -101,10 +102,10 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             well = self._log is None or self._log.close()
             if self._view is not None:
                 self._view.close()
-        return well and not self._stepper.error
+        return well and not self._ticker.error
 
     def _say_what_became(self) -> None:
-        counts = self._stepper.counts
+        counts = self._ticker.counts
         lost = (
             f', {health.dropped} lost to the {part}'
             for part, health in self._health().items()
@@ -125,22 +126,22 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             names.append(self.resolve_topic_name(JOINT_COMMANDS.name))
         return RunLog(self, configuration, zip(topics, names, strict=True))
 
-    def _make_stepper(self, *, simulated: bool) -> Stepper | ClockStepper:
-        calls = self._machine, self._step, self._restamp, self._fail
+    def _make_ticker(self, *, simulated: bool) -> Ticker:
+        calls = Calls(self._tick, self._restamp, self._fail)
         if not simulated:
-            return Stepper(*calls)
-        stepper = ClockStepper(*calls)
+            return RealTimeTicker(self._machine, calls)
+        ticker = SimTimeTicker(self._machine, calls)
 
         def hear(message: ClockMessage) -> None:
             seconds, rest = message.clock.sec, message.clock.nanosec
             if seconds >= 0 and rest < NS_PER_S:
-                stepper.hear(seconds * NS_PER_S + rest)
+                ticker.hear(seconds * NS_PER_S + rest)
             else:
                 words = f'/clock says {seconds} s and {rest} ns, which is no time: left out'
                 self.get_logger().error(words, throttle_duration_sec=1.0)
 
         self.create_subscription(ClockMessage, '/clock', hear, _CLOCK_QOS)
-        return stepper
+        return ticker
 
     def _begin(self, stamp: int) -> None:
         self._motion = self._machine.begin(stamp)
@@ -150,8 +151,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
             self._log.move(self._motion)
             self._log.write(ROBOT_DESCRIPTION, now, self._machine.description)
 
-    def _step(self, stamp: int) -> None:
-        """One tick, in the stepper's thread."""
+    def _tick(self, stamp: int) -> None:
+        """One tick, in the ticker's thread."""
         motion = self._motion.next(stamp, self._target)
         if motion is not self._motion:
             self._move(motion)
@@ -190,18 +191,18 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _report(self) -> None:
         """Publishes the diagnostics, and says what went wrong since the last report."""
-        counts, parts = self._stepper.counts, self._health()
+        counts, parts = self._ticker.counts, self._health()
         statuses = self._watch.report(counts, self._figures(), parts, self._troubles())
         for status in self._watch.news(statuses):
             if status.level == WARN:
                 self.get_logger().warning(status.message)
             else:
                 self.get_logger().info(status.message)
-        diagnosis = encode_diagnostics(self._stepper.now(), statuses)
+        diagnosis = encode_diagnostics(self._ticker.now(), statuses)
         self._diagnostics.publish(diagnosis)
         if self._log is not None:
             self._log.note(DIAGNOSTICS, diagnosis)
-            if isinstance(self._stepper, ClockStepper):  # it steps in this very thread, or stands
+            if isinstance(self._ticker, SimTimeTicker):  # it ticks in this very thread, or stands
                 self._log.take_notes()
 
     def _health(self) -> dict[str, Health]:
@@ -209,7 +210,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         return {name: part.health() if part else Health('') for name, part in parts.items()}
 
     def _troubles(self) -> list[str]:
-        waiting = isinstance(self._stepper, ClockStepper) and not self._state
+        waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
         troubles = ['waiting for /clock'] if waiting else []
         if self._inbox and self._inbox.fell_silent():
             troubles.append('no command within command_timeout: the motor drives alone')

@@ -31,7 +31,7 @@ from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.recovery.recover import recover
 from linkage_ros.run.diagnostics import Health, Watch
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.stepper import Timekeeping
+from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import encode_float64
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from linkage_ros.run.stepper import Timekeeping
+from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status
 
 

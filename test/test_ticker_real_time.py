@@ -10,15 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from linkage_ros.parameters.configuration import configure
-from linkage_ros.run import stepper
+from linkage_ros.run import ticker_real_time
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.stepper import CLOCK_STEP, Stepper
+from linkage_ros.run.ticker import Calls
+from linkage_ros.run.ticker_real_time import CLOCK_STEP, RealTimeTicker
 
 MS = 1_000_000
 
 
 class Clock:
-    """Both clocks of a machine; sleeping moves them, and so may a step that takes long."""
+    """Both clocks of a machine; sleeping moves them, and so may a tick that takes long."""
 
     def __init__(self, wall=1_700_000_000 * 10**9):
         self.mono, self.wall, self.naps = 5_000, wall, []
@@ -41,50 +42,51 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clock()
-    monkeypatch.setattr(stepper, 'time', clock)
+    monkeypatch.setattr(ticker_real_time, 'time', clock)
     return clock
 
 
 def run(clock, rate_hz, ticks, act=lambda tick: None):
-    """Steps until so many ticks were carried out; returns stamps, restamps and the stepper."""
+    """Ticks until so many were carried out; returns stamps, restamps and the ticker."""
     machine = Machine(configure({'rate_hz': rate_hz}))
     stamps, restamps, done = [], [], threading.Event()
 
-    def step(stamp):
+    def tick(stamp):
         stamps.append(stamp)
         act(len(stamps))
         if len(stamps) == ticks:
-            worker._stop.set()
+            ticker._stop.set()
             done.set()
 
     def restamp(old, new):
         restamps.append((old, new))
 
     errors = []
-    worker = Stepper(machine, step, restamp, lambda error: (errors.append(error), done.set()))
+    calls = Calls(tick, restamp, lambda error: (errors.append(error), done.set()))
+    ticker = RealTimeTicker(machine, calls)
     began = []
-    worker.start(began.append)
+    ticker.start(began.append)
     assert done.wait(20)
-    worker.stop()
-    return stamps, restamps, worker, began[0], errors
+    ticker.stop()
+    return stamps, restamps, ticker, began[0], errors
 
 
 def test_stamps_are_the_start_plus_whole_periods_whatever_the_lateness(clock):
-    stamps, restamps, worker, t0, _ = run(
+    stamps, restamps, ticker, t0, _ = run(
         clock, 30.0, 200, lambda tick: clock.advance((tick * 7919) % (20 * MS))
     )
     assert stamps == [t0 + n * 10**9 // 30 for n in range(200)]
-    assert (worker.counts.missed, worker.counts.kept, restamps) == (0, 200, [])
+    assert (ticker.counts.missed, ticker.counts.kept, restamps) == (0, 200, [])
 
 
 def test_ticks_that_a_late_thread_cannot_keep_are_skipped_and_counted(clock):
-    stamps, _, worker, t0, _ = run(
+    stamps, _, ticker, t0, _ = run(
         clock, 1000.0, 50, lambda tick: clock.advance(7_300_000 if tick == 10 else 0)
     )
     # Tick 9 is carried out at 9 ms and lasts until 16.3 ms: 10 to 15 are lost.
     assert stamps[:10] == [t0 + n * MS for n in range(10)]
     assert stamps[10:] == [t0 + n * MS for n in range(16, 56)]
-    assert worker.counts.missed == 6
+    assert ticker.counts.missed == 6
 
 
 def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock):
@@ -94,11 +96,11 @@ def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock):
         if tick == 20:
             clock.wall += jump
 
-    stamps, restamps, worker, t0, _ = run(clock, 100.0, 40, act)
+    stamps, restamps, ticker, t0, _ = run(clock, 100.0, 40, act)
     assert stamps[:20] == [t0 + n * 10 * MS for n in range(20)]
     assert stamps[20:] == [t0 + jump + n * 10 * MS for n in range(20, 40)]
     assert restamps == [(t0 + 200 * MS, t0 + 200 * MS + jump)]
-    assert worker.counts.clock_steps == 1
+    assert ticker.counts.clock_steps == 1
 
 
 def test_a_small_difference_of_the_clocks_moves_nothing(clock):
@@ -111,25 +113,26 @@ def test_a_small_difference_of_the_clocks_moves_nothing(clock):
     assert restamps == []
 
 
-def test_an_error_in_a_step_ends_the_thread_and_is_reported(clock):
+def test_an_error_in_a_tick_ends_the_thread_and_is_reported(clock):
     def act(tick):
         if tick == 3:
             raise RuntimeError('broken')
 
-    stamps, _, worker, _, errors = run(clock, 100.0, 40, act)
+    stamps, _, ticker, _, errors = run(clock, 100.0, 40, act)
     assert len(stamps) == 3
     assert [str(error) for error in errors] == ['broken']
-    assert worker.error is errors[0]
+    assert ticker.error is errors[0]
 
 
 def test_it_never_sleeps_longer_than_it_may_take_to_stop(monkeypatch):
     machine = Machine(configure({'rate_hz': 0.01}))
     first = threading.Event()
-    worker = Stepper(machine, lambda stamp: first.set(), lambda *_: None, lambda error: None)
-    worker.start(lambda stamp: None)
+    calls = Calls(lambda stamp: first.set(), lambda *_: None, lambda error: None)
+    ticker = RealTimeTicker(machine, calls)
+    ticker.start(lambda stamp: None)
     assert first.wait(5)
-    worker.stop()
-    assert worker.counts.kept == 1
+    ticker.stop()
+    assert ticker.counts.kept == 1
 
 
 @given(

@@ -5,24 +5,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
-from linkage_ros.run.stepper import Stepping
+from linkage_ros.run.ticker import Calls, Ticker, Ticks
 
 # Ticks that one message of the clock may make due; what a jump forward skips is missed.
 _AT_ONCE = 1000
 
 
-class ClockStepper(Stepping):
-    """Calls `step(stamp)` for every tick up to the time of a clock that is heard.
+class SimTimeTicker(Ticker):
+    """Makes every tick up to the time of a clock that is heard.
 
     Tick 0 is the first time heard; no tick is invented while the clock stands. Where the clock
     goes back, t0 moves with it and the motion goes on from there: the step is counted, as one of
     the wall clock is.
     """
 
-    def __init__(self, *calls: Any) -> None:
-        super().__init__(*calls)
+    def __init__(self, ticks: Ticks, calls: Calls) -> None:
+        super().__init__(ticks, calls)
         self._heard = False
         self._begin: Callable[[int], None] | None = None
         self._t0 = self._tick = self._now = 0
@@ -40,11 +39,11 @@ class ClockStepper(Stepping):
         return self._now
 
     def stop(self) -> None:
-        """Ends the motion: what is heard from now on makes no step."""
+        """Ends the motion: what is heard from now on makes no tick."""
         self._begin = None
 
     def hear(self, now: int) -> None:
-        """Makes the steps that are due; only one thread may do so.
+        """Makes the ticks that are due; only one thread may do so.
 
         Args:
             now: What the clock says, ns.
@@ -67,13 +66,13 @@ class ClockStepper(Stepping):
             owed = self._t0 + self._ticks.elapsed(self._tick)
             self._t0 += now - owed
             self.counts.clock_steps += 1
-            self._restamp(owed, now)
+            self._calls.restamp(owed, now)
         due = self._ticks.tick_at(now - self._t0) if now >= self._t0 else -1
         if due - self._tick >= _AT_ONCE:
             self.counts.missed += due - self._tick
             self.counts.clock_steps += 1
             self._tick = due
         while self._tick <= due and self._begin is not None:
-            self._step(self._t0 + self._ticks.elapsed(self._tick))
+            self._calls.tick(self._t0 + self._ticks.elapsed(self._tick))
             self.counts.kept += 1
             self._tick += 1

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from linkage_ros.run.clock_stepper import ClockStepper
+from linkage_ros.run.ticker import Calls
+from linkage_ros.run.ticker_sim_time import SimTimeTicker
 
 MS = 10**6
 
@@ -27,19 +28,19 @@ class Every:
 
 
 class Run:
-    """What a stepper called for."""
+    """What a ticker called for."""
 
     def __init__(self, period=5 * MS):
         self.stamps, self.begun, self.moved, self.failed = [], [], [], []
-        self.stepper = ClockStepper(
-            Every(period), self.stamps.append, lambda *pair: self.moved.append(pair),
-            self.failed.append,
-        )  # fmt: skip
-        self.stepper.start(self.begun.append)
+        self.calls = Calls(
+            self.stamps.append, lambda *pair: self.moved.append(pair), self.failed.append
+        )
+        self.ticker = SimTimeTicker(Every(period), self.calls)
+        self.ticker.start(self.begun.append)
 
     def hear(self, *times):
         for time in times:
-            self.stepper.hear(time)
+            self.ticker.hear(time)
         return self
 
 
@@ -47,7 +48,7 @@ def test_tick_0_is_the_first_time_heard_and_every_tick_up_to_now_is_made():
     run = Run().hear(100 * MS, 104 * MS, 105 * MS, 122 * MS)
     assert run.begun == [100 * MS]
     assert run.stamps == [(100 + 5 * i) * MS for i in range(5)]
-    assert (run.stepper.counts.kept, run.stepper.counts.missed) == (5, 0)
+    assert (run.ticker.counts.kept, run.ticker.counts.missed) == (5, 0)
 
 
 def test_nothing_happens_while_the_clock_stands():
@@ -63,7 +64,7 @@ def test_how_often_the_clock_speaks_makes_no_difference(gaps):
         now += gap
         run.hear(now)
     assert run.stamps == list(range(0, now + 1, 5 * MS))
-    assert run.stepper.counts.clock_steps == 0
+    assert run.ticker.counts.clock_steps == 0
 
 
 def test_a_clock_that_goes_back_moves_the_motion_with_it():
@@ -71,39 +72,39 @@ def test_a_clock_that_goes_back_moves_the_motion_with_it():
     # 1015 ms was due next: it is 300 ms now, and the grid goes on from there.
     assert run.moved == [(1015 * MS, 300 * MS)]
     assert run.stamps == [1000 * MS, 1005 * MS, 1010 * MS, 300 * MS, 305 * MS]
-    assert run.stepper.counts.clock_steps == 1
+    assert run.ticker.counts.clock_steps == 1
 
 
 def test_a_long_jump_forward_is_missed_and_counted():
     run = Run().hear(0, 10**12)
     assert run.stamps == [0, 10**12]
-    assert run.stepper.counts.missed == 10**12 // (5 * MS) - 1
+    assert run.ticker.counts.missed == 10**12 // (5 * MS) - 1
     run.hear(10**12 + 5 * MS)
     assert run.stamps[-1] == 10**12 + 5 * MS
 
 
 def test_it_ends_when_it_is_stopped_and_not_before_it_begins():
     run = Run()
-    stepper = ClockStepper(Every(MS), run.stamps.append, run.moved.append, run.failed.append)
-    stepper.hear(5)
-    stepper.stop()
+    ticker = SimTimeTicker(Every(MS), run.calls)
+    ticker.hear(5)
+    ticker.stop()
     assert run.stamps == []
     run.hear(0)
-    run.stepper.stop()
+    run.ticker.stop()
     run.hear(10**9)
     assert run.stamps == [0]
 
 
-def test_a_step_that_fails_ends_the_motion_and_is_told():
+def test_a_tick_that_fails_ends_the_motion_and_is_told():
     def fail(_):
         raise ValueError('on purpose')
 
     failed = []
-    stepper = ClockStepper(Every(MS), fail, fail, failed.append)
-    stepper.start(lambda _: None)
-    stepper.hear(0)
-    stepper.hear(10**9)
+    ticker = SimTimeTicker(Every(MS), Calls(fail, fail, failed.append))
+    ticker.start(lambda _: None)
+    ticker.hear(0)
+    ticker.hear(10**9)
     assert [str(error) for error in failed] == ['on purpose']
-    assert stepper.error is failed[0]
+    assert ticker.error is failed[0]
     with pytest.raises(ValueError, match='on purpose'):
-        raise stepper.error
+        raise ticker.error
