@@ -86,8 +86,8 @@ def write_as_the_node(path):
                 ]
                 header = {'stamp': time_of(stamp), 'frame_id': ''}
                 diagnostics.append((stamp, plain({'header': header, 'status': told})))
-            step = machine.step(motions[-1], stamp)
-            for channel, message in zip(channels, step.messages, strict=True):
+            snapshot = machine.snapshot_at(motions[-1], stamp)
+            for channel, message in zip(channels, snapshot.messages, strict=True):
                 log.write(channel, stamp, message)
             stamps.append(stamp)
     for number, motion in enumerate(motions):

@@ -87,7 +87,7 @@ def write_long(path, messages):
     """A log of as many messages, two to a state, without solving a state."""
     configuration = configure({'rpm': 60.0})
     machine = Machine(configuration)
-    data = machine.step(machine.begin(0), 0).messages[0]
+    data = machine.snapshot_at(machine.begin(0), 0).messages[0]
     with LogWriter(path, configuration, overwrite=True) as log:
         states, torque = (log.add_topic(t, f'/{t.name}') for t in (JOINT_STATES, DRIVING_TORQUE))
         log.write_motion(machine.begin(0))

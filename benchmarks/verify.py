@@ -40,7 +40,7 @@ def main():
         def stepped():
             count = round(seconds * 1000)
             for tick in range(count):
-                machine.step(motion, machine.elapsed(tick))
+                machine.snapshot_at(motion, machine.elapsed(tick))
             return count
 
         speeds = {}

@@ -58,7 +58,7 @@ def _samples(configuration: Configuration) -> list[Sample]:
     motion = machine.begin(0)
     samples = []
     for stamp in map(machine.elapsed, range(machine.tick_at(round(_TURN * 1e9)) + 1)):
-        position, velocity, _, effort = machine.step(motion, stamp).values
+        position, velocity, _, effort = machine.snapshot_at(motion, stamp).values
         samples.append(Sample(stamp, position, velocity, effort))
     return samples
 

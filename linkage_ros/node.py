@@ -161,20 +161,20 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 if self._log is not None:
                     self._log.write(JOINT_COMMANDS, *command)
             motion.command(stamp, self._inbox.commands.torque())
-        step = self._machine.step(self._motion, stamp)
-        self._state = step.state
+        snapshot = self._machine.snapshot_at(self._motion, stamp)
+        self._state = snapshot.state
         now = time.time_ns()
         for topic, publisher, message in zip(
-            self._machine.topics, self._outputs, step.messages, strict=True
+            self._machine.topics, self._outputs, snapshot.messages, strict=True
         ):
             if not topic.on_demand or publisher.get_subscription_count():
                 publisher.publish(message)
         if self._log is not None:
-            for topic, message in zip(self._machine.topics, step.messages, strict=True):
+            for topic, message in zip(self._machine.topics, snapshot.messages, strict=True):
                 self._log.write(topic, now, message)
             self._log.take_notes()
         if self._view is not None:
-            position, velocity, _, effort = step.values
+            position, velocity, _, effort = snapshot.values
             self._view.offer(Sample(stamp, position, velocity, effort))
 
     def _restamp(self, old: int, new: int) -> None:

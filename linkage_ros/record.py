@@ -71,10 +71,10 @@ def record(
             )
             for tick in ticks:
                 stamp = machine.elapsed(tick)
-                step = machine.step(motion, stamp)
-                if stopped() or last.reached(stamp, step):
+                snapshot = machine.snapshot_at(motion, stamp)
+                if stopped() or last.reached(stamp, snapshot):
                     return tick
-                for channel, message in zip(channels, step.messages, strict=True):
+                for channel, message in zip(channels, snapshot.messages, strict=True):
                     log.write(channel, stamp, message)
         except MotionError as error:
             raise MotionError(

@@ -13,7 +13,7 @@ from linkage_ros.core.quantities import Quantity
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.motion.torque_driven import RunMotion
-from linkage_ros.run.machine import Machine, Step
+from linkage_ros.run.machine import Machine, Snapshot
 from linkage_ros.units import NS_PER_S
 
 DEFAULT_DURATION = 10.0
@@ -60,12 +60,12 @@ class End:
         else:
             self.ticks, self._turns = itertools.count(), revolutions
 
-    def reached(self, stamp: int, step: Step) -> bool:
+    def reached(self, stamp: int, snapshot: Snapshot) -> bool:
         """Whether a state is at or beyond the end that the motion tells.
 
         Args:
             stamp: Of the state, ns.
-            step: The state.
+            snapshot: The state.
 
         Returns:
             Whether the record ends before it.
@@ -75,7 +75,7 @@ class End:
         """
         if self._turns is None:
             return False
-        turned = abs(step.values.position[0] - self._start) / (2 * math.pi)
+        turned = abs(snapshot.values.position[0] - self._start) / (2 * math.pi)
         if stamp > _PATIENCE * NS_PER_S:
             raise ConfigurationError(
                 f'the crank has not come {self._turns} revolutions far within {_PATIENCE} s, but '

@@ -53,7 +53,9 @@ def _run(path, configuration, *, live):
                 motion = motion.change(stamp, -20.0)
                 log.flush()
                 log.write_motion(motion)
-            for channel, data in zip(channels, machine.step(motion, stamp).messages, strict=True):
+            for channel, data in zip(
+                channels, machine.snapshot_at(motion, stamp).messages, strict=True
+            ):
                 log.write(channel, stamp, data)
     return path.read_bytes()
 

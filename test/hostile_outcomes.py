@@ -149,7 +149,7 @@ class LiveNode:
 
         def go():
             self.motion = self.motion.next(self._stamp, self._target)
-            self._machine.step(self.motion, self._stamp)
+            self._machine.snapshot_at(self.motion, self._stamp)
 
         if outcome(go):
             self.motion, self._stamp = self._machine.begin(0), 0

@@ -120,8 +120,8 @@ def test_the_node_turns_it_and_its_log_explains_every_state(tmp_path, text):
     stamps, rows = states(log, messages)
     for stamp, *published in zip(stamps, *(messages[name] for name in names), strict=True):
         motion = [motion for motion in log.motions if motion.stamp <= stamp][-1]
-        step = machine.step(motion, int(stamp))
-        assert step.messages == tuple(message.data for message in published)
+        snapshot = machine.snapshot_at(motion, int(stamp))
+        assert snapshot.messages == tuple(message.data for message in published)
     received = listener.received['/joint_states']
     assert unbroken(received, [message.data for message in messages['/joint_states']])
     assert rows[0, 3] > 0 > rows[-1, 3]

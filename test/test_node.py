@@ -122,8 +122,8 @@ def test_the_log_explains_every_state_to_the_bit(ten_seconds):
     assert topics == ['/joint_states', '/driving_torque', '/mechanism_state', '/coupler_point']
     for published in zip(*(messages[topic] for topic in topics), strict=True):
         stamp, _ = CODEC.decode(published[0].data)
-        step = machine.step(motion, stamp)
-        assert step.messages == tuple(message.data for message in published)
+        snapshot = machine.snapshot_at(motion, stamp)
+        assert snapshot.messages == tuple(message.data for message in published)
 
 
 def test_node_and_record_give_equal_bits_at_equal_elapsed_times(ten_seconds, tmp_path):
@@ -190,7 +190,7 @@ def test_rpm_is_set_live_and_the_phase_goes_on(tmp_path):
     machine = Machine(log.configuration)
     for stamp, numbers in states:
         motion = [motion for motion in log.motions if motion.stamp <= stamp][-1]
-        position, velocity, _, effort = machine.step(motion, stamp).values
+        position, velocity, _, effort = machine.snapshot_at(motion, stamp).values
         assert numbers == (*position, *velocity, *effort)
     for (t0, a), (t1, b) in pairwise(states):
         seconds = (t1 - t0) * 1e-9

@@ -104,7 +104,7 @@ def test_a_step_goes_to_the_next_message_and_no_further():
     pace, clock = running()
     pace.toggle()
     pace.expect(5 * MS)
-    pace.step(5 * MS)
+    pace.go_to(5 * MS)
     assert pace.position() == 5 * MS
     assert pace.left(5 * MS) == 0
     pace.expect(10 * MS)
@@ -153,7 +153,7 @@ def test_the_position_never_goes_back(actions):
         elif action == 2:
             pace.change_rate(-0.1)
         elif action == 3:
-            pace.step(expected)
+            pace.go_to(expected)
         elif pace.left(expected) <= 0:
             expected += nanoseconds
             pace.expect(expected)

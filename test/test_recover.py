@@ -407,7 +407,7 @@ for tick in itertools.count():
         motion = motion.change(t0 + due, 10.0 + tick % 77)
         worker.offer(motion)
     now = time.time_ns()
-    for channel, data in zip(channels, machine.step(motion, t0 + due).messages):
+    for channel, data in zip(channels, machine.snapshot_at(motion, t0 + due).messages):
         worker.offer((channel, now, data))
 """
 

@@ -351,7 +351,7 @@ def test_commands_in_a_log_are_no_states_to_show(tmp_path):
         log.write_motion(motion)
         for stamp in range(0, 50_000_000, 5_000_000):
             log.write(commands, stamp, command)
-            log.write(states, stamp, machine.step(motion, stamp).messages[0])
+            log.write(states, stamp, machine.snapshot_at(motion, stamp).messages[0])
     done = run(path, '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10)
     assert (done.returncode, done.stderr) == (0, '')
     assert '20 messages replayed' in done.stdout
@@ -428,7 +428,7 @@ def test_what_a_viewer_that_ended_was_not_shown_is_said(log, capsys):
 def write_long(path, states):
     configuration = configure({'rpm': 60.0})
     machine = Machine(configuration)
-    data = machine.step(machine.begin(0), 0).messages[0]
+    data = machine.snapshot_at(machine.begin(0), 0).messages[0]
     with LogWriter(path, configuration, overwrite=True) as log:
         first, second = (log.add_topic(t, f'/{t.name}') for t in (JOINT_STATES, DRIVING_TORQUE))
         log.write_motion(machine.begin(0))

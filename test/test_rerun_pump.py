@@ -56,7 +56,7 @@ def run_of(configuration, seconds, rate=200):
     machine = Machine(configuration)
     motion, samples = machine.begin(0), []
     for stamp in range(0, round(seconds * 10**9), 10**9 // rate):
-        values = machine.step(motion, stamp).values
+        values = machine.snapshot_at(motion, stamp).values
         samples.append(Sample(stamp, values.position, values.velocity, values.effort))
     return samples
 

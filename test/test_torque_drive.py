@@ -270,7 +270,7 @@ def test_a_record_does_not_depend_on_its_rate(tmp_path):
 # ---------------------------------------------------------------- live, and verified
 
 
-def live(path, configuration, plan, alter=lambda _, step: step.messages):
+def live(path, configuration, plan, alter=lambda _, snapshot: snapshot.messages):
     """Writes what the node logs of a torque-driven run.
 
     plan: (kind, value) with kind 'motor', 'command' (N m, from the next tick on), 'step' (of the
@@ -301,7 +301,7 @@ def live(path, configuration, plan, alter=lambda _, step: step.messages):
                 log.write_motion(motion)
             motion.command(stamp, command)
             number += 1
-            messages = alter(number, machine.step(motion, stamp))
+            messages = alter(number, machine.snapshot_at(motion, stamp))
             for channel, message in zip(channels, messages, strict=True):
                 log.write(channel, stamp + 30_000, message)
             tick += 1
@@ -335,11 +335,11 @@ def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configur
 def test_what_stood_still_for_long_goes_on_from_where_it_was():
     machine = Machine(changed(session={'rate_hz': 1000.0}))
     motion = machine.begin(START)
-    before = machine.step(motion, START + 10**9)
+    before = machine.snapshot_at(motion, START + 10**9)
     later = START + 60 * 10**9
     following = motion.next(later, motion.target)
     assert following is not motion
-    assert machine.step(following, later).values == before.values
+    assert machine.snapshot_at(following, later).values == before.values
     assert motion.next(START + 10**9 + 200_000_000, motion.target) is motion
 
 
@@ -352,7 +352,7 @@ def forge(path, claimed, real):
         for tick in range(20):
             stamp = machine.elapsed(tick)
             for channel, message in zip(
-                channels, machine.step(motion, stamp).messages, strict=True
+                channels, machine.snapshot_at(motion, stamp).messages, strict=True
             ):
                 log.write(channel, stamp, message)
 
@@ -363,7 +363,7 @@ def test_below_a_hertz_the_plant_moves_too():
     for tick in range(3):
         stamp = START + machine.elapsed(tick)
         assert motion.next(stamp, motion.target) is motion
-        state = machine.step(motion, stamp).state
+        state = machine.snapshot_at(motion, stamp).state
     assert abs(state.position[0]) > 1
 
 
@@ -396,28 +396,28 @@ def test_after_many_turns_the_state_is_that_of_the_angle_as_it_is_published(tmp_
 def moved(joint, row, by):
     """Changes one number of joint_states and mechanism_state alike."""
 
-    def alter(machine, step):
-        rows = [list(part) for part in step.values]
+    def alter(machine, snapshot):
+        rows = [list(part) for part in snapshot.values]
         rows[row][joint] += by
-        stamp = TrajectoryCodec(machine.joints).decode(step.messages[2])[0]
+        stamp = TrajectoryCodec(machine.joints).decode(snapshot.messages[2])[0]
         return (
             JointStateCodec(machine.joints).encode(stamp, rows[0], rows[1], rows[3]),
-            step.messages[1],
+            snapshot.messages[1],
             TrajectoryCodec(machine.joints).encode(stamp, *rows),
-            *step.messages[3:],
+            *snapshot.messages[3:],
         )
 
     return alter
 
 
-def elsewhere(shift, machine, step):
+def elsewhere(shift, machine, snapshot):
     """A state that is right in itself, at another place."""
-    position, velocity, acceleration = (part[0] for part in step.values[:3])
-    slide = tuple(part[-1] for part in step.values[:3])
+    position, velocity, acceleration = (part[0] for part in snapshot.values[:3])
+    slide = tuple(part[-1] for part in snapshot.values[:3])
     moved_to = position + shift
     state = CrankState(within_two_turns(moved_to)[0], moved_to, velocity, acceleration, slide)
-    stamp = TrajectoryCodec(machine.joints).decode(step.messages[2])[0]
-    return machine.describe(stamp, state).messages
+    stamp = TrajectoryCodec(machine.joints).decode(snapshot.messages[2])[0]
+    return machine.snapshot_of(stamp, state).messages
 
 
 @pytest.mark.parametrize(
@@ -438,8 +438,8 @@ def elsewhere(shift, machine, step):
 def test_a_changed_state_is_found(tmp_path, alter, words):
     machine = Machine(PUMP)
 
-    def change(number, step):
-        return alter(machine, step) if number == 30 else step.messages
+    def change(number, snapshot):
+        return alter(machine, snapshot) if number == 30 else snapshot.messages
 
     with LogReader(live(tmp_path / 'run.mcap', PUMP, ticks(60), change)) as log:
         report = verify(log)
@@ -465,7 +465,7 @@ def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
     with LogWriter(tmp_path / 'run.mcap', PUMP, overwrite=False) as log:
         channel = log.add_topic(machine.topics[0], '/joint_states')
         log.write_motion(motion)
-        log.write(channel, 0, machine.step(motion, 0).messages[0])
+        log.write(channel, 0, machine.snapshot_at(motion, 0).messages[0])
     with (
         LogReader(tmp_path / 'run.mcap') as log,
         pytest.raises(LogError, match='no accelerations'),

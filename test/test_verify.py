@@ -91,7 +91,7 @@ def live(path, configuration, plan, *, prefix='/', names=None, diagnostics=True,
             if rpm != motion.rpm:
                 motion = motion.change(stamp, rpm)
                 log.write_motion(motion)
-            messages = machine.step(motion, stamp).messages
+            messages = machine.snapshot_at(motion, stamp).messages
             now = stamp + 40_000 + tick % 7
             for channel, place in zip(channels, places, strict=True):
                 log.write(channel, now, messages[place])
@@ -496,7 +496,7 @@ def test_stamps_off_the_ticks_are_found(tmp_path):
             for tick in range(20):
                 stamp = START + machine.elapsed(tick) + (late if tick == 9 else 0)
                 for channel, data in zip(
-                    channels, machine.step(motion, stamp).messages, strict=True
+                    channels, machine.snapshot_at(motion, stamp).messages, strict=True
                 ):
                     log.write(channel, stamp, data)
         difference = checked(tmp_path / 'run.mcap').difference
@@ -800,7 +800,9 @@ def test_a_record_hidden_by_its_opcode_is_refused(tmp_path):
 @pytest.mark.parametrize('topic', TOPICS[:4], ids=lambda topic: topic.name)
 def test_every_value_of_a_message_is_named_once(topic):
     machine = Machine(load('quadrilateral'))
-    data = machine.step(machine.begin(START), START + 12345).messages[machine.topics.index(topic)]
+    data = machine.snapshot_at(machine.begin(START), START + 12345).messages[
+        machine.topics.index(topic)
+    ]
     fields = read_fields(topic.interface, data)
     assert fields.get('header.stamp.nanosec', 12345 + START % 10**9) == 12345 + START % 10**9
     spans = {}

@@ -111,7 +111,7 @@ class Pace:
             self._rate = rate
             self._turn(0.0 if self.paused else rate)
 
-    def step(self, time: int) -> None:
+    def go_to(self, time: int) -> None:
         """Goes to the expected message at once.
 
         Args:

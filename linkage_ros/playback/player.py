@@ -82,6 +82,6 @@ class Player:
         if key == SPACE:
             self._pace.toggle()
         elif key == RIGHT and self._pace.paused:
-            self._pace.step(next_time)
+            self._pace.go_to(next_time)
         elif key in (UP, DOWN):
             self._pace.change_rate(_RATE_STEP if key == UP else -_RATE_STEP)

@@ -23,7 +23,7 @@ class _NeverServed(CallbackGroup):  # type: ignore[misc]  # rclpy has no types
     """Keeps a subscription from the executor.
 
     Its thread would be woken by each command, and thousands a second took the interpreter from
-    the thread that steps: at 10 kHz, five of six ticks were missed.
+    the thread that ticks: at 10 kHz, five of six ticks were missed.
     """
 
     def can_execute(self, entity: object) -> bool:  # noqa: ARG002, the executor's signature

@@ -48,7 +48,7 @@ USER_ERRORS = (
 def on_ros(arguments: list[str]) -> Iterator[list[str]]:
     """Initialises rclpy, and shuts it down; a bad command line or file is one clear error.
 
-    Signals stay the caller's: rclpy's handlers would end the context under a running step.
+    Signals stay the caller's: rclpy's handlers would end the context under a running tick.
 
     Args:
         arguments: The command line, ROS arguments included.

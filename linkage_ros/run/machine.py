@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A configured mechanism at work: from a stamp to the bytes of its messages.
 
-The node and the recorder step the same machine, which is why equal configurations and elapsed
+The node and the recorder use the same machine, which is why equal configurations and elapsed
 times give equal bits in both.
 """
 
@@ -43,8 +43,8 @@ from linkage_ros.wire.topics import (
 from linkage_ros.wire.urdf import make_urdf
 
 
-class Step(NamedTuple):
-    """One stamp's state and messages.
+class Snapshot(NamedTuple):
+    """The state at a stamp, and its messages.
 
     Attributes:
         state: Of the mechanism.
@@ -58,14 +58,14 @@ class Step(NamedTuple):
 
 
 class Machine:
-    """Steps one configuration.
+    """Makes the states and messages of one configuration.
 
     Attributes:
         configuration: What it was made from.
         solver: Of its mechanism; None: a wind pump, where a crank angle tells no state.
         equations: Of its motion.
         joints: Names, in the order of the messages.
-        topics: What each step has a message for.
+        topics: What each state has a message on.
         description: robot_description message, CDR bytes.
     """
 
@@ -132,7 +132,7 @@ class Machine:
         # `elapsed` rounds down, so that the next tick may already be due.
         return tick + 1 if self.elapsed(tick + 1) <= elapsed else tick
 
-    def step(self, motion: RunMotion, stamp: int) -> Step:
+    def snapshot_at(self, motion: RunMotion, stamp: int) -> Snapshot:
         """Solves the state that belongs to a stamp.
 
         Args:
@@ -142,14 +142,14 @@ class Machine:
         Returns:
             The state and its messages.
         """
-        step = self.describe(stamp, motion.at(stamp))
+        snapshot = self.snapshot_of(stamp, motion.at(stamp))
         if self._lead is None or not self.solver:
-            return step
+            return snapshot
         ahead = motion.at(stamp + self._lead)
         torque = self.solver.state(ahead.angle, ahead.speed, ahead.acceleration).torque
-        return step._replace(messages=(*step.messages, encode_float64_array(torque)))
+        return snapshot._replace(messages=(*snapshot.messages, encode_float64_array(torque)))
 
-    def describe(self, stamp: int, crank: CrankState) -> Step:
+    def snapshot_of(self, stamp: int, crank: CrankState) -> Snapshot:
         """The state and the messages that belong to a stamp and to coordinates.
 
         Args:
@@ -173,7 +173,7 @@ class Machine:
         if self._coupler_point:
             place = point_motion(self._coupler_point, state).position
             messages += (self._point.encode(stamp, *place),)
-        return Step(state, values, messages)
+        return Snapshot(state, values, messages)
 
     def residual(self, state: State) -> float:
         """How far the loop is from closed in a state, m."""

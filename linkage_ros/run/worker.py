@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A thread of its own for whatever may be slow: the disk and the viewer never delay a step."""
+"""A thread of its own for whatever may be slow: the disk and the viewer never delay a tick."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Worker(Generic[_T]):
             while not self._stop.wait(self._period):
                 self._consumer.consume(self._take())
             self._consumer.consume(self._take())
-        except Exception as error:  # noqa: BLE001, whatever it was must not stop the steps
+        except Exception as error:  # noqa: BLE001, whatever it was must not stop the ticks
             self._fail(error)
         try:
             self._consumer.close()

@@ -20,7 +20,7 @@ from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.plant import start
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.motion.torque_driven import CATCH_UP, RunMotion
-from linkage_ros.run.machine import Machine, Step
+from linkage_ros.run.machine import Machine, Snapshot
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.codecs import TrajectoryCodec
 from linkage_ros.wire.topics import MECHANISM_STATE, Topic
@@ -67,7 +67,7 @@ class Recomputation:
             begun = CrankState(angle, phase[0], phase[count], 0.0, slide)
             self._before = 0, begun, self._drive.motor.torque
 
-    def step(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> list[bytes]:
+    def messages_at(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> list[bytes]:
         """The messages that belong to a stamp.
 
         Args:
@@ -81,15 +81,15 @@ class Recomputation:
         Raises:
             LinkageError: What is logged describes no state.
         """
-        step = self._step(motion, stamp, logged)
-        return [step.messages[place] for place in self._places[: len(logged)]]
+        snapshot = self._snapshot(motion, stamp, logged)
+        return [snapshot.messages[place] for place in self._places[: len(logged)]]
 
-    def _step(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> Step:
+    def _snapshot(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> Snapshot:
         if not self._drive:
-            return self._machine.step(motion, stamp)
+            return self._machine.snapshot_at(motion, stamp)
         if self._told is None or self._told >= len(logged):
             raise LogError('has no mechanism_state')
-        return self._machine.describe(stamp, self._read(logged[self._told])[0])
+        return self._machine.snapshot_of(stamp, self._read(logged[self._told])[0])
 
     def _read(self, data: bytes) -> tuple[CrankState, float]:
         """The coordinates and the torque, N m, that a mechanism_state tells.

@@ -141,7 +141,7 @@ class StateComparison:
         likeliest: tuple[int, list[bytes]] | None = None
         for piece in timeline.pieces_at(stamp):
             try:
-                expected = self._recomputation.step(piece.motion, stamp, logged)
+                expected = self._recomputation.messages_at(piece.motion, stamp, logged)
             except LinkageError as error:
                 return [], str(error)
             if expected == logged:
@@ -232,7 +232,7 @@ class StateComparison:
                 nexts = [q[min(1, len(q) - 1)].data for q in self._queues]
                 with suppress(LinkageError):
                     piece = self._timeline.piece.motion
-                    return self._recomputation.step(piece, following, nexts)[place]
+                    return self._recomputation.messages_at(piece, following, nexts)[place]
         return None
 
     def _broken_off(self) -> str:
