@@ -26,7 +26,7 @@ from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
-from linkage_ros.run.diagnostics import Health, Watch
+from linkage_ros.run.health import Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.punctual import leave_out_of_collection
 from linkage_ros.run.ticker import Calls, Ticker

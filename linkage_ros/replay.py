@@ -22,7 +22,7 @@ from linkage_ros.playback.feed import Excerpt, cut, feed
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
-from linkage_ros.playback.showing import Showing
+from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.run.punctual import insist, leave_out_of_collection, wake_on_time
 from linkage_ros.units import NS_PER_S
@@ -143,8 +143,8 @@ def _sinks(
     # A wrong viewer is said at once, topics wait for listeners; but messages go to topics first.
     views: list[Sink] = []
     if options.viewer:
-        showing = Showing(_NAME, log, options.viewer, alone=topics is None)
-        views = [stack.enter_context(showing)]
+        view = ReplayView(_NAME, log, options.viewer, alone=topics is None)
+        views = [stack.enter_context(view)]
     if topics is None:
         return views
     with waiting('looks for listeners'):

@@ -29,7 +29,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.recovery.recover import recover
-from linkage_ros.run.diagnostics import Health, Watch
+from linkage_ros.run.health import Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.verification.verify import verify

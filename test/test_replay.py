@@ -26,9 +26,9 @@ from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.playback import showing
+from linkage_ros.playback import replay_view
 from linkage_ros.playback.feed import cut, feed
-from linkage_ros.playback.showing import Showing
+from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.codecs import JointStateCodec, encode_float64
@@ -313,11 +313,11 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
         def close(self):
             pass
 
-    monkeypatch.setattr(showing, 'View', View)
+    monkeypatch.setattr(replay_view, 'View', View)
     with LogReader(log) as reader:
         piece = cut(reader, 0, 0.1, None)
         with (
-            Showing('replay', reader, 'spawn', alone=True) as sink,
+            ReplayView('replay', reader, 'spawn', alone=True) as sink,
             feed(reader, piece, loop=True) as items,
         ):
             while len(shown) < 50:
@@ -384,11 +384,11 @@ def test_a_view_that_fails_ends_the_replay_where_it_is_all_there_is(
         def close(self):
             pass
 
-    monkeypatch.setattr(showing, 'View', View)
+    monkeypatch.setattr(replay_view, 'View', View)
     with LogReader(log) as reader, feed(reader, cut(reader, 0, 0.5, None), loop=True) as items:
 
         def play():
-            with Showing('linkage_replay', reader, 'spawn', alone=alone) as sink:
+            with ReplayView('linkage_replay', reader, 'spawn', alone=alone) as sink:
                 for item in itertools.islice(items, 300):
                     sink(item)
                     time.sleep(0.001)
@@ -407,7 +407,7 @@ def test_what_a_viewer_that_ended_was_not_shown_is_said(log, capsys):
         viewing('--serve-grpc') as (viewer, url),
         LogReader(log) as reader,
         feed(reader, cut(reader, 0, 0.5, None), loop=True) as items,
-        Showing('linkage_replay', reader, url, alone=True) as sink,
+        ReplayView('linkage_replay', reader, url, alone=True) as sink,
     ):
         sink(next(items))
         viewer.kill()

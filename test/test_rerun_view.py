@@ -34,7 +34,7 @@ from linkage_ros.motion.joints import joint_values
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.palette import COLORS
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.diagnostics import Health, Watch
+from linkage_ros.run.health import Health, Watch
 from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_program, rerun_sender, targets

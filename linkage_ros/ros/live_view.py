@@ -7,7 +7,7 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.run.diagnostics import Health
+from linkage_ros.run.health import Health
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.rerun_view import Sample, View
 

@@ -14,7 +14,7 @@ from linkage_ros import cli
 from linkage_ros.log.writer import LogItem, LogWriter
 from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.run.diagnostics import Health
+from linkage_ros.run.health import Health
 from linkage_ros.run.worker import Worker
 from linkage_ros.wire.topics import Topic
 

@@ -19,7 +19,7 @@ _CAPACITY, _PERIOD = 1_000_000, 0.03  # samples, s
 _CLOSE_SECONDS = 10.0
 
 
-class Showing:
+class ReplayView:
     """A view of a log; a sink of its messages."""
 
     def __init__(self, name: str, log: LogReader, target: str, *, alone: bool) -> None:
@@ -71,7 +71,7 @@ class Showing:
         # A round of a loop goes on where the one before ended.
         self._worker.offer(Sample(stamp + item.time - message.time, *rows))
 
-    def __enter__(self) -> Showing:
+    def __enter__(self) -> ReplayView:
         return self
 
     def __exit__(self, kind: type | None, *_: object) -> None:
