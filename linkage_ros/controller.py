@@ -23,8 +23,9 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.parameters.configuration import load, unknown_name, without_ros_own
 from linkage_ros.parameters.help import in_words
+from linkage_ros.ros.context import on_ros, reported_as_configuration
+from linkage_ros.ros.executor import served
 from linkage_ros.ros.parameters import declare_values, given_values
-from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.units import NS_PER_S, radians_per_second
 

@@ -68,7 +68,7 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
     import rclpy
     from sensor_msgs.msg import JointState
 
-    from linkage_ros.ros.session import on_ros
+    from linkage_ros.ros.context import on_ros
 
     heard = Heard()
 

@@ -20,11 +20,12 @@ from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
 from linkage_ros.parameters.help import of_every_kind
 from linkage_ros.ros.command_inbox import CommandInbox
+from linkage_ros.ros.context import on_ros, reported_as_configuration
+from linkage_ros.ros.executor import served
 from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import check_parameter_files, declare, given_values
 from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.ros.run_log import RunLog
-from linkage_ros.ros.session import on_ros, reported_as_configuration, served
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.run.health import Health, Watch
 from linkage_ros.run.machine import Machine

@@ -17,14 +17,14 @@ from ros_harness import Listener, command, environment, fresh_domain, node_argum
 from test_node import TYPES, logged
 
 from linkage_ros import ConfigurationError
-from linkage_ros.ros import session
+from linkage_ros.ros import context
 
 STUCK = """
 import rclpy
 from rclpy.node import Node
-from linkage_ros.ros import session
+from linkage_ros.ros import executor
 
-session._STUCK = 0.5
+executor._STUCK = 0.5
 rclpy.init()
 
 class Stuck(Node):
@@ -32,7 +32,7 @@ class Stuck(Node):
         ''.join('' for _ in range({turns}))  # holds the interpreter for ever, or not at all
         super().destroy_node()
 
-with session.served(Stuck('stuck')):
+with executor.served(Stuck('stuck')):
     print('all is logged', flush=True)
 rclpy.try_shutdown()
 """
@@ -160,11 +160,11 @@ def test_a_program_without_stderr_or_stdout_does_its_work(tmp_path, closed):
 @pytest.mark.parametrize('domain', ['233', '+300', ' 300', '300abc', '0233', '9' * 30])
 def test_a_domain_without_ports_is_refused(domain):
     with pytest.raises(ConfigurationError, match='from 0 to 232'):
-        session._domain(domain)
+        context._domain(domain)
 
 
 @pytest.mark.parametrize(
     ('text', 'number'), [('', 0), ('0', 0), ('232', 232), ('007', 7), (' +12', 12), ('abc', 0)]
 )
 def test_other_domains_are_read_as_rcl_does_or_left_to_it(text, number):
-    assert session._domain(text) == number
+    assert context._domain(text) == number

@@ -1,16 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How every program on ROS 2 starts, serves its node, and ends."""
+"""How every program on ROS 2 starts and ends: rclpy, and what it refuses, as one clear error."""
 
 from __future__ import annotations
 
-import faulthandler
 import os
 import re
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import rclpy
 from rclpy.exceptions import (
@@ -19,17 +16,13 @@ from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidTopicNameException,
 )
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from linkage_ros.errors import ConfigurationError, LinkageError, one_line
+from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.ros.shared_memory import remove_half_made
 from linkage_ros.ros.stderr import held_back
 
-# s after which a node that does not end never will.
-_STUCK = 10.0
 _LAST_DOMAIN = 232  # for which there are ports
 
 # What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
@@ -109,59 +102,3 @@ def reported_as_configuration() -> Iterator[None]:
             f'{text.rstrip(" .,")}; check the ROS arguments (--ros-args -p NAME:=VALUE, '
             '--params-file FILE, -r FROM:=TO)'
         ) from error
-
-
-def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
-    """Spins until the end: a request that rclpy trips over must not end the service of others."""
-    while _tripped(executor, node):
-        pass
-
-
-def _tripped(executor: SingleThreadedExecutor, node: Node) -> bool:
-    """Spins; whether that ended with a request such as for a parameter of a type that is none."""
-    try:
-        executor.spin()
-    except ExternalShutdownException:
-        return False
-    except Exception as error:  # noqa: BLE001, nothing bounds what others send
-        words = one_line(f'{type(error).__name__}: {error}')
-        node.get_logger().error(f'a callback failed: {words}', throttle_duration_sec=1.0)
-        return bool(node.context.ok())
-    return False
-
-
-@contextmanager
-def served(node: Node) -> Iterator[None]:
-    """Serves a node's callbacks in a thread of their own; destroys the node at the end.
-
-    Args:
-        node: The node.
-
-    Yields:
-        While it is served.
-    """
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    thread = threading.Thread(target=_spin, args=(executor, node), name='executor', daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        executor.shutdown(timeout_sec=2.0)
-        thread.join(2.0)
-        with _ended_if_stuck():
-            node.destroy_node()
-
-
-@contextmanager
-def _ended_if_stuck() -> Iterator[None]:
-    """Ends the process, with code 1, if Fast DDS never returns (eProsima/Fast-DDS#6513).
-
-    It spins in C code that keeps the interpreter, so that no thread of Python's could do it.
-    """
-    with Path(os.devnull).open('w') as nowhere:
-        faulthandler.dump_traceback_later(_STUCK, exit=True, file=nowhere)
-        try:
-            yield
-        finally:
-            faulthandler.cancel_dump_traceback_later()

@@ -1,0 +1,76 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Serves a node's callbacks, whatever others send, until it ends, even if it never would."""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from linkage_ros.errors import one_line
+
+# s after which a node that does not end never will.
+_STUCK = 10.0
+
+
+def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
+    """Spins until the end: a request that rclpy trips over must not end the service of others."""
+    while _tripped(executor, node):
+        pass
+
+
+def _tripped(executor: SingleThreadedExecutor, node: Node) -> bool:
+    """Spins; whether that ended with a request such as for a parameter of a type that is none."""
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return False
+    except Exception as error:  # noqa: BLE001, nothing bounds what others send
+        words = one_line(f'{type(error).__name__}: {error}')
+        node.get_logger().error(f'a callback failed: {words}', throttle_duration_sec=1.0)
+        return bool(node.context.ok())
+    return False
+
+
+@contextmanager
+def served(node: Node) -> Iterator[None]:
+    """Serves a node's callbacks in a thread of their own; destroys the node at the end.
+
+    Args:
+        node: The node.
+
+    Yields:
+        While it is served.
+    """
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    thread = threading.Thread(target=_spin, args=(executor, node), name='executor', daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        executor.shutdown(timeout_sec=2.0)
+        thread.join(2.0)
+        with _ended_if_stuck():
+            node.destroy_node()
+
+
+@contextmanager
+def _ended_if_stuck() -> Iterator[None]:
+    """Ends the process, with code 1, if Fast DDS never returns (eProsima/Fast-DDS#6513).
+
+    It spins in C code that keeps the interpreter, so that no thread of Python's could do it.
+    """
+    with Path(os.devnull).open('w') as nowhere:
+        faulthandler.dump_traceback_later(_STUCK, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
