@@ -13,7 +13,6 @@ import math
 import zlib
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
@@ -89,7 +88,7 @@ def read_motion(record: Mapping[str, str]) -> RunMotion:
         stamp = _time(fields['stamp'])
         before = _time(fields['before']) if 'before' in fields else None
         if 'torque' in fields:
-            return TorqueMotion(stamp, _finite(json.loads(fields['torque'])), before)
+            return TorqueMotion(stamp, _finite(fields['torque']), before)
         return CrankMotion(
             stamp,
             _fraction(fields['phase']),
@@ -114,13 +113,13 @@ def _time(text: str) -> int:
     return time
 
 
-def _finite(value: Any) -> float:
-    """A number as json has it.
+def _finite(text: str) -> float:
+    """A number in JSON.
 
     Raises:
         ValueError: It is not finite.
     """
-    if not math.isfinite(number := float(value)):
+    if not math.isfinite(number := float(json.loads(text))):
         raise ValueError(f'{number}')
     return number
 
