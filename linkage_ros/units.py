@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 
 NS_PER_S = 10**9
+NS_PER_MS = 10**6
 TIME_END = 2**31 * NS_PER_S  # ns; ROS has stamps from 0 up to there
 
 

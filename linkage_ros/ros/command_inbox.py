@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.torque_commands import Commands
+from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.command_bytes import LARGEST_COMMAND, decode_command
 from linkage_ros.wire.topics import JOINT_COMMANDS
 
@@ -76,7 +77,7 @@ class CommandInbox:
                 fetched.append((info['received_timestamp'] or time.time_ns(), data))
         now = time.time_ns()
         for came, data in fetched:
-            wrong = self._hear(data, max(0, now - came) * 1e-9)
+            wrong = self._hear(data, max(0, now - came) / NS_PER_S)
             # Asking the logger to keep quiet takes ten times as long as a command does.
             if wrong and time.monotonic() >= self._silent_until:
                 self._silent_until = time.monotonic() + 1.0

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from linkage_ros.run.ticker import Timekeeping
+from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status
 
 
@@ -104,9 +105,9 @@ class Watch:
             'rate kept, Hz': f'{rate:.2f}',
             'states': str(counts.kept),
             'ticks missed': str(counts.missed),
-            'lateness p50, ms': f'{counts.late.quantile(0.5) * 1e-6:.3f}',
-            'lateness p99, ms': f'{counts.late.quantile(0.99) * 1e-6:.3f}',
-            'lateness max, ms': f'{counts.late.greatest * 1e-6:.3f}',
+            'lateness p50, ms': f'{counts.late.quantile(0.5) / NS_PER_MS:.3f}',
+            'lateness p99, ms': f'{counts.late.quantile(0.99) / NS_PER_MS:.3f}',
+            'lateness max, ms': f'{counts.late.greatest / NS_PER_MS:.3f}',
             'real-time priority': 'yes' if counts.favoured else 'no',
             'clock steps': str(counts.clock_steps),
             **figures,

@@ -12,12 +12,14 @@ import sys
 import time
 from contextlib import suppress
 
+from linkage_ros.units import NS_PER_MS
+
 _PR_SET_TIMERSLACK = 29  # of prctl
 _PRIORITY = 50  # as ros2_control's
 # s for which a thread may keep the interpreter while another waits: Python's own, and where ticks
 # are due.
 _PATIENT, _INSISTENT = 5e-3, 1e-5
-_FAR_TOO_LATE = 20_000_000  # ns
+_FAR_TOO_LATE = 20 * NS_PER_MS
 _CALM, _LONGEST = 2.0, 64.0  # s to be patient
 
 

@@ -15,13 +15,13 @@ from collections.abc import Callable
 
 from linkage_ros.run.punctual import Insistence, go_first, wake_on_time
 from linkage_ros.run.ticker import Calls, Ticker, Ticks
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
-CLOCK_STEP = 50_000_000
+CLOCK_STEP = 50 * NS_PER_MS
 # Readings of two clocks belong together if no more ns than these are between them.
-_TOGETHER = 1_000_000
+_TOGETHER = NS_PER_MS
 # Longest uninterrupted sleep, s: how long a slow node may take to notice that it should stop.
 _NAP = 0.1
 
