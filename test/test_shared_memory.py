@@ -67,8 +67,14 @@ def test_what_was_never_made_is_removed(tmp_path, monkeypatch, data):
     monkeypatch.setattr(shared_memory, '_FOLDER', tmp_path)
     left = make(port_of(7, tmp_path), data)
     others = [make(port_of(6, tmp_path), data), make(port_of(8, tmp_path), data)]
+    others += [make(tmp_path / f'{left.name}_el', data), make(tmp_path / 'fastrtps_1f', data)]
     assert remove_half_made(7) == [left]
     assert sorted(tmp_path.iterdir()) == sorted(others)
+
+
+def test_where_there_is_no_shared_memory_there_is_nothing_to_remove(tmp_path, monkeypatch):
+    monkeypatch.setattr(shared_memory, '_FOLDER', tmp_path / 'none')
+    assert remove_half_made(7) == []
 
 
 def test_a_pipe_of_that_name_holds_nobody_up(tmp_path, monkeypatch):

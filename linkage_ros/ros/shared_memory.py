@@ -35,11 +35,19 @@ def remove_half_made(domain: int) -> list[Path]:
         ConfigurationError: One cannot be removed.
     """
     first = _FIRST_PORT + _PORTS * domain
-    ports = [_FOLDER / f'fastrtps_port{port}' for port in range(first, first + _PORTS)]
-    left = [port for port in ports if _is_left_half_made(port)]
+    names = {f'fastrtps_port{port}' for port in range(first, first + _PORTS)}
+    left = [port for port in _present() if port.name in names and _is_left_half_made(port)]
     for port in left:
         _remove(port)
     return left
+
+
+def _present() -> list[Path]:
+    """What is in shared memory; nothing where there is none."""
+    try:
+        return sorted(_FOLDER.iterdir())
+    except OSError:
+        return []
 
 
 def _remove(port: Path) -> None:
