@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from linkage_ros.wire.cdr import ENCAPSULATION
@@ -29,6 +29,13 @@ def test_a_command_is_read_as_it_was_sent(frame, names, position, velocity, effo
     found_names, found = decode_command(serialize_message(message))
     assert found_names == names
     assert np.array_equal(found, effort, equal_nan=True)
+
+
+def test_a_name_that_no_zero_closes_is_the_whole_name():
+    message = serialize_message(JointState(name=['cranks'], effort=[2.0]))
+    without = message.replace(b'\7\0\0\0cranks\0', b'\5\0\0\0crank\0\0')
+    assert deserialize_message(without, JointState).name == ['crank']
+    assert decode_command(without) == (['crank'], (2.0,))
 
 
 @given(st.binary(max_size=200))

@@ -32,7 +32,8 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.message_fields import read_fields
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.codecs import JointStateCodec, encode_float64
+from linkage_ros.wire.cdr import ENCAPSULATION
+from linkage_ros.wire.codecs import JointStateCodec, encode_float64, encode_string
 from linkage_ros.wire.topics import (
     DIAGNOSTICS,
     DRIVING_TORQUE,
@@ -822,6 +823,14 @@ def test_zero_and_minus_zero_and_nan_differ():
     assert nan == 'data = nan logged, 1.0 recomputed: off by nan'
     short = differing(JOINT_STATES.interface, b'\0\1\0\0', bytes(172))
     assert short == '4 bytes logged, 172 recomputed'
+
+
+@pytest.mark.parametrize('end', [b'\0', b''])
+def test_a_text_is_told_whole_whether_a_zero_closes_it_or_not(end):
+    text = b'<robots/>' + end
+    logged = ENCAPSULATION + struct.pack('<I', len(text)) + text
+    words = differing(ROBOT_DESCRIPTION.interface, logged, encode_string('<robot/>'))
+    assert words == "data = '<robots/>' logged, '<robot/>' recomputed, at character 6"
 
 
 # ---------------------------------------------------------------- command

@@ -93,10 +93,10 @@ class Reader:
         return count
 
     def text(self) -> str:
-        """A string, with the zero behind it."""
+        """A string; the zero behind it may be missing, as for Fast DDS."""
         (data,) = struct.unpack_from(f'{self.count()}s', self._data, self._at)
         self._at += len(data)
-        return bytes(data[:-1]).decode()
+        return bytes(data).removesuffix(b'\0').decode()
 
     def numbers(self) -> tuple[float, ...]:
         """A sequence of doubles."""
