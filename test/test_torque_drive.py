@@ -25,7 +25,7 @@ from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.torque_commands import Commands
+from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec, TrajectoryCodec
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION
@@ -130,7 +130,7 @@ class Clock:
 
 def test_the_last_good_command_counts_until_it_is_too_old():
     clock = Clock()
-    commands = Commands(5.0, 0.5, clock)
+    commands = TorqueCommands(5.0, 0.5, clock)
     assert (commands.torque(), commands.timed_out) == (0.0, False)
     assert commands.hear(['crank'], [2.0]) == ''
     clock.now += 0.5
@@ -143,7 +143,7 @@ def test_the_last_good_command_counts_until_it_is_too_old():
 
 
 def test_a_command_beyond_the_limit_is_cut_and_counted():
-    commands = Commands(5.0, 0.5, Clock())
+    commands = TorqueCommands(5.0, 0.5, Clock())
     for torque, followed in ((5.0, 5.0), (5.1, 5.0), (-1e300, -5.0)):
         assert commands.hear(['crank'], [torque]) == ''
         assert commands.torque() == followed
@@ -152,7 +152,7 @@ def test_a_command_beyond_the_limit_is_cut_and_counted():
 
 def test_a_command_counts_from_when_it_came_and_timeouts_are_counted():
     clock = Clock()
-    commands = Commands(5.0, 0.5, clock)
+    commands = TorqueCommands(5.0, 0.5, clock)
     commands.hear(['crank'], [1.5], age=0.6)
     assert commands.torque() == 0.0
     commands.hear(['crank'], [1.5], age=0.4)
@@ -176,7 +176,7 @@ def test_a_command_counts_from_when_it_came_and_timeouts_are_counted():
     ],
 )
 def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts, words):
-    commands = Commands(5.0, 0.5, Clock())
+    commands = TorqueCommands(5.0, 0.5, Clock())
     commands.hear(['crank'], [1.5])
     assert commands.hear(names, efforts).startswith(words) or words in commands.hear(
         names, efforts

@@ -11,10 +11,10 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.run.torque_commands import Commands
+from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.command_bytes import LARGEST_COMMAND, decode_command
 from linkage_ros.wire.topics import JOINT_COMMANDS
+from linkage_ros.wire.untrusted_command import LARGEST_COMMAND, decode_command
 
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
 _DEPTH = 100
@@ -53,7 +53,7 @@ class CommandInbox:
             node: The node.
             drive: Of the mechanism.
         """
-        self.commands = Commands(drive.torque_limit, drive.command_timeout)
+        self.commands = TorqueCommands(drive.torque_limit, drive.command_timeout)
         self._logger = node.get_logger()
         self._silent_until = 0.0
         self._ended = 0

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 _CRANK = 'crank'
 
 
-class Commands:
+class TorqueCommands:
     """What was commanded, and what became of it.
 
     One thread may hear commands while another asks for the torque.

@@ -14,7 +14,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from linkage_ros.wire.cdr import ENCAPSULATION
-from linkage_ros.wire.command_bytes import decode_command
+from linkage_ros.wire.untrusted_command import decode_command
 
 NUMBERS = st.lists(st.floats(), max_size=5)
 
