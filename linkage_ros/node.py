@@ -29,7 +29,7 @@ from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.run.health import Health, Watch
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.punctual import leave_out_of_collection
+from linkage_ros.run.scheduling import freeze_heap
 from linkage_ros.run.ticker import Calls, Ticker
 from linkage_ros.run.ticker_real_time import RealTimeTicker
 from linkage_ros.run.ticker_sim_time import SimTimeTicker
@@ -81,7 +81,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     def start(self) -> None:
         """Starts turning."""
         await_listeners(self._outputs)
-        leave_out_of_collection()
+        freeze_heap()
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._ticker.start(self._begin)
         # Simulated time may stand still; whether all goes well is asked in real time.

@@ -24,7 +24,7 @@ from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.progress import progress_bar, waiting
-from linkage_ros.run.punctual import insist, leave_out_of_collection, wake_on_time
+from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
 from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_replay'
@@ -167,9 +167,9 @@ def _run(arguments: list[str]) -> int:
         pace = Pace(excerpt.start, options.rate)
         sinks = _sinks(stack, options, of_ros, log, excerpt, pace)
         keyboard = stack.enter_context(Keyboard())
-        leave_out_of_collection()
-        insist()
-        wake_on_time()
+        freeze_heap()
+        shorten_switch_interval()
+        minimize_timer_slack()
         if options.delay:
             with waiting(f'begins in {options.delay:g} s'):
                 stop.wait(options.delay)

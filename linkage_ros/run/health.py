@@ -108,7 +108,7 @@ class Watch:
             'lateness p50, ms': f'{counts.late.quantile(0.5) / NS_PER_MS:.3f}',
             'lateness p99, ms': f'{counts.late.quantile(0.99) / NS_PER_MS:.3f}',
             'lateness max, ms': f'{counts.late.greatest / NS_PER_MS:.3f}',
-            'real-time priority': 'yes' if counts.favoured else 'no',
+            'real-time priority': 'yes' if counts.real_time_priority else 'no',
             'clock steps': str(counts.clock_steps),
             **figures,
         }

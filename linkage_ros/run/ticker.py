@@ -31,14 +31,14 @@ class Timekeeping:
         missed: Ticks that were skipped because the thread was late by a period or more.
         clock_steps: How often the wall clock was stepped.
         late: How late the ticks began.
-        favoured: Whether the thread goes before others.
+        real_time_priority: Whether the thread goes before others.
     """
 
     kept: int = 0
     missed: int = 0
     clock_steps: int = 0
     late: Lateness = field(default_factory=Lateness)
-    favoured: bool = False
+    real_time_priority: bool = False
 
 
 class Calls(NamedTuple):

@@ -13,7 +13,11 @@ import threading
 import time
 from collections.abc import Callable
 
-from linkage_ros.run.punctual import Insistence, go_first, wake_on_time
+from linkage_ros.run.scheduling import (
+    SwitchInterval,
+    minimize_timer_slack,
+    take_real_time_priority,
+)
 from linkage_ros.run.ticker import Calls, Ticker, Ticks
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
@@ -57,13 +61,13 @@ class RealTimeTicker(Ticker):
             self._thread.join()
 
     def _run(self) -> None:
-        wake_on_time()
-        self.counts.favoured = go_first()
-        insistence = Insistence()
+        minimize_timer_slack()
+        self.counts.real_time_priority = take_real_time_priority()
+        switch_interval = SwitchInterval()
         try:
             tick = 0
             while not self._stop.is_set():
-                due = self._await(tick, insistence)
+                due = self._await(tick, switch_interval)
                 if self._stop.is_set():
                     return
                 self.counts.missed += due - tick
@@ -73,7 +77,7 @@ class RealTimeTicker(Ticker):
         except BaseException as error:  # noqa: BLE001, the node must learn of it, whatever it is
             self._fail(error)
 
-    def _await(self, tick: int, insistence: Insistence) -> int:
+    def _await(self, tick: int, switch_interval: SwitchInterval) -> int:
         """Sleeps until a tick is due; returns it, or a later one where it is too late for it."""
         deadline = self._origin + self._ticks.elapsed(tick)
         while (left := deadline - time.monotonic_ns()) > 0:
@@ -83,7 +87,7 @@ class RealTimeTicker(Ticker):
             else:
                 time.sleep(left / NS_PER_S)
         self.counts.late.add(-left)
-        insistence.follow(-left)
+        switch_interval.follow(-left)
         return self._ticks.tick_at(time.monotonic_ns() - self._origin)
 
     def _stamp(self, tick: int) -> int:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What keeps a thread with deadlines from being late, as far as the system lets it."""
+"""How Linux and Python schedule a thread with deadlines: as far as they let it, it is not late."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FAR_TOO_LATE = 20 * NS_PER_MS
 _CALM, _LONGEST = 2.0, 64.0  # s to be patient
 
 
-def leave_out_of_collection() -> None:
+def freeze_heap() -> None:
     """Lets searches for garbage leave out what is there now; call it when all has been set up.
 
     Each would walk through everything made so far.
@@ -32,12 +32,12 @@ def leave_out_of_collection() -> None:
     gc.freeze()
 
 
-def insist() -> None:
+def shorten_switch_interval() -> None:
     """Lets no other thread of Python keep the interpreter; by default each may for 5 ms."""
     sys.setswitchinterval(_INSISTENT)
 
 
-def wake_on_time() -> None:
+def minimize_timer_slack() -> None:
     """Lets the calling thread, and those that it starts, wake when it asked for.
 
     By default Linux wakes a thread up to 50 us later, to wake several at once.
@@ -46,7 +46,7 @@ def wake_on_time() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
 
 
-def go_first() -> bool:
+def take_real_time_priority() -> bool:
     """Lets the calling thread, but none that it starts, go before others that want a core.
 
     That takes the right to do so, root's or rtprio in limits.conf, as for ros2_control.
@@ -62,7 +62,7 @@ def go_first() -> bool:
     return True
 
 
-class Insistence:
+class SwitchInterval:
     """Insists on the interpreter while ticks are on time, and is patient where they are not.
 
     A thread that insists asks every 10 us. Where whoever has the interpreter gets no core, as
@@ -84,7 +84,7 @@ class Insistence:
             self._be_patient()
         elif not self._insists and time.monotonic() >= self._again:
             self._insists = True
-            insist()
+            shorten_switch_interval()
 
     def _be_patient(self) -> None:
         now = time.monotonic()

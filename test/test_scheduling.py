@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from linkage_ros.run import punctual
+from linkage_ros.run import scheduling
 
 
 def in_thread(work):
@@ -36,7 +36,7 @@ def test_a_thread_wakes_when_it_asked_for():
     def work():
         usual_slack()
         before = slack()
-        punctual.wake_on_time()
+        scheduling.minimize_timer_slack()
         return before, slack()
 
     assert in_thread(work) == (50_000, 1)
@@ -44,7 +44,7 @@ def test_a_thread_wakes_when_it_asked_for():
 
 def test_it_goes_first_and_what_it_starts_does_not():
     def work():
-        return punctual.go_first(), policy(), in_thread(policy)
+        return scheduling.take_real_time_priority(), policy(), in_thread(policy)
 
     granted, own, child = in_thread(work)
     assert own == (os.SCHED_FIFO if granted else os.SCHED_OTHER)
@@ -57,12 +57,12 @@ def test_without_the_right_it_says_so(monkeypatch):
         raise PermissionError(1, 'Operation not permitted')
 
     monkeypatch.setattr(os, 'sched_setscheduler', refuse)
-    assert punctual.go_first() is False
+    assert scheduling.take_real_time_priority() is False
 
 
 def test_elsewhere_it_does_without(monkeypatch):
     monkeypatch.delattr(os, 'SCHED_FIFO')
-    assert punctual.go_first() is False
+    assert scheduling.take_real_time_priority() is False
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def interval():
 
 
 def test_what_was_made_so_far_is_searched_no_more(interval):
-    punctual.leave_out_of_collection()
+    scheduling.freeze_heap()
     assert gc.get_freeze_count() > 0
 
 
@@ -86,33 +86,33 @@ class Clock:
         return self.now
 
 
-def patient_for(insistence, clock):
+def patient_for(switch_interval, clock):
     """How long it is patient, s."""
     begin = clock.now
     while sys.getswitchinterval() > 1e-4:
         assert clock.now < begin + 1000
         clock.now += 0.5
-        insistence.follow(0)
+        switch_interval.follow(0)
     return clock.now - begin
 
 
 def test_who_is_far_too_late_is_patient_and_ever_longer(monkeypatch, interval):
     clock = Clock()
-    monkeypatch.setattr(punctual, 'time', clock)
-    insistence = punctual.Insistence()
-    found = [patient_for(insistence, clock)]
-    insistence.follow(19_000_000)
+    monkeypatch.setattr(scheduling, 'time', clock)
+    switch_interval = scheduling.SwitchInterval()
+    found = [patient_for(switch_interval, clock)]
+    switch_interval.follow(19_000_000)
     assert sys.getswitchinterval() < 1e-4
     for _ in range(6):
-        insistence.follow(21_000_000)
-        found.append(patient_for(insistence, clock))
+        switch_interval.follow(21_000_000)
+        found.append(patient_for(switch_interval, clock))
     assert found == [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 64.0]
     clock.now += 65
-    insistence.follow(21_000_000)
-    assert patient_for(insistence, clock) == 2.0
-    insistence.follow(21_000_000)
+    switch_interval.follow(21_000_000)
+    assert patient_for(switch_interval, clock) == 2.0
+    switch_interval.follow(21_000_000)
     clock.now += 3.9
-    insistence.follow(21_000_000)  # still far too late: the four seconds begin anew
+    switch_interval.follow(21_000_000)  # still far too late: the four seconds begin anew
     clock.now += 3.9
-    insistence.follow(0)
-    assert patient_for(insistence, clock) == 0.5
+    switch_interval.follow(0)
+    assert patient_for(switch_interval, clock) == 0.5
