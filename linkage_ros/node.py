@@ -149,7 +149,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         now = time.time_ns()
         self._description.publish(self._machine.description)
         if self._log is not None:
-            self._log.move(self._motion)
+            self._log.write_motion(self._motion)
             self._log.write(ROBOT_DESCRIPTION, now, self._machine.description)
 
     def _tick(self, stamp: int) -> None:
@@ -185,7 +185,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     def _move(self, motion: RunMotion) -> None:
         self._motion = motion
         if self._log is not None:
-            self._log.move(motion)
+            self._log.write_motion(motion)
 
     def _set_live(self, value: float) -> None:
         self._target = value  # rpm or motor.torque, whichever this drive has

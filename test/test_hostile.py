@@ -25,7 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_harness import fresh_domain
 
-from linkage_ros.log.metadata import _seal, read_motion, write_motion
+from linkage_ros.log.metadata import _seal, decode_motion, encode_motion
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.logged import from_strings, to_strings
@@ -209,9 +209,9 @@ def test_any_bytes_as_a_message(data, at):
     )
 )
 def test_any_words_as_a_motion_record(fields):
-    good = write_motion(Machine(load('quadrilateral')).begin(0))
+    good = encode_motion(Machine(load('quadrilateral')).begin(0))
     good.pop('crc32')
-    hostile_outcomes.outcome(lambda: read_motion(_seal({**good, **fields})))
+    hostile_outcomes.outcome(lambda: decode_motion(_seal({**good, **fields})))
 
 
 @MORE

@@ -30,10 +30,10 @@ from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     _seal,
-    read_configuration,
-    read_motion,
-    write_configuration,
-    write_motion,
+    decode_configuration,
+    decode_motion,
+    encode_configuration,
+    encode_motion,
 )
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.untrusted_chunks import LARGEST, unpack
@@ -49,7 +49,7 @@ from linkage_ros.verification.message_difference import differing
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import JOINT_STATES
 
-MOTION = write_motion(Machine(load('quadrilateral')).begin(0))
+MOTION = encode_motion(Machine(load('quadrilateral')).begin(0))
 STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
 
 
@@ -217,7 +217,7 @@ def test_a_motion_record_that_cannot_be_one_is_damaged(tmp_path, field):
     sealed = _seal({**fields, **field})
     with at_most(5):
         with pytest.raises(LogError, match='motion record is damaged'):
-            read_motion(sealed)
+            decode_motion(sealed)
         path = stored(tmp_path, whole(metadata=[(MOTION_RECORD, sealed)]))
         assert recover(path, tmp_path / 'out.mcap').losses.records == 1
 
@@ -543,7 +543,7 @@ def test_a_parameter_of_no_type_does_not_end_the_service_of_others(tmp_path):
 def test_a_configuration_is_read_once_however_often_it_is_there(tmp_path, monkeypatch):
     """Each takes a millisecond: 20 000 of them, 17 MB, held a recovery up for 20 s."""
     path, saved = tmp_path / 'many.mcap', tmp_path / 'saved.mcap'
-    about = write_configuration(load('quadrilateral'))
+    about = encode_configuration(load('quadrilateral'))
     with path.open('wb') as stream:
         writer = Writer(stream)
         writer.start('ros2', 'linkage_ros')
@@ -554,10 +554,10 @@ def test_a_configuration_is_read_once_however_often_it_is_there(tmp_path, monkey
 
     def counted(record):
         read.append(record)
-        return read_configuration(record)
+        return decode_configuration(record)
 
-    monkeypatch.setattr(record_copy, 'read_configuration', counted)
-    monkeypatch.setattr(reader_module, 'read_configuration', counted)
+    monkeypatch.setattr(record_copy, 'decode_configuration', counted)
+    monkeypatch.setattr(reader_module, 'decode_configuration', counted)
     with pytest.raises(LogError, match='50 configuration records'):
         LogReader(path)
     assert not read

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from mpmath import mp
 
 from linkage_ros import ConfigurationError
-from linkage_ros.log.metadata import read_motion, write_motion
+from linkage_ros.log.metadata import decode_motion, encode_motion
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.motion.speed_driven import CrankMotion
 
@@ -496,9 +496,9 @@ def test_the_log_keeps_a_motion_to_the_last_bit(drive, elapsed, rpm, later):
         CrankMotion.begin(drive, NOW),
         CrankMotion.begin(drive, 0).change(elapsed, rpm, restamp=NOW),
     ):
-        strings = write_motion(motion)
+        strings = encode_motion(motion)
         assert all(type(text) is str for item in strings.items() for text in item)
-        again = read_motion(strings)
+        again = decode_motion(strings)
         assert (again.stamp, again.rpm, again.acceleration) == (
             (motion.stamp, motion.rpm, motion.acceleration)
         )
@@ -506,7 +506,7 @@ def test_the_log_keeps_a_motion_to_the_last_bit(drive, elapsed, rpm, later):
             assert again.at(stamp) == motion.at(stamp)
             assert again.phase(stamp) == motion.phase(stamp)
             assert again.speed(stamp) == motion.speed(stamp)
-        assert write_motion(again) == strings
+        assert encode_motion(again) == strings
 
 
 @pytest.mark.parametrize(

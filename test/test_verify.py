@@ -21,7 +21,7 @@ from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     _seal,
-    write_configuration,
+    encode_configuration,
 )
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
@@ -670,7 +670,7 @@ def reconfigured(**values):
                 }
                 parameters = {**from_strings(settings).parameters(), **values}
                 configuration = configure({k: v for k, v in parameters.items() if v != 'none'})
-                item.metadata = write_configuration(configuration)
+                item.metadata = encode_configuration(configuration)
         return records
 
     return edit

@@ -28,16 +28,16 @@ _CHECKSUM = 'crc32'
 _LONGEST_FIELD = 1000  # characters; the longest fraction of a motion has 150
 
 
-def write_configuration(configuration: Configuration) -> dict[str, str]:
+def encode_configuration(configuration: Configuration) -> dict[str, str]:
     """The record of a configuration, with the version that writes it."""
     return _seal({'version': __version__, **to_strings(configuration)})
 
 
-def read_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
+def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
     """The version and the configuration of a record.
 
     Args:
-        record: From `write_configuration`.
+        record: From `encode_configuration`.
 
     Returns:
         The version of linkage_ros that wrote it, and the configuration.
@@ -51,7 +51,7 @@ def read_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
     return version, from_strings(settings)
 
 
-def write_motion(motion: RunMotion) -> dict[str, str]:
+def encode_motion(motion: RunMotion) -> dict[str, str]:
     """The record of a piece of motion: exact fractions of turns and of turns per minute.
 
     Of a torque-driven one, its motor's torque.
@@ -69,11 +69,11 @@ def write_motion(motion: RunMotion) -> dict[str, str]:
     return _seal(fields)
 
 
-def read_motion(record: Mapping[str, str]) -> RunMotion:
+def decode_motion(record: Mapping[str, str]) -> RunMotion:
     """The piece of motion of a record.
 
     Args:
-        record: From `write_motion`.
+        record: From `encode_motion`.
 
     Returns:
         The motion; of a torque-driven one what it tells, and nothing that moves.

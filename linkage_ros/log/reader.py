@@ -21,8 +21,8 @@ from linkage_ros.log import untrusted_mcap
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
-    read_configuration,
-    read_motion,
+    decode_configuration,
+    decode_motion,
 )
 from linkage_ros.units import TIME_END
 
@@ -117,8 +117,8 @@ class LogReader(AbstractContextManager['LogReader']):
             raise LogError('it is no log of linkage_ros: it has no configuration record')
         if len(about) > 1:
             raise LogError(f'it has {len(about)} configuration records: which one explains it?')
-        self.version, self.configuration = read_configuration(about[0])
-        self.motions = tuple(read_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
+        self.version, self.configuration = decode_configuration(about[0])
+        self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
         statistics = summary.statistics
         self.topics = tuple(
             _topic(channel, summary.schemas, statistics) for channel in summary.channels.values()

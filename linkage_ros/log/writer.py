@@ -18,8 +18,8 @@ from linkage_ros.log.log_file import LogFile
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
-    write_configuration,
-    write_motion,
+    encode_configuration,
+    encode_motion,
 )
 from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.parameters.configuration import Configuration
@@ -71,7 +71,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         try:
             with self._file.reported():
                 self._writer.start(profile='ros2', library='linkage_ros')
-                record = write_configuration(configuration)
+                record = encode_configuration(configuration)
                 self._writer.add_metadata(CONFIGURATION_RECORD, record)
             self.flush()
         except LogError:
@@ -117,7 +117,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def write_motion(self, motion: RunMotion) -> None:
         """Appends a change of motion."""
         with self._file.reported():
-            self._writer.add_metadata(MOTION_RECORD, write_motion(motion))
+            self._writer.add_metadata(MOTION_RECORD, encode_motion(motion))
 
     def consume(self, items: Sequence[LogItem]) -> None:
         """Appends what has come, and flushes what is older than the flush period.

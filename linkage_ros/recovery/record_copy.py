@@ -11,8 +11,8 @@ from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
-    read_configuration,
-    read_motion,
+    decode_configuration,
+    decode_motion,
 )
 from linkage_ros.log.untrusted_mcap import Summary
 from linkage_ros.recovery.damaged_mcap import Losses
@@ -24,9 +24,9 @@ def is_undamaged(record: Metadata) -> bool:
     """Whether a record of ours is undamaged; those of others have nothing to tell by."""
     try:
         if record.name == CONFIGURATION_RECORD:
-            read_configuration(record.metadata)
+            decode_configuration(record.metadata)
         elif record.name == MOTION_RECORD:
-            read_motion(record.metadata)
+            decode_motion(record.metadata)
     except ConfigurationError:
         return True  # written by another version: undamaged, though this one cannot use it
     except LogError:

@@ -67,7 +67,7 @@ class RunLog:
         """
         self._worker.offer((self._channels[topic.name], stamp, data))
 
-    def move(self, motion: RunMotion) -> None:
+    def write_motion(self, motion: RunMotion) -> None:
         """Logs a change of motion."""
         self._worker.offer(motion)
 

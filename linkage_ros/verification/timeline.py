@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from linkage_ros.log.metadata import write_motion
+from linkage_ros.log.metadata import encode_motion
 from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S
@@ -44,7 +44,7 @@ def check_motions(machine: Machine, motions: tuple[RunMotion, ...]) -> str:
                 )
             restamp = None if logged.before is None else logged.stamp
             due, source = past.change(moment, logged.target, restamp), 'what went before gives'
-        found, expected = write_motion(logged), write_motion(due)
+        found, expected = encode_motion(logged), encode_motion(due)
         for name in ('phase', 'rpm', 'acceleration', 'speed', 'torque', 'before'):
             if found.get(name) != expected.get(name):
                 which = 'the first motion record' if number == 1 else f'motion record {number}'
