@@ -18,7 +18,8 @@ from linkage_ros.core.quantities import Quantity
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import VIEWERS
-from linkage_ros.playback.feed import Excerpt, cut, feed
+from linkage_ros.playback.excerpt import Excerpt, excerpt_of
+from linkage_ros.playback.feed import feed
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
@@ -163,7 +164,7 @@ def _run(arguments: list[str]) -> int:
                 _NAME, 'the clock was set back during this run: messages are played in the order '
                 'of their log times, which mixes what came before and after',
             )  # fmt: skip
-        excerpt = cut(log, options.start_offset, options.playback_duration, options.topics)
+        excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
         pace = Pace(excerpt.start, options.rate)
         sinks = _sinks(stack, options, of_ros, log, excerpt, pace)
         keyboard = stack.enter_context(Keyboard())

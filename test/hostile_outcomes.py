@@ -14,7 +14,8 @@ from linkage_ros import LinkageError, replay
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log_tool import info, saved, verdict
 from linkage_ros.parameters.configuration import load
-from linkage_ros.playback.feed import cut, feed
+from linkage_ros.playback.excerpt import excerpt_of
+from linkage_ros.playback.feed import feed
 from linkage_ros.record import record
 from linkage_ros.recovery.recover import recover
 from linkage_ros.run.machine import Machine
@@ -78,7 +79,7 @@ def play(path, words=()):
     options = replay._parser().parse_args([str(path), *words])
     with LogReader(path) as log:
         replay._check(options, log)
-        piece = cut(log, options.start_offset, options.playback_duration, options.topics)
+        piece = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
         codec = JointStateCodec(Machine(log.configuration).joints)
         with feed(log, piece, loop=False) as items:
             for item in items:

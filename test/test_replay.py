@@ -27,7 +27,8 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.playback import replay_view
-from linkage_ros.playback.feed import cut, feed
+from linkage_ros.playback.excerpt import excerpt_of
+from linkage_ros.playback.feed import feed
 from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
@@ -315,7 +316,7 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
 
     monkeypatch.setattr(replay_view, 'View', View)
     with LogReader(log) as reader:
-        piece = cut(reader, 0, 0.1, None)
+        piece = excerpt_of(reader, 0, 0.1, None)
         with (
             ReplayView('replay', reader, 'spawn', alone=True) as sink,
             feed(reader, piece, loop=True) as items,
@@ -385,7 +386,10 @@ def test_a_view_that_fails_ends_the_replay_where_it_is_all_there_is(
             pass
 
     monkeypatch.setattr(replay_view, 'View', View)
-    with LogReader(log) as reader, feed(reader, cut(reader, 0, 0.5, None), loop=True) as items:
+    with (
+        LogReader(log) as reader,
+        feed(reader, excerpt_of(reader, 0, 0.5, None), loop=True) as items,
+    ):
 
         def play():
             with ReplayView('linkage_replay', reader, 'spawn', alone=alone) as sink:
@@ -406,7 +410,7 @@ def test_what_a_viewer_that_ended_was_not_shown_is_said(log, capsys):
     with (
         viewing('--serve-grpc') as (viewer, url),
         LogReader(log) as reader,
-        feed(reader, cut(reader, 0, 0.5, None), loop=True) as items,
+        feed(reader, excerpt_of(reader, 0, 0.5, None), loop=True) as items,
         ReplayView('linkage_replay', reader, url, alone=True) as sink,
     ):
         sink(next(items))

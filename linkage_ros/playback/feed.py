@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a replay plays: an excerpt of a log, once or over and over, read ahead of its time."""
+"""Feeds a replay with an excerpt of a log, once or over and over, read ahead of its time."""
 
 from __future__ import annotations
 
@@ -13,28 +13,13 @@ from typing import NamedTuple
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.units import NS_PER_S
+from linkage_ros.playback.excerpt import Excerpt
 
 # Messages read ahead are at most the product, so that unpacking a chunk holds up no message.
 # Handing them over one by one would wake the reading thread at every message; where it works
 # for milliseconds on end, a subscriber that sleeps on the same processor gets its message late.
 _BATCH, _BATCHES = 16, 256
 _LOOK = 0.1  # s, within which the reading thread sees that nobody takes its batches any more
-
-
-class Excerpt(NamedTuple):
-    """A part of a log.
-
-    Attributes:
-        start: First log time, ns.
-        end: Log time before which it ends, ns; one message period after the log's last message
-            where it is played to the end, so that rounds join.
-        topics: Fully qualified names.
-    """
-
-    start: int
-    end: int
-    topics: list[str]
 
 
 class Item(NamedTuple):
@@ -47,27 +32,6 @@ class Item(NamedTuple):
 
     time: int
     message: LoggedMessage
-
-
-def cut(
-    log: LogReader, offset: float, duration: float | None, topics: list[str] | None
-) -> Excerpt:
-    """The excerpt of a log that options describe.
-
-    Args:
-        log: The log.
-        offset: s to leave out at the beginning.
-        duration: s to play from there; None: to the end.
-        topics: Fully qualified names; None: all.
-
-    Returns:
-        The excerpt.
-    """
-    start = log.start + round(offset * NS_PER_S)
-    end = log.end + round(NS_PER_S / log.configuration.session.rate_hz)
-    if duration is not None:
-        end = min(end, start + max(1, round(duration * NS_PER_S)))
-    return Excerpt(start, end, topics or [topic.name for topic in log.topics])
 
 
 @contextmanager
