@@ -264,7 +264,7 @@ def report(watch, *parts):
     """The lines that reports of a viewer's health are worth, one after the other."""
     lines = []
     for part in parts:
-        statuses = watch.report(Timekeeping(), {}, {'viewer': part})
+        statuses = watch.report(Timekeeping(), {}, {'viewer': part}, [])
         lines.append([status.message for status in watch.news(statuses)])
     return lines
 

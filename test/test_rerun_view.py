@@ -723,7 +723,7 @@ def test_a_page_whose_host_is_killed_is_an_error_in_the_diagnostics(number, word
         wait_until(lambda: worker.error)
         worker.close(PATIENCE)
         health = Health('web', worker.dropped, worker.error, view.trouble)
-        _, status = Watch('linkage_node').report(Timekeeping(), {}, {'viewer': health})
+        _, status = Watch('linkage_node').report(Timekeeping(), {}, {'viewer': health}, [])
     assert status.level == ERROR
     assert status.message.startswith(f'failed: the viewer has ended (signal {words})')
     assert len(errors) == 1
@@ -747,7 +747,7 @@ def test_data_that_are_no_longer_served_are_a_warning_in_the_diagnostics(window)
         stop_listening(urllib.parse.urlsplit(view.url).port)
         assert view.trouble == f'the data are no longer served at {view.url}: start the run again'
         health = Health('spawn', 0, None, view.trouble)
-        _, status = Watch('linkage_node').report(Timekeeping(), {}, {'viewer': health})
+        _, status = Watch('linkage_node').report(Timekeeping(), {}, {'viewer': health}, [])
     assert (status.level, status.message) == (WARN, health.trouble)
 
 

@@ -49,7 +49,7 @@ class Watch:
         counts: Timekeeping,
         figures: dict[str, str],
         parts: dict[str, Health],
-        troubles: Sequence[str] = (),
+        troubles: Sequence[str],
     ) -> list[Status]:
         """How it went since the last report.
 

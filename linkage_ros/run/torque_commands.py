@@ -38,7 +38,7 @@ class TorqueCommands:
         self._last: tuple[float, float] | None = None  # torque, and until when it counts
         self._counts = False
 
-    def hear(self, names: Sequence[str], efforts: Sequence[float], age: float = 0.0) -> str:
+    def hear(self, names: Sequence[str], efforts: Sequence[float], age: float) -> str:
         """Takes a command, or refuses it.
 
         Args:
