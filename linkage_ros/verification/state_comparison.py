@@ -22,15 +22,9 @@ from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.recomputation import Recomputation
 from linkage_ros.verification.timeline import Timeline, seconds
 from linkage_ros.wire.cdr import stamp_of
-from linkage_ros.wire.topics import Topic
 
 # Messages that one topic may be behind the others before it counts as broken off.
 _BEHIND = 10_000
-
-
-def is_stamped(topic: Topic) -> bool:
-    """Whether messages of a topic bear a stamp: their first field is a header."""
-    return topic.interface.definition.startswith('std_msgs/Header header\n')
 
 
 class StateComparison:
@@ -59,7 +53,7 @@ class StateComparison:
         self._recorded = recorded
         topics = [topic for _, topic in pairings]
         self._recomputation = Recomputation(machine, topics, recorded=recorded)
-        self._stamped = [i for i, (_, topic) in enumerate(pairings) if is_stamped(topic)]
+        self._stamped = [i for i, (_, topic) in enumerate(pairings) if topic.interface.is_stamped]
         self._queues = [deque[LoggedMessage]() for _ in pairings]
         self._by_name = {
             name: queue for (name, _), queue in zip(pairings, self._queues, strict=True)

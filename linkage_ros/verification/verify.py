@@ -18,7 +18,7 @@ from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
-from linkage_ros.verification.state_comparison import StateComparison, is_stamped
+from linkage_ros.verification.state_comparison import StateComparison
 from linkage_ros.verification.timeline import Timeline, check_motions, seconds
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
@@ -141,7 +141,7 @@ def _is_record(log: LogReader) -> bool:
 
 
 def _timeline(log: LogReader, machine: Machine, pairings: list[Pairing]) -> Timeline:
-    if not any(is_stamped(topic) for _, topic in pairings):
+    if not any(topic.interface.is_stamped for _, topic in pairings):
         raise LogError(f'{log.path} cannot be verified: none of its topics has stamps')
     if not log.motions:
         raise LogError(f'{log.path} cannot be verified: it has states but no motion record')
