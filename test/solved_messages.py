@@ -14,7 +14,13 @@ from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.solver import Solver
 from linkage_ros.core.state import point_motion
 from linkage_ros.motion.joints import joint_values
-from linkage_ros.wire.interfaces import FLOAT64, JOINT_STATE, JOINT_TRAJECTORY, POINT_STAMPED, STRING
+from linkage_ros.wire.interfaces import (
+    FLOAT64,
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    POINT_STAMPED,
+    STRING,
+)
 from linkage_ros.wire.urdf import make_urdf
 
 TYPES = {

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from linkage_ros.log.metadata import encode_motion
 from linkage_ros.motion.torque_driven import RunMotion
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S
@@ -19,40 +18,7 @@ def seconds(stamp: int) -> str:
     return f'{whole}.{rest:09d} s'
 
 
-def check_motions(machine: Machine, motions: tuple[RunMotion, ...]) -> str:
-    """Compares each piece of motion with what follows from the configuration and those before.
-
-    Only when and to which rpm or clock a piece changes is its own.
-
-    Args:
-        machine: Of the configuration.
-        motions: The logged pieces.
-
-    Returns:
-        What differs; empty if nothing does.
-    """
-    for number, logged in enumerate(motions, 1):
-        if number == 1:
-            due, source = machine.begin(logged.stamp), 'the configuration gives'
-        else:
-            past = motions[number - 2]
-            moment = _moment(logged)
-            if moment < past.stamp:
-                return (
-                    f'motion record {number} begins at {seconds(moment)}, before record '
-                    f'{number - 1} does'
-                )
-            restamp = None if logged.before is None else logged.stamp
-            due, source = past.change(moment, logged.target, restamp), 'what went before gives'
-        found, expected = encode_motion(logged), encode_motion(due)
-        for name in ('phase', 'rpm', 'acceleration', 'speed', 'torque', 'before'):
-            if found.get(name) != expected.get(name):
-                which = 'the first motion record' if number == 1 else f'motion record {number}'
-                return f'{which} has {name} = {found.get(name)}, {source} {expected.get(name)}'
-    return ''
-
-
-def _moment(motion: RunMotion) -> int:
+def moment(motion: RunMotion) -> int:
     """The start of a piece on the clock of the one before it."""
     return motion.stamp if motion.before is None else motion.before
 
@@ -97,7 +63,7 @@ class Timeline:
             if motion.before is not None:
                 anchor += motion.stamp - motion.before
             following = motions[number] if number < len(motions) else None
-            end = None if following is None else _moment(following)
+            end = None if following is None else moment(following)
             self._pieces.append(MotionPiece(motion, number, anchor, end))
         self.piece, self.missed = self._pieces[0], 0
         self.last: int | None = None

@@ -15,18 +15,13 @@ from typing import NamedTuple
 from linkage_ros.errors import LogError
 from linkage_ros.log.channels import Pairing, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
+from linkage_ros.verification.motion_check import check_motions
 from linkage_ros.verification.state_comparison import StateComparison
-from linkage_ros.verification.timeline import Timeline, check_motions, seconds
-from linkage_ros.wire.topics import (
-    COUPLER_POINT,
-    DIAGNOSTICS,
-    JOINT_COMMANDS,
-    ROBOT_DESCRIPTION,
-    TOPICS,
-)
+from linkage_ros.verification.timeline import Timeline, seconds
+from linkage_ros.verification.topic_check import check_topics, has_states
+from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 
 class Report(NamedTuple):
@@ -67,13 +62,13 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     machine = Machine(log.configuration)
     pairings = paired(log, machine.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = _check_topics(log, pairings, descriptions, machine)
+    difference = check_topics(log, pairings, descriptions, machine)
     difference = difference or check_motions(machine, log.motions)
     wrong: list[str] = []
     messages = _described(log, descriptions, machine.description, wrong)
     states, missed = 0, 0
     cut: tuple[str, ...] = ()
-    if not difference and _has_states(log, pairings):
+    if not difference and has_states(log, pairings):
         timeline = _timeline(log, machine, pairings)
         comparison = StateComparison(machine, pairings, timeline, recorded=_is_record(log))
         difference = comparison.run(messages, progress)
@@ -84,54 +79,14 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     known = {*(name for name, _ in pairings), *descriptions}
     carried = [*(topic for _, topic in pairings), *[ROBOT_DESCRIPTION][: len(descriptions)]]
     return Report(
-        states,
-        tuple(name for name in names if name in known),
-        tuple(name for name in names if name not in known),
-        tuple(t.name for t in (*machine.topics, ROBOT_DESCRIPTION) if t not in carried),
-        missed,
-        cut,
-        wrong[0] if wrong else difference,
+        states=states,
+        compared=tuple(name for name in names if name in known),
+        others=tuple(name for name in names if name not in known),
+        absent=tuple(t.name for t in (*machine.topics, ROBOT_DESCRIPTION) if t not in carried),
+        missed=missed,
+        cut=cut,
+        difference=wrong[0] if wrong else difference,
     )
-
-
-def _check_topics(
-    log: LogReader,
-    pairings: list[Pairing],
-    descriptions: list[str],
-    machine: Machine,
-) -> str:
-    """Tells which topics cannot come from a run of this configuration."""
-    interfaces = {t.interface.name: t.interface for t in (*TOPICS, *machine.topics)}
-    for channel in log.topics:
-        known = interfaces.get(channel.type)
-        if known and channel.layout != ('cdr', 'ros2msg', known.definition):
-            return f'{channel.name}: its schema is not that of {channel.type}'
-    carrying, known_types = dict(pairings), {t.interface.name for _, t in pairings}
-    kinds = {topic.name: topic.interface.name for topic in machine.topics}
-    # What was commanded is logged with what came of it.
-    heard = 1 if isinstance(machine.configuration.drive, TorqueDrive) else 0
-    for channel in log.topics:
-        kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
-        if channel.name in carrying:
-            continue
-        if heard and channel.type == JOINT_COMMANDS.interface.name:
-            heard -= 1
-            continue
-        if channel.type in known_types and channel.messages:
-            return f'{channel.name} is of the type of another topic: which one is of this run?'
-        if kind != channel.type:
-            return f'{channel.name} is of type {channel.type}, not {kind}'
-    points = [t.name for t in log.topics if t.type == COUPLER_POINT.interface.name]
-    if points and not any(topic == COUPLER_POINT for _, topic in pairings):
-        return f'{points[0]} is logged, but the configuration has no coupler.point'
-    counts = {topic.name: topic.messages for topic in log.topics}
-    empty = [name for name in descriptions if not counts[name]]
-    return f'{empty[0]} has no message' if empty and _has_states(log, pairings) else ''
-
-
-def _has_states(log: LogReader, pairings: list[Pairing]) -> bool:
-    names = {name for name, _ in pairings}
-    return any(topic.messages for topic in log.topics if topic.name in names)
 
 
 def _is_record(log: LogReader) -> bool:

@@ -1,0 +1,59 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the topics of a log are those of its configuration: schemas, types, what each is of."""
+
+from __future__ import annotations
+
+from linkage_ros.log.channels import Pairing
+from linkage_ros.log.reader import LogReader
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.topics import COUPLER_POINT, JOINT_COMMANDS, TOPICS
+
+
+def has_states(log: LogReader, pairings: list[Pairing]) -> bool:
+    """Whether a log has a message of the machine."""
+    names = {name for name, _ in pairings}
+    return any(topic.messages for topic in log.topics if topic.name in names)
+
+
+def check_topics(
+    log: LogReader, pairings: list[Pairing], descriptions: list[str], machine: Machine
+) -> str:
+    """Looks for a topic that cannot come from a run of the configuration.
+
+    Args:
+        log: The log.
+        pairings: Channels, with the topics of the machine that they carry.
+        descriptions: Names of the channels with robot descriptions.
+        machine: Of the configuration.
+
+    Returns:
+        What is wrong with it; empty if there is none.
+    """
+    interfaces = {t.interface.name: t.interface for t in (*TOPICS, *machine.topics)}
+    for channel in log.topics:
+        known = interfaces.get(channel.type)
+        if known and channel.layout != ('cdr', 'ros2msg', known.definition):
+            return f'{channel.name}: its schema is not that of {channel.type}'
+    carrying, known_types = dict(pairings), {t.interface.name for _, t in pairings}
+    kinds = {topic.name: topic.interface.name for topic in machine.topics}
+    # What was commanded is logged with what came of it.
+    heard = 1 if isinstance(machine.configuration.drive, TorqueDrive) else 0
+    for channel in log.topics:
+        kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
+        if channel.name in carrying:
+            continue
+        if heard and channel.type == JOINT_COMMANDS.interface.name:
+            heard -= 1
+            continue
+        if channel.type in known_types and channel.messages:
+            return f'{channel.name} is of the type of another topic: which one is of this run?'
+        if kind != channel.type:
+            return f'{channel.name} is of type {channel.type}, not {kind}'
+    points = [t.name for t in log.topics if t.type == COUPLER_POINT.interface.name]
+    if points and not any(topic == COUPLER_POINT for _, topic in pairings):
+        return f'{points[0]} is logged, but the configuration has no coupler.point'
+    counts = {topic.name: topic.messages for topic in log.topics}
+    empty = [name for name in descriptions if not counts[name]]
+    return f'{empty[0]} has no message' if empty and has_states(log, pairings) else ''
