@@ -8,7 +8,7 @@ import re
 import struct
 from collections.abc import Iterator
 
-from linkage_ros.wire.cdr import Reader
+from linkage_ros.wire.cdr import CdrReader
 from linkage_ros.wire.interfaces import Interface
 
 _FORMATS = {
@@ -36,7 +36,7 @@ def read_fields(interface: Interface, data: bytes) -> dict[str, Value]:
     """
     types = _parse(interface.definition)
     try:
-        values = dict(_values(Reader(data), types, '', ''))
+        values = dict(_values(CdrReader(data), types, '', ''))
     except (struct.error, ValueError) as error:
         raise ValueError(f'not a {interface.name}: {error}') from error
     joints = [value for path, value in values.items() if path.partition('[')[0] in _NAMES]
@@ -62,7 +62,7 @@ def _parse(definition: str) -> _Types:
     return types
 
 
-def _values(reader: Reader, types: _Types, kind: str, path: str) -> Iterator[tuple[str, Value]]:
+def _values(reader: CdrReader, types: _Types, kind: str, path: str) -> Iterator[tuple[str, Value]]:
     """Reads a value of some type; its parts by path."""
     if array := re.fullmatch(r'(.+)\[(\d*)\]', kind):
         for index in range(int(array[2]) if array[2] else reader.count()):

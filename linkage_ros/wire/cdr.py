@@ -56,7 +56,7 @@ def align(body: bytes, size: int) -> bytes:
     return body + b'\0' * (-len(body) % size)
 
 
-class Reader:
+class CdrReader:
     """Goes through a message from value to value.
 
     Where its bytes are too few or no text, reading raises a struct.error or a ValueError.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 
-from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, Reader
+from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, CdrReader
 
 LARGEST_COMMAND = 65536  # bytes
 
@@ -30,7 +30,7 @@ def decode_command(data: bytes) -> tuple[list[str], tuple[float, ...]]:
         raise ValueError(f'it has {len(data)} bytes: must be at most {LARGEST_COMMAND}')
     if data[:4] != ENCAPSULATION:
         raise ValueError('its bytes are no JointState')
-    reader = Reader(data, STAMP.size)
+    reader = CdrReader(data, STAMP.size)
     try:
         reader.text()  # the frame
         names = [reader.text() for _ in range(reader.count())]
