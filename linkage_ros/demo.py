@@ -21,7 +21,7 @@ from linkage_ros.errors import LinkageError, ViewerError
 from linkage_ros.parameters.configuration import load
 from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.view.rerun_program import require_screen
 from linkage_ros.view.targets import SPAWN
 
@@ -49,12 +49,12 @@ class Heard:
                 f'received {len(self.stamps)} joint states; is multicast blocked on this machine, '
                 'or ROS_AUTOMATIC_DISCOVERY_RANGE=OFF?'
             )
-        span = (self.stamps[-1] - self.stamps[0]) * 1e-9
+        span = (self.stamps[-1] - self.stamps[0]) / NS_PER_S
         gaps = [later - earlier for earlier, later in itertools.pairwise(self.stamps)]
         return (
             f'received {len(self.stamps)} joint states in {span:.2f} s: '
-            f'{(len(self.stamps) - 1) / span:.2f} Hz, stamps {min(gaps) * 1e-6:.3f} to '
-            f'{max(gaps) * 1e-6:.3f} ms apart, {span * _RPM / 60:.1f} turns, '
+            f'{(len(self.stamps) - 1) / span:.2f} Hz, stamps {min(gaps) / NS_PER_MS:.3f} to '
+            f'{max(gaps) / NS_PER_MS:.3f} ms apart, {span * _RPM / 60:.1f} turns, '
             f'driving torque {min(self.torques):.4f} to {max(self.torques):.4f} N m'
         )
 

@@ -33,7 +33,7 @@ from linkage_ros.run.scheduling import freeze_heap
 from linkage_ros.run.ticker import Calls, Ticker
 from linkage_ros.run.ticker_real_time import RealTimeTicker
 from linkage_ros.run.ticker_sim_time import SimTimeTicker
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
 from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
@@ -115,7 +115,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self.get_logger().info(
             f'{counts.kept} states published, {counts.missed} ticks missed, '
             f'{counts.clock_steps} clock steps, '
-            f'latest tick {counts.late.greatest * 1e-6:.1f} ms late' + ''.join(lost)
+            f'latest tick {counts.late.greatest / NS_PER_MS:.1f} ms late' + ''.join(lost)
         )
 
     def _open_log(self, configuration: Configuration) -> RunLog:
@@ -180,7 +180,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _restamp(self, old: int, new: int) -> None:
         self._move(self._motion.change(old, self._motion.target, restamp=new))
-        self.get_logger().warning(f'the clock was stepped by {(new - old) * 1e-9:+.3f} s')
+        self.get_logger().warning(f'the clock was stepped by {(new - old) / NS_PER_S:+.3f} s')
 
     def _move(self, motion: RunMotion) -> None:
         self._motion = motion

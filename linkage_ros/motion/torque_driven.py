@@ -80,7 +80,7 @@ class TorqueMotion:
     def _advanced(self, stamp: int) -> Plant:
         assert self._plant, 'a piece from a log moves nothing'  # noqa: S101
         self._last = stamp
-        self._plant.advance(self._time + (stamp - self.stamp) * 1e-9)
+        self._plant.advance(self._time + (stamp - self.stamp) / NS_PER_S)
         return self._plant
 
     def next(self, stamp: int, torque: float) -> TorqueMotion:
