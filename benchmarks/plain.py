@@ -13,7 +13,7 @@ from pathlib import Path
 SOURCE = Path(__file__).with_name('plain.c')
 
 
-def make_plain(mechanism, side=1.0):
+def make_plain(mechanism, side):
     """The four-bar's, with torque, all constants bound beforehand.
 
     Args:
@@ -62,7 +62,7 @@ def make_plain(mechanism, side=1.0):
     return plain
 
 
-def constants(mechanism, side=1.0):
+def constants(mechanism, side):
     """What the C function wants to know of a four-bar."""
     crank, coupler, rocker = mechanism.crank, mechanism.coupler, mechanism.rocker
     frame = mechanism.frame

@@ -25,13 +25,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reliability.harness import Process, finish, node, quantiles, running, wait_for
+from reliability.harness import DOMAIN, Process, finish, listening, node, quantiles, running
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.run.lateness import Lateness
 
 HERE = Path(__file__).parent
-DOMAIN = 84
 SETTLE = 3.0  # s: discovery, and the first second of a run
 
 
@@ -89,8 +88,7 @@ def listened(start: Callable[[], Any], rate: float, seconds: float) -> dict[str,
     """Runs a node with a subscriber; the figures of both, and the node's output."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'times.npy')
-        with running(HERE / 'reliability' / 'listener.py', path, domain=DOMAIN) as listener:
-            wait_for(lambda: listener.lines)
+        with listening(DOMAIN, path) as listener:
             with start() as process:
                 figures = watch(process, seconds)
                 code = process.end()

@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from harness import stamp_of
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
@@ -26,8 +26,7 @@ def read(path: Path) -> dict[str, Any]:
             difference = verify(log).difference
             for message in log.messages(list(found)):
                 if message.topic == '/joint_states':
-                    seconds, nanoseconds = struct.unpack_from('<4xiI', message.data)
-                    found[message.topic].append(seconds * 10**9 + nanoseconds)
+                    found[message.topic].append(stamp_of(message.data))
                 elif message.topic == '/joint_commands' or TIMED_OUT in message.data:
                     found[message.topic].append(message.time)
     except LogError as error:
