@@ -204,4 +204,5 @@ def _solve(rows: list[Row], right: Row) -> list[Number]:
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
+    """Along one slope: by the weighted sum of core/simulation.py a step costs a sixth more."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
