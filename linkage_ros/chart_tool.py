@@ -15,7 +15,7 @@ from linkage_ros.chart_motion import motion
 from linkage_ros.chart_output import about, folder, libraries, progress, save
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.methods.motions import Machines
+from linkage_ros.methods.problems import ChartMechanisms
 from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.parameters.configuration import find_file, load
@@ -56,7 +56,7 @@ def accuracy(options: argparse.Namespace) -> None:
         points = measure_accuracy(benches, quick=options.quick, progress=progress)
         methods = integrators(AdaptiveSteps)
         moved = measure_motion_accuracy(
-            methods, _machines(), quick=options.quick, progress=progress
+            methods, _mechanisms(), quick=options.quick, progress=progress
         )
         on = ', '.join(f'{name} {value}' for name, value in about().items())
         save(options.out / 'accuracy.json', [point.record() for point in (*points, *moved)])
@@ -90,7 +90,7 @@ def stability(options: argparse.Namespace) -> None:
         cases = 6 if options.quick else 30
         cells = measure_stability(SITUATIONS, cases=cases, progress=progress)
         methods = integrators(AdaptiveSteps)
-        moved = measure_motion_stability(methods, _machines(), cases=cases, progress=progress)
+        moved = measure_motion_stability(methods, _mechanisms(), cases=cases, progress=progress)
         save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
         title = (
             'What comes of each method in each situation\n'
@@ -100,11 +100,11 @@ def stability(options: argparse.Namespace) -> None:
     print(options.out / 'stability.png')
 
 
-def _machines() -> Machines:
+def _mechanisms() -> ChartMechanisms:
     """What moves in the charts: the presets, the pump with its motor."""
     pump = load('wind_pump')
     motor = pump.drive.motor if isinstance(pump.drive, TorqueDrive) else Motor()
-    return Machines.of(
+    return ChartMechanisms.of(
         load('quadrilateral').mechanism, pump.mechanism, motor.torque, motor.damping
     )
 

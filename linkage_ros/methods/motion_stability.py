@@ -33,7 +33,7 @@ from linkage_ros.methods.motion_situations import (
     MotionCase,
     MotionSituation,
 )
-from linkage_ros.methods.motions import Machines
+from linkage_ros.methods.problems import ChartMechanisms
 from linkage_ros.methods.stability import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
 from linkage_ros.methods.table import Integrator
 
@@ -56,7 +56,7 @@ class _Followed(NamedTuple):
 
 def measure_motion_stability(
     methods: Sequence[Integrator],
-    machines: Machines,
+    mechanisms: ChartMechanisms,
     *,
     cases: int,
     progress: Callable[[Iterable[Any], str], Iterable[Any]],
@@ -66,7 +66,7 @@ def measure_motion_stability(
 
     Args:
         methods: From the table.
-        machines: What moves.
+        mechanisms: What moves.
         cases: Of each situation; of long motions there are fewer.
         progress: Wraps what is gone through, with a word for it: a progress bar.
         situations: To run through.
@@ -77,8 +77,8 @@ def measure_motion_stability(
     cells = []
     groups = [list(group) for _, group in itertools.groupby(situations, key=lambda s: s.generate)]
     for group in progress(groups, 'motions'):
-        found = group[0].cases(machines, cases)
-        benches = [MotionBench(case.task, case.times, case.formula) for case in found]
+        found = group[0].cases(mechanisms, cases)
+        benches = [MotionBench(case.problem, case.times, case.formula) for case in found]
         for situation, method, followed in _every(group, methods, found):
             judged = [
                 _judge(situation, *parts) for parts in zip(found, benches, followed, strict=True)
@@ -104,7 +104,7 @@ def _follow(method: Integrator, case: MotionCase) -> _Followed:
     gaps: list[float] = []
     try:
         with np.errstate(all='ignore'):
-            follower = method.make(case.task, method.steady or method.settings[0])
+            follower = method.make(case.problem, method.steady or method.settings[0])
             for time in case.times:
                 phase = follower.at(time)
                 if not all(map(math.isfinite, phase)):
@@ -144,5 +144,5 @@ def _error(judged: str, bench: MotionBench, followed: _Followed, index: int) -> 
     if judged == ENERGY:
         return bench.drift(followed.phases[index])
     if judged == LOOP:
-        return followed.gaps[index] / bench.task.mechanism.crank.length
+        return followed.gaps[index] / bench.problem.mechanism.crank.length
     return bench.error(index, followed.phases[index])

@@ -23,7 +23,7 @@ from linkage_ros.methods.integrators import (
     RungeKutta4,
 )
 from linkage_ros.methods.loop import Loop
-from linkage_ros.methods.motions import MotionTask
+from linkage_ros.methods.problems import InitialValueProblem
 
 Setting = dict[str, float]
 Make = TypeVar('Make')
@@ -38,8 +38,8 @@ class Way(Generic[Make]):
         stage: What it computes: 'state' (all of it), 'position', 'rates', 'torque' or 'motion'.
         needs: What it asks for beside the lengths.
         source: Where it is described, to the equation.
-        make: Builds it for a task, a setting and floats or arrays; an integrator for a motion and
-            a setting.
+        make: Builds it for a task, a setting and floats or arrays; an integrator for an initial
+            value problem and a setting.
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best that is of practical use.
         modes: 'one at a time', 'batch' or both.
@@ -58,7 +58,7 @@ class Way(Generic[Make]):
 
 
 Method: TypeAlias = Way[Callable[[Task, Setting, Functions], Chain]]
-Integrator: TypeAlias = Way[Callable[[MotionTask, Setting], Follower]]
+Integrator: TypeAlias = Way[Callable[[InitialValueProblem, Setting], Follower]]
 
 
 def label(setting: Setting) -> str:
@@ -175,9 +175,9 @@ _UNCHECKED = 1e300  # no error of a step is larger
 _DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 and II.6'
 
 
-def _fixed(task: MotionTask, setting: Setting) -> Follower:
+def _fixed(problem: InitialValueProblem, setting: Setting) -> Follower:
     step, tolerance = setting['step'], setting.get('tolerance', _UNCHECKED)
-    return OfPackage(task, lambda motion, start: FixedSteps(motion, start, step, tolerance))
+    return OfPackage(problem, lambda motion, start: FixedSteps(motion, start, step, tolerance))
 
 
 def integrators(records: Integrate) -> tuple[Integrator, ...]:
@@ -200,29 +200,29 @@ def integrators(records: Integrate) -> tuple[Integrator, ...]:
         Integrator(
             RECORDS, MOTION, 'SciPy; a torque that does not leap',
             f'{_DOP853}; motion/adaptive.py',
-            lambda task, _: OfPackage(task, records),
+            lambda problem, _: OfPackage(problem, records),
         ),
         Integrator(
             'DOP853', MOTION, 'SciPy; no edge of the coordinates on the way', _DOP853,
-            lambda task, setting: OfScipy(task, 'DOP853', setting['tolerance']),
+            lambda problem, setting: OfScipy(problem, 'DOP853', setting['tolerance']),
             tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-13},
         ),
         Integrator(
             'RK4', MOTION, 'a step that is short enough everywhere',
             'Hairer, Norsett and Wanner I, II.1, table 1.2',
-            lambda task, setting: RungeKutta4(task, setting['step']),
+            lambda problem, setting: RungeKutta4(problem, setting['step']),
             tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
         ),
         Integrator(
             'Radau', MOTION, 'SciPy; no edge of the coordinates on the way',
             'Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8',
-            lambda task, setting: OfScipy(task, 'Radau', setting['tolerance']),
+            lambda problem, setting: OfScipy(problem, 'Radau', setting['tolerance']),
             tuple({'tolerance': 10.0**-k} for k in range(3, 9)), {'tolerance': 1e-7},
         ),
         Integrator(
             'multipliers, unstabilised', MOTION, 'SciPy; no change point; a short run',
             'Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5; then DOP853',
-            lambda task, setting: Multipliers(task, setting['tolerance']),
+            lambda problem, setting: Multipliers(problem, setting['tolerance']),
             tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9},
         ),
     )  # fmt: skip

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions under a torque, for integrators to follow: a mechanism, its start and its motor."""
+"""Initial value problems for integrators: a mechanism, where its motion starts, its motor."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from linkage_ros.core.simulation import Motion, Phase
 
 
 @dataclass(frozen=True)
-class MotionTask:
-    """A motion to follow, in the crank angle and, of a wind pump, the slider's position.
+class InitialValueProblem:
+    """A motion from its start, in the crank angle and, of a wind pump, the slider's position.
 
     Attributes:
         mechanism: What moves.
@@ -52,8 +52,8 @@ class MotionTask:
         return self.motion.equations.energy(phase[: self.count], phase[self.count :])
 
 
-class Machines(NamedTuple):
-    """What moves in the charts.
+class ChartMechanisms(NamedTuple):
+    """The mechanisms that move in the charts of integrators, and the pump's motor.
 
     Attributes:
         quadrilateral: The four-bar of document 1.
@@ -70,7 +70,7 @@ class Machines(NamedTuple):
     @classmethod
     def of(
         cls, quadrilateral: Mechanism, pump: Mechanism, torque: float, damping: float
-    ) -> Machines:
+    ) -> ChartMechanisms:
         """Takes mechanisms as presets hold them.
 
         Args:
@@ -80,7 +80,7 @@ class Machines(NamedTuple):
             damping: What it loses per crank speed, N m s.
 
         Returns:
-            The machines.
+            The mechanisms.
 
         Raises:
             TypeError: The mechanisms are of other kinds.
@@ -89,7 +89,7 @@ class Machines(NamedTuple):
             raise TypeError('a four-bar and a wind pump')
         return cls(quadrilateral, pump, torque, damping)
 
-    def driven(self, speed: float, velocity: float = 0.0) -> MotionTask:
+    def driven(self, speed: float, velocity: float = 0.0) -> InitialValueProblem:
         """The pump with its motor and its water.
 
         Args:
@@ -97,30 +97,30 @@ class Machines(NamedTuple):
             velocity: Of the slider at t = 0, m/s.
 
         Returns:
-            The motion.
+            The problem.
         """
         start = 0.0, self.pump.slider.position, speed, velocity
-        return MotionTask(self.pump, start, self.torque, self.damping)
+        return InitialValueProblem(self.pump, start, self.torque, self.damping)
 
-    def freed(self, speed: float) -> MotionTask:
+    def freed(self, speed: float) -> InitialValueProblem:
         """The pump without motor and water, which keeps its energy.
 
         Args:
             speed: Of the crank at t = 0, rad/s.
 
         Returns:
-            The motion.
+            The problem.
         """
         pump = replace(self.pump, slider=replace(self.pump.slider, damping=0.0))
-        return MotionTask(pump, (0.0, pump.slider.position, speed, 0.0))
+        return InitialValueProblem(pump, (0.0, pump.slider.position, speed, 0.0))
 
-    def coasting(self, speed: float) -> MotionTask:
+    def coasting(self, speed: float) -> InitialValueProblem:
         """The quadrilateral without a motor, which keeps its energy.
 
         Args:
             speed: Of the crank at t = 0, rad/s.
 
         Returns:
-            The motion.
+            The problem.
         """
-        return MotionTask(self.quadrilateral, (0.0, speed))
+        return InitialValueProblem(self.quadrilateral, (0.0, speed))
