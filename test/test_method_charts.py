@@ -20,7 +20,7 @@ from linkage_ros import __version__
 from linkage_ros.charts.accuracy import draw_accuracy
 from linkage_ros.charts.integration import draw_integration
 from linkage_ros.charts.stability import draw_stability
-from linkage_ros.methods.accuracy import NEAR, Point
+from linkage_ros.methods.accuracy import NEAR, Measurement
 from linkage_ros.methods.measure import LIMIT
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
@@ -133,7 +133,9 @@ def redrawn(monkeypatch):
     monkeypatch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
     unknown = {'max_error': math.inf, 'us_per_state': math.inf}  # null in JSON
     points = [
-        Point(**{name: unknown[name] if value is None else value for name, value in one.items()})
+        Measurement(
+            **{name: unknown[name] if value is None else value for name, value in one.items()}
+        )
         for one in committed('accuracy')
     ]
     solved = [point for point in points if point.mode not in (MEAN, SLOWEST)]

@@ -16,7 +16,7 @@ from oracle_slider import SliderOracle
 from linkage_ros import FourBar, Solver, UnreachableError
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods import linkages, reference, table
-from linkage_ros.methods.accuracy import NEAR, Point, mark_fronts, tasks
+from linkage_ros.methods.accuracy import NEAR, Measurement, mark_fronts, tasks
 from linkage_ros.methods.chain import (
     BATCH,
     FUNCTIONS,
@@ -278,7 +278,7 @@ def test_the_table_is_complete_and_its_names_differ():
 
 
 def point(us, error, method='a', quantity='rate'):
-    return Point(method, '', 'm', quantity, ONE, us, error)
+    return Measurement(method, '', 'm', quantity, ONE, us, error)
 
 
 def test_fronts_are_of_right_points_that_nothing_beats():

@@ -19,7 +19,7 @@ from linkage_ros.charts.front import (
     write_words,
 )
 from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.methods.accuracy import Point
+from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.chain import BATCH, ONE, QUANTITIES
 from linkage_ros.methods.table import DEFAULT, METHODS
 from linkage_ros.palette import BLACK, BLUE, DARK, GREEN, ORANGE, PURPLE, SKY, VERMILION
@@ -45,7 +45,7 @@ _STYLES = {
 }
 
 
-def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
+def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None:
     """Draws the panels of one mechanism.
 
     Args:
@@ -78,16 +78,16 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
     figure.savefig(path)
 
 
-def _series(point: Point) -> tuple[str, bool]:
+def _series(point: Measurement) -> tuple[str, bool]:
     """What is joined by a line: settings of one kind. Newton's steps are a kind of their own."""
     return point.method, _values(point.setting).get('steps', '360') != '360'
 
 
-def _style(point: Point) -> Style:
+def _style(point: Measurement) -> Style:
     return _STYLES[point.method]._replace(dotted=_series(point)[1])
 
 
-def _words(point: Point) -> str:
+def _words(point: Measurement) -> str:
     """The value that is varied: '1e-06', 'n=36', 'N=256'."""
     values = _values(point.setting)
     if not values:

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from linkage_ros.charts.front import CEILING, Style, Wording, draw_panel, front_handles
 from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.methods.accuracy import Point
+from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.table import LIVE, RECORDS, Integrator, label
@@ -36,7 +36,7 @@ _PANELS = (
 
 
 def draw_integration(
-    points: Sequence[Point], methods: Sequence[Integrator], title: str, path: Path
+    points: Sequence[Measurement], methods: Sequence[Integrator], title: str, path: Path
 ) -> None:
     """Draws a row of panels for each mechanism.
 

@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from linkage_ros.core.simulation import Phase
 from linkage_ros.errors import LinkageError
-from linkage_ros.methods.accuracy import Point, mark_fronts
+from linkage_ros.methods.accuracy import Measurement, mark_fronts
 from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.measure import FAILURES
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
@@ -51,12 +51,12 @@ class _Job:
         except (LinkageError, *FAILURES):
             self.phases, self.seconds = [], math.nan
 
-    def point(self, mechanism: str, quantity: str, errors: Iterable[float]) -> Point:
+    def point(self, mechanism: str, quantity: str, errors: Iterable[float]) -> Measurement:
         """Its point in the chart; where the method fails there are no errors."""
         per_ms = self.seconds / (self.bench.times[-1] * 1e3) * 1e6
         worst = max(errors, default=math.inf)
         name = self.method.name
-        return Point(name, label(self.setting), mechanism, quantity, MEAN, per_ms, worst)
+        return Measurement(name, label(self.setting), mechanism, quantity, MEAN, per_ms, worst)
 
 
 class ChartBenches(NamedTuple):
@@ -99,7 +99,7 @@ def measure_motion_accuracy(
     *,
     quick: bool,
     progress: Callable[[Iterable[Any], str], Any],
-) -> list[Point]:
+) -> list[Measurement]:
     """Measures all points.
 
     Args:
@@ -111,7 +111,7 @@ def measure_motion_accuracy(
     Returns:
         The points, fronts marked.
     """
-    points: list[Point] = []
+    points: list[Measurement] = []
     for name, (moved, free) in chart_benches(mechanisms, quick=quick).items():
         kinds = [(method, setting) for method in methods for setting in method.settings]
         jobs = {
@@ -135,7 +135,7 @@ def measure_motion_accuracy(
     return points
 
 
-def _ticking(point: Point, job: _Job, *, quick: bool) -> Point:
+def _ticking(point: Measurement, job: _Job, *, quick: bool) -> Measurement:
     """The same error, and the time of the slowest ms of the first s, asked for every ms."""
     ticks, rounds = 300 if quick else 1000, 3
     fastest = [math.inf] * ticks
@@ -146,9 +146,7 @@ def _ticking(point: Point, job: _Job, *, quick: bool) -> Point:
         slowest = max(fastest) * 1e6
     except (LinkageError, *FAILURES):
         slowest = math.nan
-    return Point(
-        point.method, point.setting, point.mechanism, TRAJECTORY, SLOWEST, slowest, point.max_error
-    )
+    return replace(point, mode=SLOWEST, us_per_state=slowest)
 
 
 def _ticks(follower: Follower, count: int) -> list[float]:
