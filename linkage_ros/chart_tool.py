@@ -82,15 +82,15 @@ def stability(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.stability import draw_stability
-        from linkage_ros.methods.motion_stability import measure_motion_stability
+        from linkage_ros.methods.motion_outcomes import measure_motion_outcomes
+        from linkage_ros.methods.outcomes import measure_outcomes
         from linkage_ros.methods.situations import SITUATIONS
-        from linkage_ros.methods.stability import measure_stability
         from linkage_ros.methods.table import integrators
     with folder(options.out):
         cases = 6 if options.quick else 30
-        cells = measure_stability(SITUATIONS, cases=cases, progress=progress)
+        cells = measure_outcomes(SITUATIONS, cases=cases, progress=progress)
         methods = integrators(AdaptiveSteps)
-        moved = measure_motion_stability(methods, _mechanisms(), cases=cases, progress=progress)
+        moved = measure_motion_outcomes(methods, _mechanisms(), cases=cases, progress=progress)
         save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
         title = (
             'What comes of each method in each situation\n'

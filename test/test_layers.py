@@ -67,9 +67,9 @@ MOTIONS = {
     'methods.motion_bench',
     'methods.motion_situations',
     'methods.motion_accuracy',
-    'methods.motion_stability',
+    'methods.motion_outcomes',
 }
-MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.stability'}
+MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.outcomes'}
 SCIPY = {'methods.integrators', 'motion.adaptive', 'analysis.poincare'}
 ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'progress'}

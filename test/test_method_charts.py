@@ -25,8 +25,8 @@ from linkage_ros.methods.measure import LIMIT
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
+from linkage_ros.methods.outcomes import OUTCOMES, Cell
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.stability import OUTCOMES, Cell
 from linkage_ros.methods.table import DEFAULT, METHODS, integrators, label
 from linkage_ros.motion.adaptive import AdaptiveSteps
 

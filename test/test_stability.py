@@ -8,8 +8,7 @@ import pytest
 from test_method_charts import EVERY, INTEGRATORS, PLACES, run_quick
 
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
-from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.stability import (
+from linkage_ros.methods.outcomes import (
     DIVERGED,
     NAN,
     OUTCOMES,
@@ -18,6 +17,7 @@ from linkage_ros.methods.stability import (
     WRONG_BRANCH,
     Cell,
 )
+from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.methods.table import DEFAULT, LIVE, METHODS, RECORDS
 
 BY_NAME = {situation.name: situation for situation in (*SITUATIONS, *MOTION_SITUATIONS)}

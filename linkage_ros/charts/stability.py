@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of methods in situations, as a picture: linkages above, motions below."""
+"""Numerical stability: what comes of methods in situations, as a picture; motions stand below."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from linkage_ros.charts.sizes import DPI, NUMBERS, SMALL, TITLE, WIDTH
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS, MotionSituation
-from linkage_ros.methods.situations import SITUATIONS, Situation
-from linkage_ros.methods.stability import (
+from linkage_ros.methods.outcomes import (
     DIVERGED,
     NAN,
     REFUSED,
@@ -24,6 +23,7 @@ from linkage_ros.methods.stability import (
     WRONG_BRANCH,
     Cell,
 )
+from linkage_ros.methods.situations import SITUATIONS, Situation
 from linkage_ros.methods.table import DEFAULT, LIVE, METHODS, RECORDS, Integrator
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 

@@ -36,13 +36,13 @@ RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
 
 @dataclass(frozen=True)
 class Cell:
-    """A field of the chart.
+    """A cell of the chart of numerical stability.
 
     Attributes:
         method: Name from the table.
         situation: Name of the situation.
         outcome: One of OUTCOMES: the worst.
-        worst_error: The largest error of a finite value, of motions what `motion_stability`
+        worst_error: The largest error of a finite value, of motions what `motion_outcomes`
             says; None: there is none.
     """
 
@@ -76,7 +76,7 @@ class _Trial:
         return DIVERGED, error
 
 
-def measure_stability(
+def measure_outcomes(
     situations: Iterable[Situation],
     *,
     cases: int,

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of integrators in situations, by the rule of `stability`.
+"""What comes of integrators in situations, by the rule of `outcomes`.
 
 A motion is asked for at one time after another. A cell is its worst outcome:
 
@@ -33,8 +33,8 @@ from linkage_ros.methods.motion_situations import (
     MotionCase,
     MotionSituation,
 )
+from linkage_ros.methods.outcomes import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
 from linkage_ros.methods.problems import ChartMechanisms
-from linkage_ros.methods.stability import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
 from linkage_ros.methods.table import Integrator
 
 
@@ -54,7 +54,7 @@ class _Followed(NamedTuple):
     told: float = math.nan
 
 
-def measure_motion_stability(
+def measure_motion_outcomes(
     methods: Sequence[Integrator],
     mechanisms: ChartMechanisms,
     *,

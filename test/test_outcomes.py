@@ -15,20 +15,20 @@ from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, Chain
 from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.linkages import other_assembly
+from linkage_ros.methods.motion_outcomes import measure_motion_outcomes
 from linkage_ros.methods.motion_situations import LOOP, MOTION_SITUATIONS, MotionCase
-from linkage_ros.methods.motion_stability import measure_motion_stability
-from linkage_ros.methods.positions import factored
-from linkage_ros.methods.problems import ChartMechanisms
-from linkage_ros.methods.reference import Reference
-from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.stability import (
+from linkage_ros.methods.outcomes import (
     DIVERGED,
     NAN,
     REFUSED,
     RIGHT,
     WRONG_BRANCH,
-    measure_stability,
+    measure_outcomes,
 )
+from linkage_ros.methods.positions import factored
+from linkage_ros.methods.problems import ChartMechanisms
+from linkage_ros.methods.reference import Reference
+from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.methods.table import (
     MOTION,
     Integrator,
@@ -79,7 +79,7 @@ def planted(locate, stage=POSITION, modes=(ONE,)):
 
 
 def outcome(locate, situation='ordinary', **options):
-    (cell,) = measure_stability(
+    (cell,) = measure_outcomes(
         [BY_NAME[situation]], cases=2, progress=plain, methods=(planted(locate, **options),)
     )
     return cell.outcome, cell.worst_error
@@ -233,7 +233,7 @@ def motion_outcome(fault, situation='change point under a torque', since=1.0):
     chosen = MOTIONS[situation]
     if case := QUICK.get(chosen.generate.__name__):
         chosen = replace(chosen, generate=lambda *_: iter([case]))
-    (cell,) = measure_motion_stability(
+    (cell,) = measure_motion_outcomes(
         [method], MECHANISMS, cases=1, progress=plain, situations=(chosen,)
     )
     return cell.outcome, cell.worst_error
