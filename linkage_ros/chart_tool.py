@@ -16,7 +16,6 @@ from linkage_ros.chart_output import about, folder, libraries, progress, save
 from linkage_ros.core.mechanism import Linkage, WindPump
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.methods.problems import ChartMechanisms
-from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.parameters.configuration import find_file, load
 from linkage_ros.parameters.presets import preset_names
@@ -46,7 +45,6 @@ def accuracy(options: argparse.Namespace) -> None:
         from linkage_ros.methods.accuracy import measure_accuracy, tasks
         from linkage_ros.methods.measure import Bench
         from linkage_ros.methods.motion_accuracy import measure_motion_accuracy
-        from linkage_ros.methods.table import integrators
     quadrilateral, slider_crank = (_preset(name) for name in ('quadrilateral', 'slider_crank'))
     with folder(options.out):
         benches = {
@@ -54,10 +52,7 @@ def accuracy(options: argparse.Namespace) -> None:
             for name, task in tasks(quadrilateral, slider_crank).items()
         }
         points = measure_accuracy(benches, quick=options.quick, progress=progress)
-        methods = integrators(AdaptiveSteps)
-        moved = measure_motion_accuracy(
-            methods, _mechanisms(), quick=options.quick, progress=progress
-        )
+        moved = measure_motion_accuracy(_mechanisms(), quick=options.quick, progress=progress)
         on = ', '.join(f'{name} {value}' for name, value in about().items())
         save(options.out / 'accuracy.json', [point.record() for point in (*points, *moved)])
         for name in benches:
@@ -67,7 +62,7 @@ def accuracy(options: argparse.Namespace) -> None:
             print(path)
         path = options.out / 'accuracy_motions.png'
         title = f'Speed against accuracy: motions under a torque\n{on}'
-        draw_integration(moved, methods, title, path)
+        draw_integration(moved, title, path)
         print(path)
 
 
@@ -85,18 +80,16 @@ def stability(options: argparse.Namespace) -> None:
         from linkage_ros.methods.motion_outcomes import measure_motion_outcomes
         from linkage_ros.methods.outcomes import measure_outcomes
         from linkage_ros.methods.situations import SITUATIONS
-        from linkage_ros.methods.table import integrators
     with folder(options.out):
         cases = 6 if options.quick else 30
         cells = measure_outcomes(SITUATIONS, cases=cases, progress=progress)
-        methods = integrators(AdaptiveSteps)
-        moved = measure_motion_outcomes(methods, _mechanisms(), cases=cases, progress=progress)
+        moved = measure_motion_outcomes(_mechanisms(), cases=cases, progress=progress)
         save(options.out / 'stability.json', [cell.record() for cell in (*cells, *moved)])
         title = (
             'What comes of each method in each situation\n'
             f'the worst of {cases} cases, or of a few motions, and the largest relative error'
         )
-        draw_stability(cells, moved, methods, title, options.out / 'stability.png')
+        draw_stability(cells, moved, title, options.out / 'stability.png')
     print(options.out / 'stability.png')
 
 

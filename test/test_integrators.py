@@ -33,8 +33,7 @@ QUADRILATERAL = load('quadrilateral').mechanism
 MECHANISMS = ChartMechanisms.of(
     QUADRILATERAL, PUMP.mechanism, PUMP.drive.motor.torque, PUMP.drive.motor.damping
 )
-INTEGRATORS = table.integrators(AdaptiveSteps)
-BY_NAME = {method.name: method for method in INTEGRATORS}
+BY_NAME = {method.name: method for method in table.INTEGRATORS}
 DRIVEN, COASTING = MECHANISMS.driven(6.0), MECHANISMS.coasting(5 * math.pi)
 
 
@@ -252,10 +251,10 @@ def test_records_take_fewer_looks_but_many_at_once():
 
 
 def test_the_table_is_complete_and_its_names_differ():
-    names = [method.name for method in INTEGRATORS]
+    names = [method.name for method in table.INTEGRATORS]
     assert len(set(names)) == len(names)
     assert names[:2] == [table.LIVE, table.RECORDS]
-    for method in INTEGRATORS:
+    for method in table.INTEGRATORS:
         assert method.stage == table.MOTION
         assert method.needs
         assert method.source
@@ -341,7 +340,7 @@ def test_a_method_that_fails_has_no_time_and_an_error_without_bound():
 def test_only_steps_up_to_a_ms_have_a_slowest_ms():
     methods = [replace(BY_NAME['RK4'], settings=({'step': 0.01}, {'step': 1e-3}))]
     points = motion_accuracy.measure_motion_accuracy(
-        methods, MECHANISMS, quick=True, progress=lambda items, _: items
+        MECHANISMS, quick=True, progress=lambda items, _: items, methods=methods
     )
     assert len(points) == 2 * (2 + 1 + 2)
     slowest = [p for p in points if p.mode == motion_accuracy.SLOWEST]

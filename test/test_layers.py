@@ -23,7 +23,7 @@ FILES = sorted(PACKAGE.rglob('*.py'))
 # The floors, lowest first: each imports those below it. What lies in no folder is an edge, or one
 # of six files that stand apart.
 FLOORS = (
-    *('core', 'methods', 'analysis', 'wire', 'motion', 'parameters', 'run', 'log'),
+    *('core', 'motion', 'methods', 'analysis', 'wire', 'parameters', 'run', 'log'),
     *('view', 'charts', 'ros', 'playback'),
 )
 BELOW_ALL = {'errors', 'files', 'palette', 'cli', 'progress', 'units'}

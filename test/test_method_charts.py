@@ -27,10 +27,8 @@ from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.methods.outcomes import OUTCOMES, Cell
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.table import DEFAULT, METHODS, integrators, label
-from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.methods.table import DEFAULT, INTEGRATORS, METHODS, label
 
-INTEGRATORS = integrators(AdaptiveSteps)
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
 PLACES = {situation.name for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
 
@@ -141,12 +139,12 @@ def redrawn(monkeypatch):
     solved = [point for point in points if point.mode not in (MEAN, SLOWEST)]
     for name in dict.fromkeys(point.mechanism for point in solved):
         draw_accuracy([p for p in solved if p.mechanism == name], name, Path(name))
-    draw_integration([p for p in points if p.mode in (MEAN, SLOWEST)], INTEGRATORS, 'it', Path())
+    draw_integration([p for p in points if p.mode in (MEAN, SLOWEST)], 'it', Path())
     cells = [Cell(**record) for record in committed('stability')]
     own = {situation.name for situation in SITUATIONS}
     draw_stability(
         [cell for cell in cells if cell.situation in own],
-        [cell for cell in cells if cell.situation not in own], INTEGRATORS, 'it', Path(),
+        [cell for cell in cells if cell.situation not in own], 'it', Path(),
     )  # fmt: skip
     assert len(pages) == 5
     return pages

@@ -30,12 +30,11 @@ from linkage_ros.methods.problems import ChartMechanisms
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.methods.table import (
+    INTEGRATORS,
     MOTION,
     Integrator,
     Method,
-    integrators,
 )
-from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.parameters.configuration import load
 
 BY_NAME = {situation.name: situation for situation in SITUATIONS}
@@ -44,7 +43,6 @@ MOTOR = PUMP.drive.motor
 MECHANISMS = ChartMechanisms.of(
     load('quadrilateral').mechanism, PUMP.mechanism, MOTOR.torque, MOTOR.damping
 )
-INTEGRATORS = integrators(AdaptiveSteps)
 MOTIONS = {situation.name: situation for situation in MOTION_SITUATIONS}
 # Where the situations' own motions would take a while.
 QUICK = {
@@ -234,7 +232,7 @@ def motion_outcome(fault, situation='change point under a torque', since=1.0):
     if case := QUICK.get(chosen.generate.__name__):
         chosen = replace(chosen, generate=lambda *_: iter([case]))
     (cell,) = measure_motion_outcomes(
-        [method], MECHANISMS, cases=1, progress=plain, situations=(chosen,)
+        MECHANISMS, cases=1, progress=plain, situations=(chosen,), methods=[method]
     )
     return cell.outcome, cell.worst_error
 

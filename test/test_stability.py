@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import pytest
-from test_method_charts import EVERY, INTEGRATORS, PLACES, run_quick
+from test_method_charts import EVERY, PLACES, run_quick
 
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.methods.outcomes import (
@@ -18,7 +18,7 @@ from linkage_ros.methods.outcomes import (
     Cell,
 )
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.table import DEFAULT, LIVE, METHODS, RECORDS
+from linkage_ros.methods.table import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 
 BY_NAME = {situation.name: situation for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
 UNSTABILISED = ('multipliers, unstabilised',)

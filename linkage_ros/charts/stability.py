@@ -24,7 +24,7 @@ from linkage_ros.methods.outcomes import (
     Cell,
 )
 from linkage_ros.methods.situations import SITUATIONS, Situation
-from linkage_ros.methods.table import DEFAULT, LIVE, METHODS, RECORDS, Integrator
+from linkage_ros.methods.table import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
 # Fill and text. In grey they are still told apart, and each cell says its outcome in words.
@@ -74,7 +74,6 @@ class _Grid(NamedTuple):
 def draw_stability(
     cells: Sequence[Cell],
     motions: Sequence[Cell],
-    integrators: Sequence[Integrator],
     title: str,
     path: Path,
 ) -> None:
@@ -83,7 +82,6 @@ def draw_stability(
     Args:
         cells: Of the methods for linkages.
         motions: Of the integrators.
-        integrators: Their table.
         title: Of the picture.
         path: Where to write it; replaced if it exists.
 
@@ -92,7 +90,7 @@ def draw_stability(
     """
     grids = [
         (_of_linkages(SITUATIONS), cells),
-        (_of_motions(MOTION_SITUATIONS, [method.name for method in integrators]), motions),
+        (_of_motions(MOTION_SITUATIONS), motions),
     ]
     height = _TOP + sum(grid.height for grid, _ in grids) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
@@ -124,9 +122,9 @@ def _of_linkages(situations: Sequence[Situation]) -> _Grid:
     )
 
 
-def _of_motions(situations: Sequence[MotionSituation], columns: list[str]) -> _Grid:
+def _of_motions(situations: Sequence[MotionSituation]) -> _Grid:
     return _Grid(
-        columns,
+        [method.name for method in INTEGRATORS],
         {situation.name: situation.name for situation in situations},
         # Beyond the end of the coordinates another assembly goes on: who follows it is right too.
         {s.name: (RIGHT,) if s.exists else (RIGHT, REFUSED) for s in situations},

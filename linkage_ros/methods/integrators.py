@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ways to follow a motion under a torque, each asked for one time after another.
 
-The package's own are those of live runs (core/simulation.py) and those of records, which stand on
-a floor above this one (motion/adaptive.py) and are passed in.
+The package's own are those of live runs (core/simulation.py) and of records (motion/adaptive.py).
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.measure import FAILURES
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
 from linkage_ros.methods.problems import ChartMechanisms
-from linkage_ros.methods.table import Integrator, Setting, label
+from linkage_ros.methods.table import INTEGRATORS, Integrator, Setting, label
 
 # Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'
@@ -94,19 +94,19 @@ def chart_benches(mechanisms: ChartMechanisms, *, quick: bool) -> dict[str, Char
 
 
 def measure_motion_accuracy(
-    methods: Sequence[Integrator],
     mechanisms: ChartMechanisms,
     *,
     quick: bool,
     progress: Callable[[Iterable[Any], str], Any],
+    methods: Sequence[Integrator] = INTEGRATORS,
 ) -> list[Measurement]:
     """Measures all points.
 
     Args:
-        methods: From the table.
         mechanisms: What moves.
         quick: Whether shorter motions and fewer rounds will do.
         progress: Wraps what is gone through, with a word for it: a progress bar.
+        methods: To measure.
 
     Returns:
         The points, fronts marked.

@@ -35,7 +35,7 @@ from linkage_ros.methods.motion_situations import (
 )
 from linkage_ros.methods.outcomes import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
 from linkage_ros.methods.problems import ChartMechanisms
-from linkage_ros.methods.table import Integrator
+from linkage_ros.methods.table import INTEGRATORS, Integrator
 
 
 class _Followed(NamedTuple):
@@ -55,21 +55,21 @@ class _Followed(NamedTuple):
 
 
 def measure_motion_outcomes(
-    methods: Sequence[Integrator],
     mechanisms: ChartMechanisms,
     *,
     cases: int,
     progress: Callable[[Iterable[Any], str], Iterable[Any]],
     situations: tuple[MotionSituation, ...] = MOTION_SITUATIONS,
+    methods: Sequence[Integrator] = INTEGRATORS,
 ) -> list[Cell]:
     """Runs every integrator through every situation.
 
     Args:
-        methods: From the table.
         mechanisms: What moves.
         cases: Of each situation; of long motions there are fewer.
         progress: Wraps what is gone through, with a word for it: a progress bar.
         situations: To run through.
+        methods: To run.
 
     Returns:
         The cells, situation by situation.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
 from linkage_ros.core.numeric import SCALAR, Functions
-from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps, Integrate
+from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps
 from linkage_ros.methods import chain, interpolation, iteration, positions, rates, torques
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, STATE, TORQUE, Chain, Task
 from linkage_ros.methods.integrators import (
@@ -24,6 +24,7 @@ from linkage_ros.methods.integrators import (
 )
 from linkage_ros.methods.loop import Loop
 from linkage_ros.methods.problems import InitialValueProblem
+from linkage_ros.motion.adaptive import AdaptiveSteps
 
 Setting = dict[str, float]
 Make = TypeVar('Make')
@@ -180,49 +181,41 @@ def _fixed(problem: InitialValueProblem, setting: Setting) -> Follower:
     return OfPackage(problem, lambda motion, start: FixedSteps(motion, start, step, tolerance))
 
 
-def integrators(records: Integrate) -> tuple[Integrator, ...]:
-    """The ways to follow a motion under a torque; steps are in s.
-
-    Args:
-        records: Makes the steps of records.
-
-    Returns:
-        The table; the first two are the defaults.
-    """
-    return (
-        Integrator(
-            LIVE, MOTION, 'nothing',
-            'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; core/simulation.py',
-            _fixed,
-            # Without its tolerance a step is as long as it says, which shows the order.
-            tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
-        ),
-        Integrator(
-            RECORDS, MOTION, 'SciPy; a torque that does not leap',
-            f'{_DOP853}; motion/adaptive.py',
-            lambda problem, _: OfPackage(problem, records),
-        ),
-        Integrator(
-            'DOP853', MOTION, 'SciPy; no edge of the coordinates on the way', _DOP853,
-            lambda problem, setting: OfScipy(problem, 'DOP853', setting['tolerance']),
-            tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-13},
-        ),
-        Integrator(
-            'RK4', MOTION, 'a step that is short enough everywhere',
-            'Hairer, Norsett and Wanner I, II.1, table 1.2',
-            lambda problem, setting: RungeKutta4(problem, setting['step']),
-            tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
-        ),
-        Integrator(
-            'Radau', MOTION, 'SciPy; no edge of the coordinates on the way',
-            'Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8',
-            lambda problem, setting: OfScipy(problem, 'Radau', setting['tolerance']),
-            tuple({'tolerance': 10.0**-k} for k in range(3, 9)), {'tolerance': 1e-7},
-        ),
-        Integrator(
-            'multipliers, unstabilised', MOTION, 'SciPy; no change point; a short run',
-            'Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5; then DOP853',
-            lambda problem, setting: Multipliers(problem, setting['tolerance']),
-            tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9},
-        ),
-    )  # fmt: skip
+# Steps are in s; the first two are the defaults.
+INTEGRATORS = (
+    Integrator(
+        LIVE, MOTION, 'nothing',
+        'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; core/simulation.py',
+        _fixed,
+        # Without its tolerance a step is as long as it says, which shows the order.
+        tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
+    ),
+    Integrator(
+        RECORDS, MOTION, 'SciPy; a torque that does not leap',
+        f'{_DOP853}; motion/adaptive.py',
+        lambda problem, _: OfPackage(problem, AdaptiveSteps),
+    ),
+    Integrator(
+        'DOP853', MOTION, 'SciPy; no edge of the coordinates on the way', _DOP853,
+        lambda problem, setting: OfScipy(problem, 'DOP853', setting['tolerance']),
+        tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-13},
+    ),
+    Integrator(
+        'RK4', MOTION, 'a step that is short enough everywhere',
+        'Hairer, Norsett and Wanner I, II.1, table 1.2',
+        lambda problem, setting: RungeKutta4(problem, setting['step']),
+        tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
+    ),
+    Integrator(
+        'Radau', MOTION, 'SciPy; no edge of the coordinates on the way',
+        'Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8',
+        lambda problem, setting: OfScipy(problem, 'Radau', setting['tolerance']),
+        tuple({'tolerance': 10.0**-k} for k in range(3, 9)), {'tolerance': 1e-7},
+    ),
+    Integrator(
+        'multipliers, unstabilised', MOTION, 'SciPy; no change point; a short run',
+        'Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5; then DOP853',
+        lambda problem, setting: Multipliers(problem, setting['tolerance']),
+        tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9},
+    ),
+)  # fmt: skip
