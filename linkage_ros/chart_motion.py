@@ -88,6 +88,6 @@ def _settled(
         )
     motor = drive.motor if isinstance(drive, TorqueDrive) else Motor()
     rpm = drive.initial_rpm if options.rpm is None else options.rpm
-    line, speed = (motor.torque, motor.damping), radians_per_second(rpm)
-    turn = SettledTurn(mechanism, line, speed, progress)
+    speed = radians_per_second(rpm)
+    turn = SettledTurn(mechanism, motor, speed, progress)
     return turn, ['', motor.words(), f'from {speed:.4g} rad/s', *turn.words()]

@@ -97,9 +97,7 @@ def _mechanisms() -> ChartMechanisms:
     """What moves in the charts: the presets, the pump with its motor."""
     pump = load('wind_pump')
     motor = pump.drive.motor if isinstance(pump.drive, TorqueDrive) else Motor()
-    return ChartMechanisms.of(
-        load('quadrilateral').mechanism, pump.mechanism, motor.torque, motor.damping
-    )
+    return ChartMechanisms.of(load('quadrilateral').mechanism, pump.mechanism, motor)
 
 
 def pump(options: argparse.Namespace) -> None:
@@ -119,13 +117,12 @@ def pump(options: argparse.Namespace) -> None:
     mechanism, drive = configuration.mechanism, configuration.drive
     if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
         raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
-    torque, damping = drive.motor.torque, drive.motor.damping
     name = find_file(options.params).stem
-    title = f'{name}: motor {torque:g} N m - {damping:g} N m s x crank speed'
+    title = f'{name}: {drive.motor.words()}'
     picture = options.out / f'{name}_settled.png'
     with folder(options.out):
         found = analyse(
-            mechanism, torque, damping,
+            mechanism, drive.motor,
             speeds=options.speeds, quick=options.quick, progress=progress,
         )  # fmt: skip
         save(options.out / f'{name}_settled.json', [found.record()])

@@ -30,9 +30,7 @@ from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump')
 QUADRILATERAL = load('quadrilateral').mechanism
-MECHANISMS = ChartMechanisms.of(
-    QUADRILATERAL, PUMP.mechanism, PUMP.drive.motor.torque, PUMP.drive.motor.damping
-)
+MECHANISMS = ChartMechanisms.of(QUADRILATERAL, PUMP.mechanism, PUMP.drive.motor)
 BY_NAME = {method.name: method for method in table.INTEGRATORS}
 DRIVEN, COASTING = MECHANISMS.driven(6.0), MECHANISMS.coasting(5 * math.pi)
 
@@ -352,7 +350,7 @@ def test_only_steps_up_to_a_ms_have_a_slowest_ms():
 
 def test_machines_are_of_their_kinds():
     with pytest.raises(TypeError, match='a four-bar and a wind pump'):
-        ChartMechanisms.of(PUMP.mechanism, QUADRILATERAL, 1.0, 1.0)
+        ChartMechanisms.of(PUMP.mechanism, QUADRILATERAL, PUMP.drive.motor)
 
 
 def test_errors_are_seen(benches):

@@ -39,10 +39,7 @@ from linkage_ros.parameters.configuration import load
 
 BY_NAME = {situation.name: situation for situation in SITUATIONS}
 PUMP = load('wind_pump')
-MOTOR = PUMP.drive.motor
-MECHANISMS = ChartMechanisms.of(
-    load('quadrilateral').mechanism, PUMP.mechanism, MOTOR.torque, MOTOR.damping
-)
+MECHANISMS = ChartMechanisms.of(load('quadrilateral').mechanism, PUMP.mechanism, PUMP.drive.motor)
 MOTIONS = {situation.name: situation for situation in MOTION_SITUATIONS}
 # Where the situations' own motions would take a while.
 QUICK = {

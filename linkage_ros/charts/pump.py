@@ -199,7 +199,7 @@ def _pieces(analysis: Analysis, colors: list[_Shade]) -> Iterator[tuple[Any, _Sh
 
 
 def _draw_load(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
-    damping = analysis.damping
+    damping = analysis.motor.damping
     for number, stretch in enumerate(analysis.averaged):
         axes.plot(
             [one.speed for one in stretch], [one.load for one in stretch], ':', color=_AVERAGED,
@@ -210,8 +210,8 @@ def _draw_load(axes: Axes, analysis: Analysis, colors: list[_Shade]) -> None:
     top = max((one.speed for stretch in analysis.averaged for one in stretch), default=1.0)
     speeds = np.array((0.0, top))
     axes.plot(
-        speeds, analysis.torque - damping * speeds, '-', color=_MOTOR, linewidth=1.4,
-        label=f'motor, M0 = {analysis.torque:g} N m',
+        speeds, analysis.motor.torque - damping * speeds, '-', color=_MOTOR, linewidth=1.4,
+        label=f'motor, M0 = {analysis.motor.torque:g} N m',
     )  # fmt: skip
     for kind, motion in analysis.branch.boundaries:
         axes.plot(
@@ -242,7 +242,7 @@ def _draw_torques(
         for state, color in zip(analysis.states, colors, strict=True):
             value = (state.speed, state.stroke, state.flow)[number]
             axes.plot(state.torque, value, **_style(state, color))
-        axes.axvline(analysis.torque, color=_MOTOR, linewidth=1)
+        axes.axvline(analysis.motor.torque, color=_MOTOR, linewidth=1)
         axes.set_xlim(0, None)
         axes.set_ylim(0, None)
         axes.tick_params(labelbottom=number == len(labels) - 1)

@@ -175,11 +175,11 @@ class Multipliers(OfScipy):
         super().__init__(problem, 'DOP853', tolerance, start, units)
 
     def _slope(self, _: float, phase: Array) -> Array:
-        values, count, problem = phase.tolist(), self._count, self.problem
+        values, count, motor = phase.tolist(), self._count, self.problem.motor
         spins = values[count : count + 3]
         found = self._loop.accelerations(
             _directions(values), spins, values[-1] if self._loop.slides else None,
-            problem.torque - problem.damping * spins[0], _solve,
+            motor.torque - motor.damping * spins[0], _solve,
         )  # fmt: skip
         return np.array([*values[count:], *found])
 

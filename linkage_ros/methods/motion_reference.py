@@ -62,7 +62,8 @@ class MotionReference:
         self._problem = problem
         with localcontext(_CONTEXT):
             self._loop = CutLoop(problem.mechanism, _CONTEXT.create_decimal, unit)
-            self._torque, self._damping = Decimal(problem.torque), Decimal(problem.damping)
+            motor = problem.motor
+            self._torque, self._damping = Decimal(motor.torque), Decimal(motor.damping)
             self.time = Decimal(0)
             self._state = self._begin()
 

@@ -18,6 +18,7 @@ from linkage_ros.methods.linkages import Random, four_bar, limited
 from linkage_ros.methods.motion_bench import ENERGY, LOOP, TRAJECTORY, even
 from linkage_ros.methods.motion_reference import MotionReference
 from linkage_ros.methods.problems import ChartMechanisms, InitialValueProblem
+from linkage_ros.motion.drives import Motor
 
 _SEED = 20_261_122
 _BESIDE = 1e-3  # s before and after the end of a motion
@@ -94,7 +95,7 @@ def _change_point(_: ChartMechanisms, random: Random, count: int) -> Iterator[Mo
         # The coupler does not turn, so that without weights nothing depends on the crank angle.
         mechanism = replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
         angle, speed, torque = (float(k) for k in random.uniform((-2, 1, 0.1), (-1, 3, 0.2)))
-        problem = InitialValueProblem(mechanism, (angle, speed), torque)
+        problem = InitialValueProblem(mechanism, (angle, speed), Motor(torque))
         ((inertia,),) = problem.motion.equations.matrix((1.0,))
         yield MotionCase(problem, even(4.0), formula=_speeding_up(problem.start, torque / inertia))
 

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import FourBar, Mechanism, WindPump
 from linkage_ros.core.simulation import Motion, Phase
+from linkage_ros.motion.drives import Motor
 
 
 @dataclass(frozen=True)
@@ -20,19 +21,17 @@ class InitialValueProblem:
     Attributes:
         mechanism: What moves.
         start: Coordinates at t = 0, then their rates; rad and m, rad/s and m/s.
-        torque: Of the motor on the crank at rest, N m.
-        damping: What the motor loses of it per crank speed, N m s.
+        motor: That turns the crank.
     """
 
     mechanism: FourBar | WindPump
     start: Phase
-    torque: float = 0.0
-    damping: float = 0.0
+    motor: Motor = field(default_factory=Motor)
 
     @cached_property
     def motion(self) -> Motion:
         """It as a system of first order, with the package's own equations of motion."""
-        torque, damping = self.torque, self.damping
+        torque, damping = self.motor.torque, self.motor.damping
         return Motion(EquationsOfMotion(self.mechanism), lambda _, speed: torque - damping * speed)
 
     @property
@@ -58,26 +57,21 @@ class ChartMechanisms(NamedTuple):
     Attributes:
         quadrilateral: The four-bar of document 1.
         pump: The wind pump of document 3.
-        torque: Of the pump's motor at rest, N m.
-        damping: What it loses per crank speed, N m s.
+        motor: The pump's.
     """
 
     quadrilateral: FourBar
     pump: WindPump
-    torque: float
-    damping: float
+    motor: Motor
 
     @classmethod
-    def of(
-        cls, quadrilateral: Mechanism, pump: Mechanism, torque: float, damping: float
-    ) -> ChartMechanisms:
+    def of(cls, quadrilateral: Mechanism, pump: Mechanism, motor: Motor) -> ChartMechanisms:
         """Takes mechanisms as presets hold them.
 
         Args:
             quadrilateral: The four-bar.
             pump: The wind pump.
-            torque: Of its motor at rest, N m.
-            damping: What it loses per crank speed, N m s.
+            motor: The pump's.
 
         Returns:
             The mechanisms.
@@ -87,7 +81,7 @@ class ChartMechanisms(NamedTuple):
         """
         if not isinstance(quadrilateral, FourBar) or not isinstance(pump, WindPump):
             raise TypeError('a four-bar and a wind pump')
-        return cls(quadrilateral, pump, torque, damping)
+        return cls(quadrilateral, pump, motor)
 
     def driven(self, speed: float, velocity: float = 0.0) -> InitialValueProblem:
         """The pump with its motor and its water.
@@ -100,7 +94,7 @@ class ChartMechanisms(NamedTuple):
             The problem.
         """
         start = 0.0, self.pump.slider.position, speed, velocity
-        return InitialValueProblem(self.pump, start, self.torque, self.damping)
+        return InitialValueProblem(self.pump, start, self.motor)
 
     def freed(self, speed: float) -> InitialValueProblem:
         """The pump without motor and water, which keeps its energy.
