@@ -111,7 +111,7 @@ def pump(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.analysis.pump import analyse
-        from linkage_ros.analysis.table import write_table
+        from linkage_ros.analysis.states_table import states_table
         from linkage_ros.charts.pump import draw_pump
     configuration = load(options.params)
     mechanism, drive = configuration.mechanism, configuration.drive
@@ -127,7 +127,7 @@ def pump(options: argparse.Namespace) -> None:
         )  # fmt: skip
         save(options.out / f'{name}_settled.json', [found.record()])
         draw_pump(found, title, picture)
-    print(*write_table(found), picture, sep='\n')
+    print(*states_table(found), picture, sep='\n')
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -59,6 +59,9 @@ CHARTS = {
     'charts.accuracy',
     'charts.stability',
     'charts.pump',
+    'charts.pump_states',
+    'charts.pump_motions',
+    'charts.pump_load',
 }
 MOTIONS = {
     'methods.table',

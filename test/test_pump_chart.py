@@ -24,7 +24,7 @@ from linkage_ros.analysis.fourier import extremum
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.pump import analyse
 from linkage_ros.analysis.runs import follow_run
-from linkage_ros.analysis.table import write_table
+from linkage_ros.analysis.states_table import states_table
 from linkage_ros.charts.pump import draw_pump
 from linkage_ros.errors import MotionError
 from linkage_ros.motion.drives import Motor
@@ -249,7 +249,7 @@ def test_a_pump_with_one_state_is_drawn_and_recorded(tmp_path):
     (state,) = found.states
     assert state.stable
     draw_pump(found, 'one state', tmp_path / 'one.png')
-    assert len(write_table(found)) == 3
+    assert len(states_table(found)) == 3
     record = json.loads(json.dumps(found.record(), allow_nan=False))
     assert [run['settles_at_state'] for run in record['runs']] == [0]
     assert record['torques_with_two_stable_states'][0]['low'] == pytest.approx(7.28, abs=0.01)
@@ -259,7 +259,7 @@ def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
     none = analysis._replace(states=[], averaged_states=[], sensitivities=[], ends=[-2] * 4)
     basins = none.basins._replace(outcomes=np.full_like(none.basins.outcomes, -2))
     none = none._replace(basins=basins)
-    assert write_table(none) == ['no settled motion found']
+    assert states_table(none) == ['no settled motion found']
     draw_pump(none, 'no state', tmp_path / 'none.png')
     record = json.loads(json.dumps(none.record(), allow_nan=False))
     assert record['states'] == []
@@ -304,7 +304,7 @@ def test_the_picture_and_the_record_are_written(analysis, tmp_path):
     assert len(record['basins']['outcomes']) == len(record['basins']['slider_velocities'])
     assert {len(row) for row in record['basins']['outcomes']} == {28}
     assert len(record['runs'][0]['passages']['time']) > 30
-    assert '2.604252' in '\n'.join(write_table(analysis))
+    assert '2.604252' in '\n'.join(states_table(analysis))
 
 
 @pytest.mark.parametrize('sign', [1, -1])
