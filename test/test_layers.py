@@ -56,6 +56,7 @@ CHARTS = {
     'charts.front',
     'charts.integration',
     'charts.motion',
+    'charts.linkage',
     'charts.accuracy',
     'charts.stability',
     'charts.pump',

@@ -16,14 +16,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from linkage_ros.charts.linkage import draw_linkage
 from linkage_ros.charts.sizes import DPI, NUMBERS, SMALL, TEXT, WIDTH
 from linkage_ros.core.curves import Period, extent
 from linkage_ros.core.numeric import Array
-from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color, fractions
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.palette import BLACK, COLORS, DARK, Color, fractions
 
 # As matplotlib has them: a line that is solid or dashed, and a colour.
 _Line: TypeAlias = Literal['-'] | tuple[int, tuple[int, ...]]
@@ -36,8 +35,6 @@ _SAMPLE = 0.25  # of a curve's line, before its numbers
 _TORQUE = 'Driving torque'
 _DRAWN_AT = 45.0  # deg, of the crank: links of most mechanisms stand apart there
 _SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel.'}
-# Around the names of pins, which may lie on lines.
-_HALO = withStroke(linewidth=2.5, foreground='white')
 _STYLES: tuple[_Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 # That of the link on which the pin's force acts; B0's has the ground's, so that B and B0 differ.
 # What belongs to no link has none's.
@@ -104,7 +101,8 @@ def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
     rows = [*_motion_rows(curves), *_reaction_rows(curves)]
     page = _Page(_HEADER + _ROW * len(rows) + _FOOT)
     width = WIDTH - _MARGIN - _LEFT
-    _draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves)
+    drawn_at = math.radians(_DRAWN_AT)
+    draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves, drawn_at)
     first, *others = title
     others = [*others, f'drawn at crank angle {_DRAWN_AT:g} deg']
     words = [_Words(line) for text in others for line in _wrapped(text)]
@@ -234,52 +232,6 @@ def _margin(curves: Period, panel: _Panel) -> list[_Words]:
     if panel.title == _TORQUE:
         lines.append(_Words(f'mean power {curves.mean_power:.4g} W', family='monospace'))
     return [*lines, _Words('')]
-
-
-def _draw_linkage(axes: Axes, curves: Period) -> None:
-    """The mechanism where links stand apart, its pins, what they trace out, and a scale."""
-    drawing = Drawing(curves.mechanism)
-    columns = [curves.columns[f'{joint}.position'].values for joint in drawing.joints]
-    tracks = drawing.place(np.stack(columns, axis=-1))
-    now = int(np.argmin(np.abs(curves.crank - math.radians(_DRAWN_AT))))
-    for line in drawing.ground:
-        axes.plot(*line.T, color=fractions(GREY), linewidth=0.9)
-    owners = {'B': drawing.joints[2], 'C': 'coupler', 'D': 'slider'}
-    for pin, owner in owners.items():
-        if pin in drawing.pins:
-            track = tracks[:, drawing.pins.index(pin)]
-            axes.plot(*track.T, color=_color(owner), linewidth=0.8)
-    for link, lines in drawing.links(tracks[now : now + 1]).items():
-        axes.plot(*lines[0].T, color=_color(link), linewidth=2.6, solid_capstyle='round')
-    pins = np.array([*drawing.pivots, *tracks[now]])
-    axes.plot(*pins.T, 'o', color=fractions(DARK), markersize=3.5)
-    _name_points(axes, (*drawing.pivot_names, *drawing.pins), pins, len(drawing.pivots))
-    shown = np.concatenate([line.get_xydata() for line in axes.lines])
-    # Below what is shown, which is not all that the scale of a moving picture is below.
-    room = np.array([0.0, 0.06 * np.ptp(shown, axis=0).max()])
-    scale = drawing.scale - drawing.scale.min(axis=0) + shown.min(axis=0) - room
-    axes.plot(*scale.T, color=fractions(GREY), linewidth=0.9)
-    axes.annotate(
-        f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0),
-        textcoords='offset points', fontsize=SMALL, va='center', annotation_clip=False,
-    )  # fmt: skip
-    axes.set_aspect('equal')
-    axes.margins(0.08)
-    axes.set_axis_off()
-
-
-def _name_points(axes: Axes, names: Sequence[str], places: Array, fixed: int) -> None:
-    """Writes names beside points: away from the middle of all, or beside the ground."""
-    for number, (name, place) in enumerate(zip(names, places, strict=True)):
-        away = place - places.mean(axis=0)
-        if number < fixed:
-            shift = math.copysign(16.0, away[0]), 0.0
-        else:
-            shift = tuple(11 * away / max(np.hypot(*away), 1e-300))
-        axes.annotate(
-            name, tuple(place), xytext=shift, textcoords='offset points', fontsize=SMALL,
-            ha='center', va='center', annotation_clip=False, path_effects=[_HALO],
-        )  # fmt: skip
 
 
 def _color(name: str) -> _Shade:
