@@ -43,7 +43,7 @@ def accuracy(options: argparse.Namespace) -> None:
         from linkage_ros.charts.accuracy import draw_accuracy
         from linkage_ros.charts.integration import draw_integration
         from linkage_ros.methods.accuracy import measure_accuracy, tasks
-        from linkage_ros.methods.measure import Bench
+        from linkage_ros.methods.bench import Bench
         from linkage_ros.methods.motion_accuracy import measure_motion_accuracy
     quadrilateral, slider_crank = (_preset(name) for name in ('quadrilateral', 'slider_crank'))
     with folder(options.out):

@@ -93,7 +93,7 @@ MEASURE = """
 import json
 from linkage_ros.charts.accuracy import draw_accuracy
 from linkage_ros.methods import accuracy, outcomes, table
-from linkage_ros.methods.measure import Bench
+from linkage_ros.methods.bench import Bench
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.parameters.configuration import load
 

@@ -19,9 +19,9 @@ from linkage_ros import EquationsOfMotion, FourBar
 from linkage_ros.core.numeric import with_turns
 from linkage_ros.core.simulation import FixedSteps, Motion
 from linkage_ros.methods import linkages, motion_accuracy, table
+from linkage_ros.methods.bench import LIMIT
 from linkage_ros.methods.cut_loop import CutLoop, eliminate
 from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
-from linkage_ros.methods.measure import LIMIT
 from linkage_ros.methods.motion_bench import MotionBench, even
 from linkage_ros.methods.motion_reference import Accuracy, MotionReference, unit
 from linkage_ros.methods.problems import ChartMechanisms, InitialValueProblem

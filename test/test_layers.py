@@ -73,7 +73,7 @@ MOTIONS = {
     'methods.motion_accuracy',
     'methods.motion_outcomes',
 }
-MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.outcomes'}
+MPMATH = {'methods.reference', 'methods.bench', 'methods.accuracy', 'methods.outcomes'}
 SCIPY = {'methods.integrators', 'motion.adaptive', 'analysis.poincare'}
 ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'progress'}

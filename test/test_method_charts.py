@@ -21,7 +21,7 @@ from linkage_ros.charts.accuracy import draw_accuracy
 from linkage_ros.charts.integration import draw_integration
 from linkage_ros.charts.stability import draw_stability
 from linkage_ros.methods.accuracy import NEAR, Measurement
-from linkage_ros.methods.measure import LIMIT
+from linkage_ros.methods.bench import LIMIT
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS

@@ -17,6 +17,7 @@ from linkage_ros import FourBar, Solver, UnreachableError
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods import linkages, reference, table
 from linkage_ros.methods.accuracy import NEAR, Measurement, mark_fronts, tasks
+from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import (
     BATCH,
     FUNCTIONS,
@@ -29,7 +30,6 @@ from linkage_ros.methods.chain import (
 )
 from linkage_ros.methods.iteration import CAP, NewtonRaphson
 from linkage_ros.methods.loop import Loop
-from linkage_ros.methods.measure import LIMIT, Bench, time_pass
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.parameters.configuration import load

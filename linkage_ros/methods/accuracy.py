@@ -13,8 +13,8 @@ import numpy as np
 
 from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.numeric import Array
+from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task, make_task
-from linkage_ros.methods.measure import LIMIT, Bench, time_pass
 from linkage_ros.methods.table import METHODS, Method, label
 
 NEAR = 'near a change point'
@@ -34,7 +34,7 @@ class Measurement:
         mode: 'one at a time' or 'batch'; 'motion' or 'motion, slowest ms'.
         us_per_state: Time, us, the work for all that the quantity needs included; of a motion,
             of one simulated ms; nan where the method fails.
-        max_error: Over one period or motion, relative (`measure.Truth`, `motion_bench`); inf
+        max_error: Over one period or motion, relative (`bench.Truth`, `motion_bench`); inf
             where the method fails.
         pareto: Whether no other right answer is both faster and closer.
     """

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 from linkage_ros.core.simulation import Phase
 from linkage_ros.errors import LinkageError
 from linkage_ros.methods.accuracy import Measurement, mark_fronts
+from linkage_ros.methods.bench import FAILURES
 from linkage_ros.methods.integrators import Follower
-from linkage_ros.methods.measure import FAILURES
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
 from linkage_ros.methods.problems import ChartMechanisms
 from linkage_ros.methods.table import INTEGRATORS, Integrator, Setting, label

@@ -26,7 +26,7 @@ import numpy as np
 
 from linkage_ros.core.simulation import Phase
 from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.methods.measure import FAILURES, LIMIT
+from linkage_ros.methods.bench import FAILURES, LIMIT
 from linkage_ros.methods.motion_bench import ENERGY, LOOP, MotionBench
 from linkage_ros.methods.motion_situations import (
     MOTION_SITUATIONS,

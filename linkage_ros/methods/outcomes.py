@@ -5,7 +5,7 @@
 A method is judged by what it computes itself, against `reference`, at every crank angle of every
 case, one at a time and as an array; a cell of the chart is its worst outcome, in this order:
 
-    right         every value within 1e-6, relative to its size (`measure.Truth`)
+    right         every value within 1e-6, relative to its size (`bench.Truth`)
     refused       an error that says why; where no state exists, this is the right answer
     diverged      a finite value that is wrong, or any value where no state exists
     wrong branch  wrong, but within 1e-6 of the other assembly's position
@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from linkage_ros.errors import LinkageError
+from linkage_ros.methods.bench import FAILURES, LIMIT, Truth, evaluate
 from linkage_ros.methods.chain import BATCH, FUNCTIONS, OWN, Function
 from linkage_ros.methods.linkages import other_assembly
-from linkage_ros.methods.measure import FAILURES, LIMIT, Truth, evaluate
 from linkage_ros.methods.situations import Case, Situation
 from linkage_ros.methods.table import METHODS, Method
 
