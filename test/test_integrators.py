@@ -278,7 +278,7 @@ def test_the_defaults_are_what_live_runs_and_records_take(benches):
         (table.RECORDS, AdaptiveSteps(DRIVEN.motion, DRIVEN.start)),
     ):
         method = BY_NAME[name]
-        follower = method.make(DRIVEN, method.steady or {})
+        follower = method.make(DRIVEN, method.steady)
         for time in bench.times:
             steps.advance(time)
             assert follower.at(time) == (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
@@ -288,7 +288,7 @@ def test_the_defaults_are_right(benches):
     for bench in benches.values():
         for name in (table.LIVE, table.RECORDS):
             method = BY_NAME[name]
-            assert worst(bench, method.make(bench.problem, method.steady or {})) < 1e-10
+            assert worst(bench, method.make(bench.problem, method.steady)) < 1e-10
 
 
 # ---------------------------------------------------------------- energy and the loop
@@ -298,7 +298,7 @@ def test_the_defaults_are_right(benches):
 def test_the_energy_of_a_free_motion_stays(name):
     problem = MECHANISMS.freed(6.0)
     bench, method = MotionBench(problem, even(5.0)), BY_NAME[name]
-    follower = method.make(problem, method.steady or {})
+    follower = method.make(problem, method.steady)
     limit = 1e-7 if name in ('Radau', 'multipliers, unstabilised') else 1e-10
     assert max(bench.drift(follower.at(time)) for time in bench.times) < limit
     assert bench.drift((math.nan, 1.5, 6.0, 0.0)) == math.inf
@@ -318,7 +318,7 @@ def test_an_unstabilised_loop_opens_with_the_square_of_time(problem):
 def test_a_loop_that_is_closed_from_coordinates_does_not_open():
     for name in (table.LIVE, table.RECORDS, 'DOP853', 'RK4', 'Radau'):
         method = BY_NAME[name]
-        follower = method.make(DRIVEN, method.steady or {})
+        follower = method.make(DRIVEN, method.steady)
         follower.at(1.0)
         assert follower.gap() < 1e-14
 

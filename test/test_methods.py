@@ -128,7 +128,7 @@ def test_every_method_is_right_on_an_easy_mechanism(benches, mechanism, method):
     limit = 1e-5 if 'float32' in method.name else 2e-6 if method.name.startswith('cent') else 1e-11
     if (mechanism, method.name) == ('slider_crank', 'half-angle'):
         limit = 1e-9  # near alpha = 0 its denominator is small
-    setting = method.steady or method.settings[0]
+    setting = method.steady
     for mode in method.modes:
         for quantity in OWN[method.stage]:
             assert benches[mechanism].worst_error(method, setting, mode, quantity) < limit
@@ -139,7 +139,7 @@ def test_an_array_gives_what_numbers_give(benches):
     for method in table.METHODS:
         if method.modes != (ONE, BATCH):
             continue
-        setting = method.steady or method.settings[0]
+        setting = method.steady
         one, batch = (method.make(bench.task, setting, FUNCTIONS[m]) for m in (ONE, BATCH))
         cranks = bench.even(7)
         for quantity in QUANTITIES:

@@ -23,47 +23,6 @@ _LOOK = 5  # turns between two looks whether it has
 _NEAR = 0.01  # of crank length and speed: so near to a stable motion, it is going there
 
 
-def settle(
-    mechanism: WindPump,
-    motor: Motor,
-    speed: float,
-    progress: Callable[[Iterable[int], str], Iterable[int]] = lambda items, _: items,
-) -> tuple[PoincareMap, PeriodicMotion]:
-    """Follows a pump until it has settled.
-
-    Args:
-        mechanism: The pump; its slider starts as it says.
-        motor: Of the pump.
-        speed: Of the crank at angle 0, rad/s.
-        progress: Wraps what is gone through, with a word for it: a progress bar.
-
-    Returns:
-        The map of its turns, and the settled motion.
-
-    Raises:
-        ConfigurationError: Motor or speed turn nothing forwards, or it does not settle.
-        LinkageError: The motion leaves what the coordinates describe, or the crank stops.
-    """
-    require_forwards(mechanism, motor, [speed])
-    section, slider = PoincareMap(mechanism, motor.damping), mechanism.slider
-    point = np.array([[slider.position], [slider.velocity], [speed]])
-    for turn in progress(range(1, _LONGEST + 1), 'turns'):
-        point = section.image(point, motor.torque)[:3]
-        if turn % _LOOK:
-            continue
-        guess = np.vstack((point, [[motor.torque]]))
-        (found,) = find_motions(section, guess, Wanted(np.array([motor.torque]), is_speed=False))
-        if found and found.stable:
-            length, (_, _, now) = mechanism.crank.length, point[:, 0]
-            sizes = np.array((length, length * now, now))
-            if (np.abs(point[:, 0] - found.point) < _NEAR * sizes).all():
-                return section, found
-    raise ConfigurationError(
-        f'from {speed:g} rad/s the pump does not settle within {_LONGEST} turns: '
-        'linkage_chart pump draws what it does'
-    )
-
-
 class SettledTurn(Period):
     """A turn of a settled wind pump.
 
@@ -81,15 +40,16 @@ class SettledTurn(Period):
         """Lets a pump settle and takes a turn of it, 0.5 deg by 0.5 deg.
 
         Args:
-            mechanism: As for `settle`.
-            motor: Likewise.
-            speed: Likewise.
-            progress: Likewise.
+            mechanism: The pump; its slider starts as it says.
+            motor: Of the pump.
+            speed: Of the crank at angle 0, rad/s.
+            progress: Wraps what is gone through, with a word for it: a progress bar.
 
         Raises:
-            LinkageError: As `settle`.
+            ConfigurationError: Motor or speed turn nothing forwards, or it does not settle.
+            LinkageError: The motion leaves what the coordinates describe, or the crank stops.
         """
-        section, self.motion = settle(mechanism, motor, speed, progress)
+        section, self.motion = _settle(mechanism, motor, speed, progress)
         equations = section.equations
         points = np.array([self.motion.point]).T
         x, v, w, _ = section.orbit(points, motor.torque, _PARTS)[..., 0]
@@ -110,3 +70,34 @@ class SettledTurn(Period):
             f'stroke {motion.stroke:.4g} m ({motion.lowest:.4g} to {motion.highest:.4g} m)',
             f'flow (stroke x speed) {motion.flow:.4g} m/s',
         ]
+
+
+def _settle(
+    mechanism: WindPump,
+    motor: Motor,
+    speed: float,
+    progress: Callable[[Iterable[int], str], Iterable[int]],
+) -> tuple[PoincareMap, PeriodicMotion]:
+    """Follows a pump until it has settled: the map of its turns, and the settled motion.
+
+    Raises:
+        ConfigurationError: As `SettledTurn`.
+    """
+    require_forwards(mechanism, motor, [speed])
+    section, slider = PoincareMap(mechanism, motor.damping), mechanism.slider
+    point = np.array([[slider.position], [slider.velocity], [speed]])
+    for turn in progress(range(1, _LONGEST + 1), 'turns'):
+        point = section.image(point, motor.torque)[:3]
+        if turn % _LOOK:
+            continue
+        guess = np.vstack((point, [[motor.torque]]))
+        (found,) = find_motions(section, guess, Wanted(np.array([motor.torque]), is_speed=False))
+        if found and found.stable:
+            length, (_, _, now) = mechanism.crank.length, point[:, 0]
+            sizes = np.array((length, length * now, now))
+            if (np.abs(point[:, 0] - found.point) < _NEAR * sizes).all():
+                return section, found
+    raise ConfigurationError(
+        f'from {speed:g} rad/s the pump does not settle within {_LONGEST} turns: '
+        'linkage_chart pump draws what it does'
+    )

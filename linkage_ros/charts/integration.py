@@ -49,7 +49,7 @@ def draw_integration(points: Sequence[Measurement], title: str, path: Path) -> N
     names = list(dict.fromkeys(point.mechanism for point in points))
     figure = Figure(figsize=(WIDTH, 2.6 + 2.6 * len(names)), dpi=DPI, layout='constrained')
     figure.suptitle(title, fontsize=TITLE)
-    defaults = {(method.name, label(method.steady or {})) for method in INTEGRATORS[:2]}
+    defaults = {(method.name, label(method.steady)) for method in INTEGRATORS[:2]}
     # The settings stand in the legend: written at the points they would hide each other.
     wording = Wording(
         lambda point: point.method, lambda point: _STYLES[point.method], lambda _: '', (0.0, 0.0)

@@ -130,7 +130,7 @@ def _points(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterable
                 point = Measurement(
                     method.name, label(setting), name, quantity, mode, math.nan, error
                 )
-                cranks = bench.even(int(setting['steps'])) if method.steps else ones
+                cranks = bench.even(int(setting['steps'])) if method.sequential else ones
                 made = method.make(bench.task, setting, FUNCTIONS[mode])
                 yield _Timed(
                     point,

@@ -104,7 +104,7 @@ def _follow(method: Integrator, case: MotionCase) -> _Followed:
     gaps: list[float] = []
     try:
         with np.errstate(all='ignore'):
-            follower = method.make(case.problem, method.steady or method.settings[0])
+            follower = method.make(case.problem, method.steady)
             for time in case.times:
                 phase = follower.at(time)
                 if not all(map(math.isfinite, phase)):

@@ -136,8 +136,7 @@ def _answers(
 ) -> list[tuple[float, ...] | str]:
     """What a method says at each crank angle: values, or the outcome that an error means."""
     try:
-        setting = method.steady or method.settings[0]
-        function = getattr(method.make(case.task, setting, FUNCTIONS[mode]), quantity)
+        function = getattr(method.make(case.task, method.steady, FUNCTIONS[mode]), quantity)
     except LinkageError:
         return [REFUSED] * len(case.cranks)
     with np.errstate(all='ignore'):

@@ -8,12 +8,12 @@ To add a method, write its function where its stage lives, and an entry here.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Generic, TypeAlias, TypeVar
 
 from linkage_ros.core.numeric import SCALAR, Functions
 from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps
-from linkage_ros.methods import chain, interpolation, iteration, positions, rates, torques
+from linkage_ros.methods import chain, interpolation, positions, rates, torques
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, STATE, TORQUE, Chain, Task
 from linkage_ros.methods.integrators import (
     Follower,
@@ -22,6 +22,7 @@ from linkage_ros.methods.integrators import (
     OfScipy,
     RungeKutta4,
 )
+from linkage_ros.methods.iteration import NewtonRaphson
 from linkage_ros.methods.loop import Loop
 from linkage_ros.methods.problems import InitialValueProblem
 from linkage_ros.motion.adaptive import AdaptiveSteps
@@ -44,7 +45,7 @@ class Way(Generic[Make]):
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best that is of practical use.
         modes: 'one at a time', 'batch' or both.
-        steps: Whether it goes from angle to angle, so that `steps` per turn are a setting.
+        sequential: Whether it goes from angle to angle, so that `steps` per turn are a setting.
     """
 
     name: str
@@ -53,9 +54,9 @@ class Way(Generic[Make]):
     source: str
     make: Make
     settings: tuple[Setting, ...] = ({},)
-    steady: Setting | None = None
+    steady: Setting = field(default_factory=dict)
     modes: tuple[str, ...] = (ONE, BATCH)
-    steps: bool = False
+    sequential: bool = False
 
 
 Method: TypeAlias = Way[Callable[[Task, Setting, Functions], Chain]]
@@ -68,8 +69,12 @@ def label(setting: Setting) -> str:
 
 
 def _newton(task: Task, setting: Setting, *, warm: bool) -> Chain:
-    locate = iteration.newton(Loop(task.mechanism), setting['tolerance'], task.guess, warm=warm)
+    locate = NewtonRaphson(Loop(task.mechanism), setting['tolerance'], task.guess, warm=warm)
     return chain.of_position(task, locate, SCALAR)
+
+
+def _exact(task: Task, f: Functions) -> positions.Locate:
+    return positions.factored(task.mechanism, f)
 
 
 _TOLERANCES = (1e-1, 1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
@@ -106,7 +111,7 @@ METHODS = (
         'Newton-Raphson, warm', POSITION,
         'a first guess, and each angle close to the one before', 'document 1, eq. 8 to 12',
         lambda task, setting, _: _newton(task, setting, warm=True),
-        _ITERATED, {'tolerance': 1e-12, 'steps': 360}, (ONE,), steps=True,
+        _ITERATED, {'tolerance': 1e-12, 'steps': 360}, (ONE,), sequential=True,
     ),
     Method(
         'Newton-Raphson, cold', POSITION, 'a first guess that serves every angle',
@@ -132,37 +137,40 @@ METHODS = (
     ),
     Method(
         '2x2 solve', RATES, 'links not in line', 'documents 1 (eq. 13 to 18) and 4 (eq. 5 to 8)',
-        lambda task, _, f: chain.of_rates(
-            task, rates.two_by_two(task.mechanism, positions.factored(task.mechanism, f), f), f
+        lambda task, _, f: chain.of_stages(
+            task, f, rates=rates.two_by_two(task.mechanism, _exact(task, f), f)
         ),
     ),
     Method(
         'sine formula', RATES, 'links not in line',
         'document 2, eq. 27 to 33; accelerations by the same elimination',
-        lambda task, _, f: chain.of_rates(
-            task, rates.sine_formula(task.mechanism, positions.factored(task.mechanism, f), f), f
+        lambda task, _, f: chain.of_stages(
+            task, f, rates=rates.sine_formula(task.mechanism, _exact(task, f), f)
         ),
     ),
     Method(
         'central differences', RATES, 'positions a step to both sides',
         'Dahlquist and Bjorck, Numerical Methods in Scientific Computing, 3.3',
-        lambda task, setting, f: chain.of_rates(
-            task,
-            rates.central_differences(
-                task.mechanism, positions.factored(task.mechanism, f), setting['step'], f
+        lambda task, setting, f: chain.of_stages(
+            task, f,
+            rates=rates.central_differences(
+                task.mechanism, _exact(task, f), setting['step'], f
             ),
-            f,
         ),
         tuple({'step': 10.0**-k} for k in (1, 2, 3, 4, 5, 6, 7)), {'step': 1e-4},
     ),
     Method(
         'power balance', TORQUE, 'a crank that moves', 'document 1, eq. 1 to 6',
-        lambda task, _, f: chain.of_torque(task, torques.power_balance(task.mechanism, f), f),
+        lambda task, _, f: chain.of_stages(
+            task, f, torque=torques.power_balance(task.mechanism, f)
+        ),
     ),
     Method(
         'constrained Newton-Euler', TORQUE, 'links not in line',
         'Norton, Design of Machinery, 11.4 and 11.5',
-        lambda task, _, f: chain.of_torque(task, torques.newton_euler(task.mechanism, f), f),
+        lambda task, _, f: chain.of_stages(
+            task, f, torque=torques.newton_euler(task.mechanism, f)
+        ),
     ),
 )  # fmt: skip
 
