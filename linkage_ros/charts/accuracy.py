@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linkage_ros.charts.front import (
     CEILING,
@@ -16,6 +15,7 @@ from linkage_ros.charts.front import (
     Wording,
     draw_panel,
     front_handles,
+    method_handle,
     write_words,
 )
 from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
@@ -103,13 +103,10 @@ def _values(setting: str) -> dict[str, str]:
 
 def _add_legend(figure: Figure) -> None:
     handles = [
-        Line2D(
-            [], [], linewidth=0.9 if len(method.settings) > 1 else 0, label=_name(method.name),
-            **style._replace(size=style.size * 0.9).look,
-        )
+        method_handle(method, style._replace(size=style.size * 0.9), _name(method.name))
         for method in METHODS
         for style in [_STYLES[method.name]]
-    ]  # fmt: skip
+    ]
     figure.legend(
         handles=[*handles, *front_handles()], loc='outside lower center', ncols=3, fontsize=SMALL,
         frameon=False, title_fontsize=SMALL,

@@ -19,6 +19,7 @@ from matplotlib.transforms import Bbox
 from linkage_ros.charts.sizes import SMALL
 from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.bench import LIMIT
+from linkage_ros.methods.table import Way
 from linkage_ros.palette import BLACK, Color, fractions
 
 _Across: TypeAlias = Literal['left', 'center', 'right']
@@ -170,6 +171,12 @@ def _write(
             return box
         text.remove()
     return None
+
+
+def method_handle(method: Way[Any], style: Style, name: str) -> Line2D:
+    """For a legend: a method, with a line if its settings are joined by one."""
+    width = 0.9 if len(method.settings) > 1 else 0
+    return Line2D([], [], linewidth=width, label=name, **style.look)
 
 
 def front_handles() -> list[Line2D]:

@@ -11,7 +11,14 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linkage_ros.charts.front import CEILING, Style, Wording, draw_panel, front_handles
+from linkage_ros.charts.front import (
+    CEILING,
+    Style,
+    Wording,
+    draw_panel,
+    front_handles,
+    method_handle,
+)
 from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
@@ -75,12 +82,8 @@ def draw_integration(points: Sequence[Measurement], title: str, path: Path) -> N
 
 def _add_legend(figure: Figure) -> None:
     handles = [
-        Line2D(
-            [], [], linewidth=0.9 if len(method.settings) > 1 else 0,
-            label=_name(method.name), **_STYLES[method.name].look,
-        )
-        for method in INTEGRATORS
-    ]  # fmt: skip
+        method_handle(method, _STYLES[method.name], _name(method.name)) for method in INTEGRATORS
+    ]
     star = Line2D([], [], linewidth=0, label='its default: steps of 1 ms', **_STAR.look)
     figure.legend(
         handles=[handles[0], star, *handles[1:], *front_handles()], loc='outside lower center',
