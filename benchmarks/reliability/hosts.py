@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cuts import RATE, read, summary
 from harness import (
     DOMAIN,
     NOT_HERE,
@@ -36,6 +35,7 @@ from harness import (
     wait_for,
     words,
 )
+from link_cuts import RATE, read, summary
 from network import Host, UnavailableError, two_hosts
 
 SETTLED, PATIENCE = 2.0, 40.0

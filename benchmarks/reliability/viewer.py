@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 from harness import DOMAIN, Diagnostics, Process, finish, node, options, wait_for
-from viewers import Viewer, addresses, children, shown, windows
+from headless_viewer import Viewer, addresses, children, shown, windows
 
 RATE = 1000.0
 SETTLED = 4.0  # s before and after a fault

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What cuts of a link cost: from a log on one side of it, and what was heard on the other."""
+"""What cuts of the link cost: from a log on one side, and what the other heard (for hosts.py)."""
 
 from __future__ import annotations
 
