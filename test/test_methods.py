@@ -78,7 +78,7 @@ def test_the_reference_agrees_with_an_oracle_of_another_hand(seed):
 
 @pytest.mark.parametrize('seed', range(6))
 def test_the_reference_is_the_limit_at_change_points_and_beside_them(seed):
-    task = Task(linkages.dyadic(np.random.default_rng(seed)), (0.0, 0.0), 3.0, -7.0)
+    task = Task(linkages.with_change_point(np.random.default_rng(seed)), (0.0, 0.0), 3.0, -7.0)
     for crank in (0.0, 1e-300, -1e-18, 1e-9, 3.0, 4.0, 7.0, 10.0):
         assert_same(task, crank)
 

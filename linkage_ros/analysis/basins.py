@@ -114,7 +114,7 @@ class Basins(NamedTuple):
         }
 
 
-def patience(states: Sequence[PeriodicMotion], shrink: float, fastest: float) -> float:
+def settling_time(states: Sequence[PeriodicMotion], shrink: float, fastest: float) -> float:
     """How long it takes until deviations from all stable states have shrunk.
 
     Args:
@@ -151,7 +151,7 @@ def make_grid(fastest: float, length: float, count: int) -> tuple[Array, Array]:
     )
 
 
-def explore(
+def find_basins(
     mechanism: WindPump,
     motor: Motor,
     neighbourhoods: Neighbourhoods,

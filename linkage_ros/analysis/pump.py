@@ -11,7 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros.analysis.averaging import Averaged, Averaging
-from linkage_ros.analysis.basins import Basins, Neighbourhoods, explore, make_grid, patience
+from linkage_ros.analysis.basins import (
+    Basins,
+    Neighbourhoods,
+    find_basins,
+    make_grid,
+    settling_time,
+)
 from linkage_ros.analysis.branch import Branch, find_states, follow_branch
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
@@ -68,7 +74,9 @@ class Analysis(NamedTuple):
                 for number, state in enumerate(self.states)
             ],
             'averaged_states': [state.record() for state in self.averaged_states],
-            'torques_with_two_stable_states': [one._asdict() for one in self.branch.ranges()],
+            'torques_with_two_stable_states': [
+                one._asdict() for one in self.branch.bistable_ranges()
+            ],
             'stability_lost': [
                 {'kind': kind, **motion.record()} for kind, motion in self.branch.boundaries
             ],
@@ -126,8 +134,8 @@ def analyse(
 
     near, top = Neighbourhoods(section, states), max(*speeds, _top(motor, 2 * max(speeds)))
     grid = make_grid(top, mechanism.crank.length, 28 if quick else 80)
-    basins = explore(mechanism, motor, near, grid, patience(states, _NEAR, top), progress)
-    duration = patience(states, 10 * _SETTLED if quick else _SETTLED, top)
+    basins = find_basins(mechanism, motor, near, grid, settling_time(states, _NEAR, top), progress)
+    duration = settling_time(states, 10 * _SETTLED if quick else _SETTLED, top)
     runs = [
         follow_run(section.equations, motor, point, duration, name)
         for name, point in progress(_starts(mechanism, speeds, states), 'runs')

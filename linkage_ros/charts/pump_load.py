@@ -69,7 +69,7 @@ def draw_torques(
         )
         for values, color, line in _pieces(analysis, colors):
             axes.plot(values[0], values[number + 1], line, color=color, linewidth=2)
-        for one in analysis.branch.ranges():
+        for one in analysis.branch.bistable_ranges():
             axes.axvspan(one.low, one.high, color='0.94', zorder=0)
         for state, color in zip(analysis.states, colors, strict=True):
             value = (state.speed, state.stroke, state.flow)[number]
@@ -79,7 +79,9 @@ def draw_torques(
         axes.set_ylim(0, None)
         axes.tick_params(labelbottom=number == len(labels) - 1)
         axes.set_ylabel(words, fontsize=SMALL)
-    two = ', '.join(f'{one.low:.4g} to {one.high:.4g}' for one in analysis.branch.ranges())
+    two = ', '.join(
+        f'{one.low:.4g} to {one.high:.4g}' for one in analysis.branch.bistable_ranges()
+    )
     axes.set_xlabel(
         f"Motor's torque at rest M0, N m\n(two stable states: {two or 'nowhere here'})",
         fontsize=TEXT,
