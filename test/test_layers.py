@@ -56,6 +56,7 @@ CHARTS = {
     'charts.front',
     'charts.integration',
     'charts.motion',
+    'charts.page',
     'charts.linkage',
     'charts.accuracy',
     'charts.stability',

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
 from linkage_ros.analysis.pump import Analysis
+from linkage_ros.charts.page import Shade
 from linkage_ros.charts.pump_states import (
     AVERAGED,
     REST,
     UNSTABLE,
-    Shade,
     add_panel,
     label_axes,
     state_style,

@@ -14,10 +14,10 @@ from matplotlib.patches import Patch
 from linkage_ros.analysis.basins import ELSEWHERE, LEAVES
 from linkage_ros.analysis.pump import Analysis
 from linkage_ros.analysis.runs import Run
+from linkage_ros.charts.page import Shade
 from linkage_ros.charts.pump_states import (
     AVERAGED,
     REST,
-    Shade,
     label_axes,
     legend_below,
     state_name,

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,10 +12,10 @@ from matplotlib.gridspec import SubplotSpec
 
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.pump import Analysis
+from linkage_ros.charts.page import Shade
 from linkage_ros.charts.sizes import SMALL, TEXT
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 
-Shade: TypeAlias = tuple[float, float, float]
 # Stable states by growing speed; the unstable are grey and dashed.
 _STABLE = tuple(
     map(fractions, (FIRST, SECOND, mixed(FIRST, BLACK, 0.6), mixed(SECOND, BLACK, 0.6)))
