@@ -215,10 +215,10 @@ def finish(name: str, out: Path, figures: object) -> None:
     (out / f'{name}.json').write_text(json.dumps(figures, indent=1) + '\n')
 
 
-def options(doc: str, **seconds: float) -> argparse.Namespace:
+def options(doc: str, **numbers: float) -> argparse.Namespace:
     """The options that all of them have: --out, and a number or two of their own."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument('--out', type=Path, default=Path('reliability'), metavar='DIR')
-    for name, value in seconds.items():
+    for name, value in numbers.items():
         parser.add_argument(f'--{name}', type=type(value), default=value)
     return parser.parse_args()
