@@ -16,8 +16,6 @@ import argparse
 import json
 import math
 import os
-import signal
-import subprocess
 import sys
 import tempfile
 import threading
@@ -27,6 +25,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
+from reliability.harness import DOMAIN, environment, node, running, words
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.palette import FIRST, SECOND, fractions
@@ -105,31 +104,26 @@ class Relay:
 
 def run(path: Path, rpm: float, plant: Path, delay: float, *, feed_forward: bool) -> None:
     """One run; its log is left at a path."""
-    words = {
-        'plant': plant, 'rpm': rpm, 'feed_forward': str(feed_forward).lower(),
-        'lead_time': 1.5 * TICK + delay,
-    }  # fmt: skip
+    given = words(
+        {
+            'plant': plant, 'rpm': rpm, 'feed_forward': str(feed_forward).lower(),
+            'lead_time': 1.5 * TICK + delay,
+        }
+    )  # fmt: skip
     driven = {
         'drive': 'torque', 'start_rpm': rpm, 'rate_hz': RATE, 'log': path, 'log_overwrite': 'true',
     }  # fmt: skip
-
-    def start(module: str, values: dict[str, object], *others: str) -> subprocess.Popen[bytes]:
-        given = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
-        command = [sys.executable, '-m', f'linkage_ros.{module}', '--ros-args', *given, *others]
-        return subprocess.Popen(command, stderr=subprocess.DEVNULL)
-
+    remap = ['-r', 'joint_commands:=slow_commands'] if delay else []
     with ExitStack() as stack:
-        remap = ['-r', 'joint_commands:=slow_commands'] if delay else []
         if delay:
             stack.callback(Relay(delay).close)
-        controller = start('controller', words, *remap)
-        stack.callback(controller.wait)
-        stack.callback(controller.send_signal, signal.SIGINT)
+        command = '-m', 'linkage_ros.controller', *given, *remap
+        controller = stack.enter_context(running(*command, domain=DOMAIN))
         time.sleep(1.5)
-        node = start('node', driven)
-        time.sleep(SECONDS + 1.5)
-        node.send_signal(signal.SIGINT)
-        node.wait()
+        with node(DOMAIN, **driven) as turning:
+            time.sleep(SECONDS + 1.5)
+            turning.end()
+        controller.end()
 
 
 def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
@@ -196,8 +190,8 @@ def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     axes = figure.subplots(rows, len(names), squeeze=False, sharex=True, sharey='row')
     for (rpm, name, fed), (degrees, ripple, effort) in curves.items():
         above, below = axes[2 * speeds.index(rpm) :, names.index(name)][:2]
-        color, words = (SECOND, 'with feed-forward') if fed else (FIRST, 'PI alone')
-        above.plot(degrees, 100 * ripple, color=fractions(color), label=words)
+        color, law = (SECOND, 'with feed-forward') if fed else (FIRST, 'PI alone')
+        above.plot(degrees, 100 * ripple, color=fractions(color), label=law)
         below.plot(degrees, effort, color=fractions(color))
         above.set_title(f'{rpm:g} rpm, {name}', fontsize=TEXT)
     for above, below in zip(axes[::2, 0], axes[1::2, 0], strict=True):
@@ -224,8 +218,7 @@ def main() -> None:
     parser.add_argument('--quick', action='store_true', help='one speed, as it is')
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    os.environ.setdefault('ROS_DOMAIN_ID', '83')
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # no other plant is commanded
+    os.environ.update(environment(DOMAIN))  # no other plant is commanded
     cases = CASES[:1] if options.quick else CASES
     speeds = SPEEDS[:1] if options.quick else SPEEDS
     records, curves = [], {}
@@ -237,8 +230,8 @@ def main() -> None:
         for rpm in speeds:
             for name, factor, delay in cases:
                 for feed_forward in (False, True):
-                    words = 'feed_forward' if feed_forward else 'pi'
-                    path = options.out / f'{rpm:g}_{name.replace(" ", "_")}_{words}.mcap'
+                    law = 'feed_forward' if feed_forward else 'pi'
+                    path = options.out / f'{rpm:g}_{name.replace(" ", "_")}_{law}.mcap'
                     plant = heavier(factor, Path(folder))
                     run(path, rpm, plant, delay, feed_forward=feed_forward)
                     figures, curves[rpm, name, feed_forward] = measure(path, rpm)

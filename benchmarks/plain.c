@@ -1,7 +1,7 @@
 /* Copyright 2026 The linkage_ros authors
    SPDX-License-Identifier: Apache-2.0
 
-   The textbook closed form of each mechanism with the same ten results as linkage_ros gives. It
+   The textbook closed form of the four-bar with the same ten results as linkage_ros gives. It
    fails at change points. ivdep: the rows of out do not overlap, which a compiler cannot know;
    without that it would not use vectors. */
 #include <math.h>
@@ -34,31 +34,5 @@ void four_bar(long n, const double *k, const double *alpha, double w, double *ou
         out[6 * n + i] = 0, out[7 * n + i] = e2, out[8 * n + i] = e3;
         out[9 * n + i] = m2 * (ax * vx + (ay + g) * vy) + j2 * k2 * e2
             + k3 * e3 * (j3 + m3 * s3 * s3) + m3 * g * q * k3 * cx;
-    }
-}
-
-/* r b, guide, offset, mass inertia centre of the coupler, slider mass force damping,
-   moment of the crank, g */
-void slider_crank(long n, const double *k, const double *alpha, double w, double *out)
-{
-    double r = k[0], b = k[1], e = k[3], m2 = k[4], j2 = k[5], s2 = k[6], m3 = k[7];
-    double force = k[8], damping = k[9], m1s = k[10], g = k[11];
-    double gx = cos(k[2]), gy = sin(k[2]), wx = -g * gy, wy = -g * gx;
-#pragma GCC ivdep
-    for (long i = 0; i < n; i++) {
-        double ca = cos(alpha[i] - k[2]), sa = sin(alpha[i] - k[2]);
-        double by = e - r * sa, bx = sqrt(b * b - by * by), k2 = -r * ca / bx;
-        double w2 = k2 * w, e2 = (r * w * w * sa + w2 * w2 * by) / bx;
-        double k3 = -r * sa - k2 * by, e3 = -r * w * w * ca - w2 * w2 * bx - e2 * by;
-        double p = s2 / b;
-        double vx = -r * sa - p * k2 * by, vy = r * ca + p * k2 * bx;
-        double ax = -r * w * w * ca - p * (w2 * w2 * bx + e2 * by);
-        double ay = -r * w * w * sa + p * (e2 * bx - w2 * w2 * by);
-        out[i] = alpha[i], out[n + i] = atan2(gx * by + gy * bx, gx * bx - gy * by);
-        out[2 * n + i] = r * ca + bx;
-        out[3 * n + i] = w, out[4 * n + i] = w2, out[5 * n + i] = k3 * w;
-        out[6 * n + i] = 0, out[7 * n + i] = e2, out[8 * n + i] = e3;
-        out[9 * n + i] = m2 * ((ax - wx) * vx + (ay - wy) * vy) + j2 * k2 * e2
-            + k3 * (m3 * (e3 - wx) + damping * k3 * w - force) - m1s * (wy * ca - wx * sa);
     }
 }

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a textbook program computes, in Python and in C, for the benchmarks to measure against.
+"""What a textbook program computes of a four-bar, in Python and in C: two of the peers.
 
 The coupler-rocker pin by one square root, rates and accelerations by division by
 sin(gamma - beta), and document 1's power balance. It fails at change points.
@@ -10,12 +10,10 @@ import math
 import subprocess
 from pathlib import Path
 
-from linkage_ros import FourBar
-
 SOURCE = Path(__file__).with_name('plain.c')
 
 
-def make_plain(mechanism, side=1.0):
+def make_plain(mechanism, side):
     """The four-bar's, with torque, all constants bound beforehand.
 
     Args:
@@ -64,26 +62,21 @@ def make_plain(mechanism, side=1.0):
     return plain
 
 
-def constants(mechanism, side=1.0):
-    """What the C functions want to know."""
-    crank, coupler, g = mechanism.crank, mechanism.coupler, -mechanism.gravity[1]
-    if isinstance(mechanism, FourBar):
-        rocker, frame = mechanism.rocker, mechanism.frame
-        pivot = (frame.length * math.cos(frame.angle), frame.length * math.sin(frame.angle))
-        coupling = coupler.mass, coupler.inertia, coupler.center[0]
-        following = rocker.mass, rocker.inertia, rocker.center[0]
-        lengths = crank.length, coupler.length, rocker.length
-        return [*lengths, *pivot, *coupling, *following, crank.inertia, g, side]
-    slider = mechanism.slider
+def constants(mechanism, side):
+    """What the C function wants to know of a four-bar."""
+    crank, coupler, rocker = mechanism.crank, mechanism.coupler, mechanism.rocker
+    frame = mechanism.frame
+    pivot = (frame.length * math.cos(frame.angle), frame.length * math.sin(frame.angle))
     return [
-        *(crank.length, coupler.length, mechanism.frame.angle, slider.offset),
+        *(crank.length, coupler.length, rocker.length, *pivot),
         *(coupler.mass, coupler.inertia, coupler.center[0]),
-        *(slider.mass, slider.force, slider.damping, crank.mass * crank.center[0], g),
+        *(rocker.mass, rocker.inertia, rocker.center[0]),
+        *(crank.inertia, -mechanism.gravity[1], side),
     ]
 
 
 def compiled(folder, *flags):
-    """The library of C functions, as a path.
+    """The library with the C function, as a path.
 
     Raises:
         RuntimeError: cc refuses, with what it says.

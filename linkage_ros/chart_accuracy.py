@@ -9,7 +9,6 @@ import argparse
 from linkage_ros.chart_output import about, folder, libraries, progress, save_records
 from linkage_ros.chart_presets import moving_presets, preset
 from linkage_ros.core.mechanism import FourBar, SliderCrank
-from linkage_ros.motion.adaptive import AdaptiveSteps
 
 
 def accuracy(options: argparse.Namespace) -> None:
@@ -25,19 +24,17 @@ def accuracy(options: argparse.Namespace) -> None:
         from linkage_ros.charts.accuracy import draw_accuracy
         from linkage_ros.charts.integration import draw_integration
         from linkage_ros.methods.accuracy import measure_accuracy, tasks
-        from linkage_ros.methods.measure import Bench
+        from linkage_ros.methods.bench import Bench
         from linkage_ros.methods.motion_accuracy import measure_motion_accuracy
-        from linkage_ros.methods.table import integrators
     mechanisms = preset('quadrilateral', FourBar)[0], preset('slider_crank', SliderCrank)[0]
-    machines = moving_presets()
+    movers = moving_presets()
     with folder(options.out):
         benches = {
             name: Bench(task, 120 if options.quick else 360)
             for name, task in tasks(*mechanisms).items()
         }
         points = measure_accuracy(benches, quick=options.quick, progress=progress)
-        methods = integrators(AdaptiveSteps)
-        moved = measure_motion_accuracy(methods, machines, quick=options.quick, progress=progress)
+        moved = measure_motion_accuracy(movers, quick=options.quick, progress=progress)
         on = ', '.join(f'{name} {value}' for name, value in about().items())
         records = options.out / 'accuracy.json'
         save_records(records, [point.record() for point in (*points, *moved)])
@@ -47,5 +44,5 @@ def accuracy(options: argparse.Namespace) -> None:
             draw_accuracy([point for point in points if point.mechanism == name], title, picture)
         pictures.append(options.out / 'accuracy_motions.png')
         title = f'Speed against accuracy: motions under a torque\n{on}'
-        draw_integration(moved, methods, title, pictures[-1])
+        draw_integration(moved, title, pictures[-1])
     print(records, *pictures, sep='\n')

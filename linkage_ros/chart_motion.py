@@ -101,6 +101,6 @@ def _settled(
             f'{name} = {rpm:g}: must be above 0 rpm, because a wind_pump is started forwards and '
             'left to its motor; try --rpm 20'
         )
-    line, speed = (motor.torque, motor.damping), radians_per_second(rpm)
-    turn = SettledTurn(mechanism, line, speed, progress)
+    speed = radians_per_second(rpm)
+    turn = SettledTurn(mechanism, motor, speed, progress)
     return turn, ['', motor.words(), f'from {speed:.4g} rad/s', *turn.words()]

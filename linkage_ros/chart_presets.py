@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 
 from linkage_ros.core.mechanism import FourBar, Mechanism, WindPump
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.methods.motions import Machines
+from linkage_ros.methods.problems import ChartMechanisms
 from linkage_ros.motion.drives import Drive, TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path
@@ -39,7 +39,7 @@ def preset(name: str, kind: type[_Kind]) -> tuple[_Kind, Drive]:
     return mechanism, configuration.drive
 
 
-def moving_presets() -> Machines:
+def moving_presets() -> ChartMechanisms:
     """The quadrilateral, and the wind pump with its motor, for motions under a torque.
 
     Raises:
@@ -47,5 +47,5 @@ def moving_presets() -> Machines:
     """
     quadrilateral, _ = preset('quadrilateral', FourBar)
     pump, drive = preset('wind_pump', WindPump)
-    motor = cast('TorqueDrive', drive).motor  # a wind pump has no other drive
-    return Machines(quadrilateral, pump, motor.torque, motor.damping)
+    # A wind pump has no other drive.
+    return ChartMechanisms(quadrilateral, pump, cast('TorqueDrive', drive).motor)

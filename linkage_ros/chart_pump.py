@@ -25,21 +25,20 @@ def pump(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.analysis.pump import analyse
-        from linkage_ros.analysis.table import write_table
+        from linkage_ros.analysis.states_table import states_table
         from linkage_ros.charts.pump import draw_pump
     configuration = load(options.params)
     mechanism, drive = configuration.mechanism, configuration.drive
     if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
         raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
-    torque, damping = drive.motor.torque, drive.motor.damping
     name = find_file(options.params).stem
     title = f'{name}: {drive.motor.words()}'
     records, picture = options.out / f'{name}_settled.json', options.out / f'{name}_settled.png'
     with folder(options.out):
         found = analyse(
-            mechanism, torque, damping,
+            mechanism, drive.motor,
             speeds=options.speeds, quick=options.quick, progress=progress,
         )  # fmt: skip
         save_records(records, [found.record()])
         draw_pump(found, title, picture)
-    print(records, *write_table(found), picture, sep='\n')
+    print(records, *states_table(found), picture, sep='\n')

@@ -8,7 +8,6 @@ import argparse
 
 from linkage_ros.chart_output import folder, libraries, progress, save_records
 from linkage_ros.chart_presets import moving_presets
-from linkage_ros.motion.adaptive import AdaptiveSteps
 
 
 def stability(options: argparse.Namespace) -> None:
@@ -22,21 +21,19 @@ def stability(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.stability import draw_stability
-        from linkage_ros.methods.motion_stability import measure_motion_stability
+        from linkage_ros.methods.motion_outcomes import measure_motion_outcomes
+        from linkage_ros.methods.outcomes import measure_outcomes
         from linkage_ros.methods.situations import SITUATIONS
-        from linkage_ros.methods.stability import measure_stability
-        from linkage_ros.methods.table import integrators
-    machines = moving_presets()
+    movers = moving_presets()
     records, picture = options.out / 'stability.json', options.out / 'stability.png'
     with folder(options.out):
         cases = 6 if options.quick else 30
-        cells = measure_stability(SITUATIONS, cases=cases, progress=progress)
-        methods = integrators(AdaptiveSteps)
-        moved = measure_motion_stability(methods, machines, cases=cases, progress=progress)
+        cells = measure_outcomes(SITUATIONS, cases=cases, progress=progress)
+        moved = measure_motion_outcomes(movers, cases=cases, progress=progress)
         save_records(records, [cell.record() for cell in (*cells, *moved)])
         title = (
             'What comes of each method in each situation\n'
             f'the worst of {cases} cases, or of a few motions, and the largest relative error'
         )
-        draw_stability(cells, moved, methods, title, picture)
+        draw_stability(cells, moved, title, picture)
     print(records, picture, sep='\n')

@@ -92,8 +92,8 @@ def run(copy, *arguments):
 MEASURE = """
 import json
 from linkage_ros.charts.accuracy import draw_accuracy
-from linkage_ros.methods import accuracy, stability, table
-from linkage_ros.methods.measure import Bench
+from linkage_ros.methods import accuracy, outcomes, table
+from linkage_ros.methods.bench import Bench
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.parameters.configuration import load
 
@@ -105,7 +105,7 @@ plain = lambda what, _: what
 points = accuracy.measure_accuracy(benches, quick=True, progress=plain)
 draw_accuracy([p for p in points if p.mechanism == 'quadrilateral'], 'it', 'it.png')
 some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
-cells = stability.measure_stability(some, cases=2, progress=plain, methods=accuracy.METHODS[1:])
+cells = outcomes.measure_outcomes(some, cases=2, progress=plain, methods=accuracy.METHODS[1:])
 print(json.dumps([[p.record() for p in points], [c.record() for c in cells]]))
 """
 

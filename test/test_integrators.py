@@ -19,23 +19,20 @@ from linkage_ros import EquationsOfMotion, FourBar
 from linkage_ros.core.numeric import with_turns
 from linkage_ros.core.simulation import FixedSteps, Motion
 from linkage_ros.methods import linkages, motion_accuracy, table
+from linkage_ros.methods.bench import LIMIT
 from linkage_ros.methods.cut_loop import CutLoop, eliminate
 from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
-from linkage_ros.methods.measure import LIMIT
 from linkage_ros.methods.motion_bench import MotionBench, even
 from linkage_ros.methods.motion_reference import Accuracy, MotionReference, unit
-from linkage_ros.methods.motions import Machines, MotionTask
+from linkage_ros.methods.problems import ChartMechanisms, InitialValueProblem
 from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump')
 QUADRILATERAL = load('quadrilateral').mechanism
-MACHINES = Machines(
-    QUADRILATERAL, PUMP.mechanism, PUMP.drive.motor.torque, PUMP.drive.motor.damping
-)
-INTEGRATORS = table.integrators(AdaptiveSteps)
-BY_NAME = {method.name: method for method in INTEGRATORS}
-DRIVEN, COASTING = MACHINES.driven(6.0), MACHINES.coasting(5 * math.pi)
+MECHANISMS = ChartMechanisms(QUADRILATERAL, PUMP.mechanism, PUMP.drive.motor)
+BY_NAME = {method.name: method for method in table.INTEGRATORS}
+DRIVEN, COASTING = MECHANISMS.driven(6.0), MECHANISMS.coasting(5 * math.pi)
 
 
 @pytest.fixture(scope='module')
@@ -54,10 +51,10 @@ def slope(x, y):
 # ---------------------------------------------------------------- the reference
 
 
-@pytest.mark.parametrize('task', [DRIVEN, COASTING, MACHINES.freed(9.0)])
-def test_the_reference_is_the_same_with_other_steps_of_another_order(task):
-    other = MotionReference(task, Accuracy(Decimal('0.03'), 9, Decimal('1e-22')))
-    mine = MotionReference(task)
+@pytest.mark.parametrize('problem', [DRIVEN, COASTING, MECHANISMS.freed(9.0)])
+def test_the_reference_is_the_same_with_other_steps_of_another_order(problem):
+    other = MotionReference(problem, Accuracy(Decimal('0.03'), 9, Decimal('1e-22')))
+    mine = MotionReference(problem)
     for time in (0.3, 0.7, 1.0):
         for x, y in zip(mine.at(time), other.at(time), strict=True):
             assert abs(x - y) < Decimal('1e-17')
@@ -95,7 +92,7 @@ def test_the_reference_agrees_with_absolute_coordinates_of_another_hand():
     [(5.0, 0.399465563600), (6.0, 0.273729384923), (-6.0, 0.230043884145)],
 )
 def test_the_end_of_the_coordinates_is_found(velocity, end):
-    assert MotionReference(MACHINES.driven(2.0, velocity)).end(1.0) == pytest.approx(
+    assert MotionReference(MECHANISMS.driven(2.0, velocity)).end(1.0) == pytest.approx(
         end, abs=1e-11
     )
 
@@ -107,26 +104,30 @@ def test_a_motion_that_does_not_end_has_no_end():
 def test_the_reference_says_where_it_cannot_go_on():
     parallelogram = replace(linkages.four_bar((0.25, 0.75, 0.25, 0.75)), gravity=(0.0, 0.0))
     with pytest.raises(ArithmeticError, match='cannot be followed beyond'):
-        MotionReference(MotionTask(parallelogram, (-0.5, 2.0))).at(1.0)
+        MotionReference(InitialValueProblem(parallelogram, (-0.5, 2.0))).at(1.0)
 
 
 @pytest.mark.parametrize('seed', range(4))
 def test_the_cut_loop_accelerates_as_virtual_power_does(seed):
     random = np.random.default_rng(seed)
-    tasks = [
-        MotionTask(MACHINES.pump, (*random.uniform((0, 1.3), (7, 1.7)), *random.uniform(-5, 5, 2)))
+    problems = [
+        InitialValueProblem(
+            MECHANISMS.pump, (*random.uniform((0, 1.3), (7, 1.7)), *random.uniform(-5, 5, 2))
+        )
     ]
-    while len(tasks) < 3:
+    while len(problems) < 3:
         mechanism = linkages.turning(random)
         if isinstance(mechanism, FourBar):
-            tasks.append(MotionTask(mechanism, tuple(random.uniform(-5, 5, 2))))
-    for task in tasks:
-        start = tuple(map(float, task.start))
-        q, u = start[: task.count], start[task.count :]
-        equations = EquationsOfMotion(task.mechanism)
-        state = equations.state(q, u, (0.0,) * task.count)
+            problems.append(InitialValueProblem(mechanism, tuple(random.uniform(-5, 5, 2))))
+    for problem in problems:
+        start = tuple(map(float, problem.start))
+        q, u = start[: problem.count], start[problem.count :]
+        equations = EquationsOfMotion(problem.mechanism)
+        state = equations.state(q, u, (0.0,) * problem.count)
         directions = [(math.cos(x), math.sin(x)) for x in state.position[:3]]
-        found = CutLoop(task.mechanism, float, lambda x: (math.cos(x), math.sin(x))).accelerations(
+        found = CutLoop(
+            problem.mechanism, float, lambda x: (math.cos(x), math.sin(x))
+        ).accelerations(
             directions, state.velocity[:3], u[1] if len(u) > 1 else None, 3.0, eliminate
         )
         chosen = (found[0], found[3]) if len(u) > 1 else (found[0],)
@@ -150,17 +151,17 @@ def test_cosine_and_sine_have_all_digits():
 
 
 @pytest.mark.parametrize(
-    ('name', 'task', 'steps', 'order'),
+    ('name', 'problem', 'steps', 'order'),
     [
-        ('RK4', MACHINES.driven(2.0), (0.05, 0.025, 0.0125, 0.005), 4),
+        ('RK4', MECHANISMS.driven(2.0), (0.05, 0.025, 0.0125, 0.005), 4),
         ('RK4', COASTING, (2e-3, 1e-3, 5e-4, 2.5e-4), 4),
-        (table.LIVE, MACHINES.driven(2.0), (0.05, 0.025, 0.0125, 0.01), 5),
+        (table.LIVE, MECHANISMS.driven(2.0), (0.05, 0.025, 0.0125, 0.01), 5),
         (table.LIVE, DRIVEN, (0.025, 0.0125, 0.005, 0.0025), 5),
     ],
 )
-def test_fixed_steps_are_of_their_order(name, task, steps, order):
-    bench = MotionBench(task, even(0.4 if task is COASTING else 1.0))
-    found = [worst(bench, BY_NAME[name].make(task, {'step': step})) for step in steps]
+def test_fixed_steps_are_of_their_order(name, problem, steps, order):
+    bench = MotionBench(problem, even(0.4 if problem is COASTING else 1.0))
+    found = [worst(bench, BY_NAME[name].make(problem, {'step': step})) for step in steps]
     assert slope(steps, found) == pytest.approx(order, abs=0.3)
 
 
@@ -211,30 +212,30 @@ class Counted(Motion):
 counts: list[float] = []
 
 
-def counted(task):
+def counted(problem):
     """The same run, with its motion counted from now on."""
     counts.clear()
-    task = replace(task)
-    task.__dict__['motion'] = Counted(task.motion.equations, task.motion.torque)
-    return task
+    problem = replace(problem)
+    problem.__dict__['motion'] = Counted(problem.motion.equations, problem.motion.torque)
+    return problem
 
 
 def test_the_work_of_a_live_ms_is_bounded():
-    task = counted(DRIVEN)
-    follower = BY_NAME[table.LIVE].make(task, BY_NAME[table.LIVE].steady)
+    problem = counted(DRIVEN)
+    follower = BY_NAME[table.LIVE].make(problem, BY_NAME[table.LIVE].steady)
     for i in range(200):
         counts.clear()
         follower.at((i + 1) * 1e-3)
         assert len(counts) == 6  # the last look of a step is the first of the next
-    task = counted(DRIVEN)
-    follower = RungeKutta4(task, 1e-3)
+    problem = counted(DRIVEN)
+    follower = RungeKutta4(problem, 1e-3)
     follower.at(0.1)
     assert len(counts) == 400
 
 
 def test_records_take_fewer_looks_but_many_at_once():
-    task = counted(DRIVEN)
-    follower = BY_NAME[table.RECORDS].make(task, {})
+    problem = counted(DRIVEN)
+    follower = BY_NAME[table.RECORDS].make(problem, {})
     numbers = []
     for i in range(1000):
         counts.clear()
@@ -248,10 +249,10 @@ def test_records_take_fewer_looks_but_many_at_once():
 
 
 def test_the_table_is_complete_and_its_names_differ():
-    names = [method.name for method in INTEGRATORS]
+    names = [method.name for method in table.INTEGRATORS]
     assert len(set(names)) == len(names)
     assert names[:2] == [table.LIVE, table.RECORDS]
-    for method in INTEGRATORS:
+    for method in table.INTEGRATORS:
         assert method.stage == table.MOTION
         assert method.needs
         assert method.source
@@ -263,7 +264,7 @@ def test_the_table_is_complete_and_its_names_differ():
 @pytest.mark.parametrize('motion', ['pump', 'four-bar'])
 def test_errors_fall_with_each_setting_down_to_a_floor(benches, motion, name):
     bench, method = benches[motion], BY_NAME[name]
-    found = [worst(bench, method.make(bench.task, setting)) for setting in method.settings]
+    found = [worst(bench, method.make(bench.problem, setting)) for setting in method.settings]
     floor = found.index(min(found))
     down = [max(error, 2e-13) for error in found[: floor + 1]]
     assert all(b < a or b == 2e-13 for a, b in itertools.pairwise(down)), found
@@ -277,7 +278,7 @@ def test_the_defaults_are_what_live_runs_and_records_take(benches):
         (table.RECORDS, AdaptiveSteps(DRIVEN.motion, DRIVEN.start)),
     ):
         method = BY_NAME[name]
-        follower = method.make(DRIVEN, method.steady or {})
+        follower = method.make(DRIVEN, method.steady)
         for time in bench.times:
             steps.advance(time)
             assert follower.at(time) == (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
@@ -287,7 +288,7 @@ def test_the_defaults_are_right(benches):
     for bench in benches.values():
         for name in (table.LIVE, table.RECORDS):
             method = BY_NAME[name]
-            assert worst(bench, method.make(bench.task, method.steady or {})) < 1e-10
+            assert worst(bench, method.make(bench.problem, method.steady)) < 1e-10
 
 
 # ---------------------------------------------------------------- energy and the loop
@@ -295,29 +296,29 @@ def test_the_defaults_are_right(benches):
 
 @pytest.mark.parametrize('name', BY_NAME)
 def test_the_energy_of_a_free_motion_stays(name):
-    task = MACHINES.freed(6.0)
-    bench, method = MotionBench(task, even(5.0)), BY_NAME[name]
-    follower = method.make(task, method.steady or {})
+    problem = MECHANISMS.freed(6.0)
+    bench, method = MotionBench(problem, even(5.0)), BY_NAME[name]
+    follower = method.make(problem, method.steady)
     limit = 1e-7 if name in ('Radau', 'multipliers, unstabilised') else 1e-10
     assert max(bench.drift(follower.at(time)) for time in bench.times) < limit
     assert bench.drift((math.nan, 1.5, 6.0, 0.0)) == math.inf
 
 
-@pytest.mark.parametrize('task', [MACHINES.freed(9.0), COASTING], ids=['pump', 'four-bar'])
-def test_an_unstabilised_loop_opens_with_the_square_of_time(task):
-    follower, times, gaps = Multipliers(task, 1e-9), np.arange(1.0, 31.0), []
+@pytest.mark.parametrize('problem', [MECHANISMS.freed(9.0), COASTING], ids=['pump', 'four-bar'])
+def test_an_unstabilised_loop_opens_with_the_square_of_time(problem):
+    follower, times, gaps = Multipliers(problem, 1e-9), np.arange(1.0, 31.0), []
     for time in times.tolist():
         follower.at(time)
         gaps.append(follower.gap())
     widest = np.maximum.accumulate(gaps)
     assert slope(times[2:], widest[2:]) == pytest.approx(2, abs=0.3)
-    assert widest[-1] > 100 * 1e-9 * task.mechanism.crank.length
+    assert widest[-1] > 100 * 1e-9 * problem.mechanism.crank.length
 
 
 def test_a_loop_that_is_closed_from_coordinates_does_not_open():
     for name in (table.LIVE, table.RECORDS, 'DOP853', 'RK4', 'Radau'):
         method = BY_NAME[name]
-        follower = method.make(DRIVEN, method.steady or {})
+        follower = method.make(DRIVEN, method.steady)
         follower.at(1.0)
         assert follower.gap() < 1e-14
 
@@ -327,7 +328,7 @@ def test_a_loop_that_is_closed_from_coordinates_does_not_open():
 
 def test_a_method_that_fails_has_no_time_and_an_error_without_bound():
     job = motion_accuracy._Job(
-        BY_NAME['RK4'], {'step': 0.05}, MotionBench(MACHINES.driven(2.0, 6.0), even(0.5)), []
+        BY_NAME['RK4'], {'step': 0.05}, MotionBench(MECHANISMS.driven(2.0, 6.0), even(0.5)), []
     )
     job.follow()
     point = job.point('wind_pump', 'trajectory', [])
@@ -337,7 +338,7 @@ def test_a_method_that_fails_has_no_time_and_an_error_without_bound():
 def test_only_steps_up_to_a_ms_have_a_slowest_ms():
     methods = [replace(BY_NAME['RK4'], settings=({'step': 0.01}, {'step': 1e-3}))]
     points = motion_accuracy.measure_motion_accuracy(
-        methods, MACHINES, quick=True, progress=lambda items, _: items
+        MECHANISMS, quick=True, progress=lambda items, _: items, methods=methods
     )
     assert len(points) == 2 * (2 + 1 + 2)
     slowest = [p for p in points if p.mode == motion_accuracy.SLOWEST]
@@ -351,7 +352,7 @@ def test_errors_are_seen(benches):
     bench = benches['pump']
     exact = [float(x) for x in MotionReference(DRIVEN).at(bench.times[0])]
     assert bench.error(0, tuple(exact)) < 1e-15
-    length = MACHINES.pump.crank.length
+    length = MECHANISMS.pump.crank.length
     assert bench.error(0, (exact[0] + 1e-3, *exact[1:])) == pytest.approx(1e-3)
     assert bench.error(0, (exact[0], exact[1] + 1e-3 * length, *exact[2:])) == pytest.approx(1e-3)
     # A lost turn is an error.

@@ -50,9 +50,14 @@ CHARTS = {
     'charts.front',
     'charts.integration',
     'charts.motion',
+    'charts.page',
+    'charts.linkage',
     'charts.accuracy',
     'charts.stability',
     'charts.pump',
+    'charts.pump_states',
+    'charts.pump_motions',
+    'charts.pump_load',
 }
 MOTIONS = {
     'methods.table',
@@ -61,9 +66,9 @@ MOTIONS = {
     'methods.motion_bench',
     'methods.motion_situations',
     'methods.motion_accuracy',
-    'methods.motion_stability',
+    'methods.motion_outcomes',
 }
-MPMATH = {'methods.reference', 'methods.measure', 'methods.accuracy', 'methods.stability'}
+MPMATH = {'methods.reference', 'methods.bench', 'methods.accuracy', 'methods.outcomes'}
 SCIPY = {'methods.integrators', 'motion.adaptive', 'analysis.poincare'}
 ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'progress'}

@@ -21,18 +21,16 @@ from linkage_ros import __version__
 from linkage_ros.charts.accuracy import draw_accuracy
 from linkage_ros.charts.integration import draw_integration
 from linkage_ros.charts.stability import draw_stability
-from linkage_ros.methods.accuracy import NEAR, Point
-from linkage_ros.methods.measure import LIMIT
+from linkage_ros.methods.accuracy import NEAR, Measurement
+from linkage_ros.methods.bench import LIMIT
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
+from linkage_ros.methods.outcomes import OUTCOMES, Cell
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.stability import OUTCOMES, Cell
-from linkage_ros.methods.table import DEFAULT, METHODS, integrators, label
-from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.methods.table import DEFAULT, INTEGRATORS, METHODS, label
 from linkage_ros.parameters.presets import preset_path
 
-INTEGRATORS = integrators(AdaptiveSteps)
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
 PLACES = {situation.name for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
 
@@ -153,18 +151,20 @@ def redrawn(monkeypatch):
     monkeypatch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
     unknown = {'max_error': math.inf, 'us_per_state': math.inf}  # null in JSON
     points = [
-        Point(**{name: unknown[name] if value is None else value for name, value in one.items()})
+        Measurement(
+            **{name: unknown[name] if value is None else value for name, value in one.items()}
+        )
         for one in committed('accuracy')
     ]
     solved = [point for point in points if point.mode not in (MEAN, SLOWEST)]
     for name in dict.fromkeys(point.mechanism for point in solved):
         draw_accuracy([p for p in solved if p.mechanism == name], name, Path(name))
-    draw_integration([p for p in points if p.mode in (MEAN, SLOWEST)], INTEGRATORS, 'it', Path())
+    draw_integration([p for p in points if p.mode in (MEAN, SLOWEST)], 'it', Path())
     cells = [Cell(**record) for record in committed('stability')]
     own = {situation.name for situation in SITUATIONS}
     draw_stability(
         [cell for cell in cells if cell.situation in own],
-        [cell for cell in cells if cell.situation not in own], INTEGRATORS, 'it', Path(),
+        [cell for cell in cells if cell.situation not in own], 'it', Path(),
     )  # fmt: skip
     assert len(pages) == 5
     return pages

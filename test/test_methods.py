@@ -16,7 +16,8 @@ from oracle_slider import SliderOracle
 from linkage_ros import FourBar, Solver, UnreachableError
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods import linkages, reference, table
-from linkage_ros.methods.accuracy import NEAR, Point, mark_fronts, tasks
+from linkage_ros.methods.accuracy import NEAR, Measurement, mark_fronts, tasks
+from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import (
     BATCH,
     FUNCTIONS,
@@ -29,7 +30,6 @@ from linkage_ros.methods.chain import (
 )
 from linkage_ros.methods.iteration import CAP, NewtonRaphson
 from linkage_ros.methods.loop import Loop
-from linkage_ros.methods.measure import LIMIT, Bench, time_pass
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.parameters.configuration import load
@@ -78,7 +78,7 @@ def test_the_reference_agrees_with_an_oracle_of_another_hand(seed):
 
 @pytest.mark.parametrize('seed', range(6))
 def test_the_reference_is_the_limit_at_change_points_and_beside_them(seed):
-    task = Task(linkages.dyadic(np.random.default_rng(seed)), (0.0, 0.0), 3.0, -7.0)
+    task = Task(linkages.with_change_point(np.random.default_rng(seed)), (0.0, 0.0), 3.0, -7.0)
     for crank in (0.0, 1e-300, -1e-18, 1e-9, 3.0, 4.0, 7.0, 10.0):
         assert_same(task, crank)
 
@@ -128,7 +128,7 @@ def test_every_method_is_right_on_an_easy_mechanism(benches, mechanism, method):
     limit = 1e-5 if 'float32' in method.name else 2e-6 if method.name.startswith('cent') else 1e-11
     if (mechanism, method.name) == ('slider_crank', 'half-angle'):
         limit = 1e-9  # near alpha = 0 its denominator is small
-    setting = method.steady or method.settings[0]
+    setting = method.steady
     for mode in method.modes:
         for quantity in OWN[method.stage]:
             assert benches[mechanism].worst_error(method, setting, mode, quantity) < limit
@@ -139,7 +139,7 @@ def test_an_array_gives_what_numbers_give(benches):
     for method in table.METHODS:
         if method.modes != (ONE, BATCH):
             continue
-        setting = method.steady or method.settings[0]
+        setting = method.steady
         one, batch = (method.make(bench.task, setting, FUNCTIONS[m]) for m in (ONE, BATCH))
         cranks = bench.even(7)
         for quantity in QUANTITIES:
@@ -278,7 +278,7 @@ def test_the_table_is_complete_and_its_names_differ():
 
 
 def point(us, error, method='a', quantity='rate'):
-    return Point(method, '', 'm', quantity, ONE, us, error)
+    return Measurement(method, '', 'm', quantity, ONE, us, error)
 
 
 def test_fronts_are_of_right_points_that_nothing_beats():

@@ -5,11 +5,10 @@
 from __future__ import annotations
 
 import pytest
-from test_method_charts import EVERY, INTEGRATORS, PLACES, run_quick
+from test_method_charts import EVERY, PLACES, run_quick
 
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
-from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.stability import (
+from linkage_ros.methods.outcomes import (
     DIVERGED,
     NAN,
     OUTCOMES,
@@ -18,7 +17,8 @@ from linkage_ros.methods.stability import (
     WRONG_BRANCH,
     Cell,
 )
-from linkage_ros.methods.table import DEFAULT, LIVE, METHODS, RECORDS
+from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.methods.table import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 
 BY_NAME = {situation.name: situation for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
 UNSTABILISED = ('multipliers, unstabilised',)

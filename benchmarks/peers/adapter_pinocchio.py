@@ -104,8 +104,5 @@ class ColdAdapter(Adapter):
     """The same for one angle out of the blue."""
 
     name = 'Pinocchio, cold'
-    how = (
-        'The same, each state from the first one: what a state costs that is asked for by '
-        'itself, as ours are.'
-    )
+    how = Adapter.COLD
     cold = True

@@ -26,15 +26,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import Diagnostics, Process, finish, listening, node, options, tool, wait_for
+from harness import (
+    DOMAIN,
+    NOT_HERE,
+    Diagnostics,
+    Process,
+    finish,
+    listening,
+    node,
+    options,
+    tool,
+    wait_for,
+)
 
 from linkage_ros.log.reader import LogReader
 
-RATE, DOMAIN = 1000.0, 10 + os.getpid() % 90
+RATE = 1000.0
 SIZE = '3m'
 ERROR = 2
 SILENCE = 0.1  # s between two states that a subscriber notices
-INSIDE, NOT_HERE = 'LINKAGE_DISK_BENCHMARK', 77
+INSIDE = 'LINKAGE_DISK_BENCHMARK'
 
 
 def enter_namespace() -> None:

@@ -8,6 +8,7 @@ import argparse
 import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 import threading
@@ -20,6 +21,12 @@ from typing import Any
 import numpy as np
 
 from linkage_ros.ros.shared_memory import remove_half_made
+
+DOMAIN = 10 + os.getpid() % 90  # so that two runs beside each other hardly meet
+LISTENER = Path(__file__).with_name('listener.py')
+NOT_HERE = 77  # exit code where this system or this user cannot make what is needed
+# In the bytes of a JointState, whose first member is its header: s and ns.
+STAMP = struct.Struct('<4xiI')
 
 
 def environment(domain: int) -> dict[str, str]:
@@ -120,10 +127,9 @@ def node(domain: int, prefix: Sequence[str] = (), **parameters: object) -> Any:
 
 
 @contextmanager
-def listening(domain: int, path: Path) -> Iterator[Process]:
+def listening(domain: int, path: Path, prefix: Sequence[str] = ()) -> Iterator[Process]:
     """A subscriber in another process, which leaves what it heard (see `listener.py`)."""
-    listener = Path(__file__).with_name('listener.py')
-    with running(listener, path, domain=domain) as process:
+    with running(LISTENER, path, domain=domain, prefix=prefix) as process:
         wait_for(lambda: 'listening' in process.output)
         yield process
 
@@ -176,6 +182,12 @@ class Diagnostics:
         self._context.shutdown()
 
 
+def stamp_of(data: bytes) -> int:
+    """The stamp of an encoded JointState, ns."""
+    seconds, nanoseconds = STAMP.unpack_from(data)
+    return int(seconds * 10**9 + nanoseconds)
+
+
 def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> float:
     """Waits until a condition holds; returns how long that took, s.
 
@@ -203,10 +215,10 @@ def finish(name: str, out: Path, figures: object) -> None:
     (out / f'{name}.json').write_text(json.dumps(figures, indent=1) + '\n')
 
 
-def options(doc: str, **seconds: float) -> argparse.Namespace:
+def options(doc: str, **numbers: float) -> argparse.Namespace:
     """The options that all of them have: --out, and a number or two of their own."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument('--out', type=Path, default=Path('reliability'), metavar='DIR')
-    for name, value in seconds.items():
+    for name, value in numbers.items():
         parser.add_argument(f'--{name}', type=type(value), default=value)
     return parser.parse_args()

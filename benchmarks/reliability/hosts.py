@@ -15,7 +15,6 @@ link stays up. Exit code 1 if a promise is broken, 77 if no hosts can be made he
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import sys
 import tempfile
@@ -24,24 +23,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cuts import RATE, read, summary
-from harness import Process, finish, node, options, running, wait_for, words
+from harness import (
+    DOMAIN,
+    NOT_HERE,
+    Process,
+    finish,
+    listening,
+    node,
+    options,
+    running,
+    wait_for,
+    words,
+)
+from link_cuts import RATE, read, summary
 from network import Host, UnavailableError, two_hosts
 
-NOT_HERE = 77
 SETTLED, PATIENCE = 2.0, 40.0
-DOMAIN = 10 + os.getpid() % 90
-LISTENER = Path(__file__).with_name('listener.py')
 
 
 def heard(listener: Process) -> int:
     """How often it heard states begin."""
     return sum(text == 'heard' for _, text in listener.lines)
-
-
-def listening(host: Host, path: Path) -> Any:
-    """A subscriber on a host."""
-    return running(LISTENER, path, domain=DOMAIN, prefix=on(host))
 
 
 def on(host: Host, reach: str = 'SUBNET') -> tuple[str, ...]:
@@ -70,10 +72,9 @@ def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -
     driven = {'drive': 'torque', 'torque_limit': 5.0, 'motor.damping': 0.3}
     tame = words({'feed_forward': 'false', 'bandwidth': 0.5, 'rpm': 60.0})
     with (
-        listening(here, times) as listener,
+        listening(DOMAIN, times, on(here)) as listener,
         running('-m', 'linkage_ros.controller', *tame, domain=DOMAIN, prefix=on(here)),
     ):
-        wait_for(lambda: 'listening' in listener.output)
         time.sleep(1.0)
         with node(DOMAIN, on(there), rate_hz=RATE, log=log, **driven) as turning:
             wait_for(lambda: 'linkage_node' in turning.output)
@@ -106,13 +107,14 @@ def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = F
     """
     if late:
         there.unplug()
-    with listening(here, folder / 'other.npy') as listener:
-        wait_for(lambda: 'listening' in listener.output)
-        with node(DOMAIN, on(there, reach)) as turning:
-            wait_for(lambda: 'linkage_node' in turning.output)
-            there.plug()
-            time.sleep(12.0 if late else 4.0)
-            return heard(listener) > 0
+    with (
+        listening(DOMAIN, folder / 'other.npy', on(here)) as listener,
+        node(DOMAIN, on(there, reach)) as turning,
+    ):
+        wait_for(lambda: 'linkage_node' in turning.output)
+        there.plug()
+        time.sleep(12.0 if late else 4.0)
+        return heard(listener) > 0
 
 
 def broken(figures: dict[str, Any]) -> list[str]:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import random
 import signal
-import struct
 import sys
 import tempfile
 import time
@@ -22,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import finish, listening, node, options, tool, wait_for
+from harness import DOMAIN, finish, listening, node, options, stamp_of, tool, wait_for
 
 from linkage_ros.log.reader import LogReader
 
@@ -31,11 +30,11 @@ EARLIEST, LATEST = 1.0, 5.0  # s of the run in which it is killed
 PROMISED = 0.3  # s
 
 
-def run(domain: int, path: Path, heard: Path, seconds: float) -> None:
+def run(path: Path, heard: Path, seconds: float) -> None:
     """A run that is killed some time after its first state."""
     with (
-        listening(domain, heard) as listener,
-        node(domain, rate_hz=RATE, log=path) as process,
+        listening(DOMAIN, heard) as listener,
+        node(DOMAIN, rate_hz=RATE, log=path) as process,
     ):
         wait_for(lambda: 'heard' in listener.output)
         time.sleep(seconds)
@@ -47,14 +46,13 @@ def last_state(path: Path) -> int:
     """The stamp of the last state in a log, ns."""
     with LogReader(path) as log:
         *_, last = log.messages(['/joint_states'])
-    seconds, nanoseconds = struct.unpack_from('<4xiI', last.data)
-    return int(seconds * 10**9 + nanoseconds)
+    return stamp_of(last.data)
 
 
-def kill(domain: int, folder: Path, seconds: float) -> dict[str, Any]:
+def kill(folder: Path, seconds: float) -> dict[str, Any]:
     """One run, and what is left of it."""
     path, saved, heard = folder / 'run.mcap', folder / 'saved.mcap', folder / 'heard.npy'
-    run(domain, path, heard, seconds)
+    run(path, heard, seconds)
     recovered = tool('recover', path, saved)
     verified = tool('verify', saved)
     figures = {
@@ -80,11 +78,11 @@ def is_kept(figures: dict[str, Any]) -> bool:
 
 def main() -> int:
     given = options(__doc__, kills=20, seed=1)
-    rng, domain, kills = random.Random(given.seed), 10 + given.seed % 90, []
+    rng, kills = random.Random(given.seed), []
     for number in range(given.kills):
         seconds = rng.uniform(EARLIEST, LATEST)
         with tempfile.TemporaryDirectory() as folder:
-            figures = kill(domain, Path(folder), seconds)
+            figures = kill(Path(folder), seconds)
         kills.append(figures)
         if figures['verified']:
             words = f'{figures["lost"]:6.3f} s lost, verified'

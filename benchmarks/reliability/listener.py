@@ -12,13 +12,13 @@ from __future__ import annotations
 import array
 import gc
 import signal
-import struct
 import sys
 import threading
 import time
 
 import numpy as np
 import rclpy
+from harness import stamp_of
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
@@ -34,14 +34,12 @@ def main() -> None:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('listener')
     times = array.array('q')
-    stamp = struct.Struct('<4xiI')
 
     def hear(data: bytes) -> None:
         now = time.time_ns()
-        seconds, nanoseconds = stamp.unpack_from(data)
         if not times or now > times[-1] + 10**9:
             print('heard', flush=True)
-        times.extend((seconds * 10**9 + nanoseconds, now))
+        times.extend((stamp_of(data), now))
 
     node.create_subscription(JointState, topic, hear, QoSProfile(depth=2000), raw=True)
     executor = SingleThreadedExecutor()

@@ -25,7 +25,17 @@ from typing import Any, ClassVar
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from harness import Process, environment, finish, options, quantiles, running, wait_for, words
+from harness import (
+    LISTENER,
+    Process,
+    environment,
+    finish,
+    options,
+    quantiles,
+    running,
+    wait_for,
+    words,
+)
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
@@ -33,9 +43,8 @@ NUMBERS = (1, 10, 20, 40, 60, 100)
 RATE, SETTLED, PATIENCE = 100.0, 4.0, 90.0
 # A share of missed ticks up to which nodes are carried; another, and MiB in all, where it ends.
 CARRIED, ENOUGH, MEMORY = 1e-3, 0.05, 10_000.0
-DOMAIN = 20 + os.getpid() % 60
+FIRST_DOMAIN = 20 + os.getpid() % 60
 FIGURES = ('states', 'ticks missed', 'lateness p99, ms', 'lateness max, ms')
-LISTENER = Path(__file__).with_name('listener.py')
 
 
 class Monitor:
@@ -183,11 +192,11 @@ def main() -> None:
     given = options(__doc__, seconds=8.0, most=max(NUMBERS))
     rows = []
     for number in (n for n in NUMBERS if n <= given.most):
-        rows.append(measure(number, [DOMAIN], given.seconds))
+        rows.append(measure(number, [FIRST_DOMAIN], given.seconds))
         show(rows[-1])
         if rows[-1]['missed_share'] > ENOUGH or rows[-1]['mib'] > MEMORY:
             break
-    domains = [DOMAIN + index for index in range(-(-rows[-1]['nodes'] // 10))]
+    domains = [FIRST_DOMAIN + index for index in range(-(-rows[-1]['nodes'] // 10))]
     apart = measure(rows[-1]['nodes'], domains, given.seconds)
     show(apart)
     carried = max((r['nodes'] for r in rows if r['missed_share'] <= CARRIED), default=0)

@@ -29,14 +29,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import finish, listening, node, options, tool, wait_for
+from harness import DOMAIN, NOT_HERE, finish, listening, node, options, tool, wait_for
 from killed import last_state
 
-RATE, DOMAIN = 1000.0, 10 + os.getpid() % 90
+RATE = 1000.0
 EARLIEST, LATEST = 2.0, 6.0  # s of the run in which the disk stops
 PROMISED = 2.0  # s
 SHUTDOWN, AT_ONCE = 0x8004587D, struct.pack('I', 2)  # EXT4_IOC_SHUTDOWN, without its journal
-NOT_HERE = 77
 
 
 def run_quietly(*words: object) -> None:

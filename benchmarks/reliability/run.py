@@ -23,11 +23,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 # In this order: what asks for a quiet machine first.
 SCRIPTS = {
-    'realtime': HERE.parent / 'realtime.py',
-    **{
-        name: HERE / f'{name}.py'
-        for name in ('many', 'killed', 'power', 'disk', 'viewer', 'hosts', 'soak', 'fuzz')
-    },
+    name: HERE / f'{name}.py'
+    for name in ('realtime', 'many', 'killed', 'power', 'disk', 'viewer', 'hosts', 'soak', 'fuzz')
 }
 
 

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import Process, finish, node, options, running, wait_for
+from harness import DOMAIN, Process, finish, listening, node, options, wait_for
 from mpmath import mp, mpf
 
 from linkage_ros.log.reader import LogReader
@@ -38,7 +38,7 @@ from linkage_ros.view.rerun_program import find_viewer
 from linkage_ros.view.targets import free_address
 from linkage_ros.wire.codecs import JointStateCodec
 
-DOMAIN, RATE = 85, 1000.0
+RATE = 1000.0
 EVERY = 10.0  # s between samples of the memory, and between speeds
 GROWTH = 8.0  # MiB allowed after the first minute
 ULPS = 4.0  # of 1 rad
@@ -184,9 +184,7 @@ def main() -> int:
     os.environ.update(ROS_DOMAIN_ID=str(DOMAIN), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
     with tempfile.TemporaryDirectory() as folder:
         log, heard = Path(folder, 'run.mcap'), Path(folder, 'heard.npy')
-        listener = str(Path(__file__).with_name('listener.py'))
-        with running(listener, heard, domain=DOMAIN) as subscriber:
-            wait_for(lambda: subscriber.lines)
+        with listening(DOMAIN, heard) as subscriber:
             with server() as url, node(DOMAIN, rate_hz=RATE, log=log, viewer=url) as process:
                 samples = watch(process, Speeds(), given.minutes)
                 assert process.end() == 0, process.output

@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import Diagnostics, Process, finish, node, options, wait_for
-from viewers import Viewer, addresses, children, shown, windows
+from harness import DOMAIN, Diagnostics, Process, finish, node, options, wait_for
+from headless_viewer import Viewer, addresses, children, shown, windows
 
-RATE, DOMAIN = 1000.0, 10 + os.getpid() % 90
+RATE = 1000.0
 SETTLED = 4.0  # s before and after a fault
 MEMORY = 100.0  # MiB by which a node may grow in a fault, 64 of them what it serves
 WARN = 1

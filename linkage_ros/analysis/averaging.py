@@ -26,6 +26,7 @@ from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import TWO_PI, Array
 from linkage_ros.errors import LinkageError
+from linkage_ros.motion.drives import Motor
 
 _PARTS = 128  # of a turn: the mean over them is exact to rounding, for a smooth periodic function
 _ITERATIONS = 30
@@ -106,37 +107,33 @@ class Averaging:
                 break
         return found
 
-    def states(
-        self, stretches: Sequence[Sequence[Averaged]], torque: float, damping: float
-    ) -> list[Averaged]:
+    def states(self, stretches: Sequence[Sequence[Averaged]], motor: Motor) -> list[Averaged]:
         """The averaged motions that a motor keeps up: where the load meets its line.
 
         Args:
             stretches: As `follow` returns them.
-            torque: Of the motor at rest, N m.
-            damping: What it loses per crank speed, N m s.
+            motor: Of the pump.
 
         Returns:
             Those between two neighbours of which one takes more torque and one less, by growing
             speed.
         """
         found = []
-        for one, other in itertools.chain(*map(itertools.pairwise, stretches)):
-            low, high = (motion.torque(damping) - torque for motion in (one, other))
+        for pair in itertools.chain(*map(itertools.pairwise, stretches)):
+            low, high = (one.torque(motor.damping) - motor.torque for one in pair)
             if (low < 0) != (high < 0):
                 share = low / (low - high)
-                guess = np.array(one[:4]) * (1 - share) + np.array(other[:4]) * share
-                found.append(self.find(tuple(guess.tolist()), (torque, damping)))
+                one, other = (np.array(end[:4]) for end in pair)
+                guess = one * (1 - share) + other * share
+                found.append(self.find(tuple(guess.tolist()), motor))
         return sorted(filter(None, found), key=lambda motion: motion.speed)
 
-    def find(
-        self, guess: tuple[float, ...], line: tuple[float, float] | None = None
-    ) -> Averaged | None:
+    def find(self, guess: tuple[float, ...], motor: Motor | None = None) -> Averaged | None:
         """An averaged motion, by Newton's method.
 
         Args:
             guess: X0, a and b, m, and the crank speed, rad/s.
-            line: Of the motor: torque at rest, N m, and damping, N m s; None: the speed stays.
+            motor: That keeps it up; None: the speed stays.
 
         Returns:
             The motion, or None where none is found.
@@ -149,8 +146,8 @@ class Averaging:
                 values = self._lacks(z[:, None] + changes[:, None] * _NEIGHBOURS)
                 loads = values[3].copy()
                 values[3] = z[3] + changes[3] * _NEIGHBOURS[3] - guess[3]
-                if line:
-                    values[3] = loads + line[1] * (values[3] + guess[3]) - line[0]
+                if motor:
+                    values[3] = loads + motor.damping * (values[3] + guess[3]) - motor.torque
                 slopes = (values[:, 1:5] - values[:, 5:]) / (2 * changes)
                 step = np.linalg.solve(slopes, values[:, 0])
             except (LinkageError, np.linalg.LinAlgError):

@@ -16,6 +16,7 @@ from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import TWO_PI, Array
+from linkage_ros.motion.drives import Motor
 
 LEAVES = -1  # what the coordinates describe: coupler and rod come into one line
 ELSEWHERE = -2  # in none of the states, or not yet
@@ -113,7 +114,7 @@ class Basins(NamedTuple):
         }
 
 
-def patience(states: Sequence[PeriodicMotion], shrink: float, fastest: float) -> float:
+def settling_time(states: Sequence[PeriodicMotion], shrink: float, fastest: float) -> float:
     """How long it takes until deviations from all stable states have shrunk.
 
     Args:
@@ -150,9 +151,9 @@ def make_grid(fastest: float, length: float, count: int) -> tuple[Array, Array]:
     )
 
 
-def explore(
+def find_basins(
     mechanism: WindPump,
-    motor: tuple[float, float],
+    motor: Motor,
     neighbourhoods: Neighbourhoods,
     grid: tuple[Array, Array],
     duration: float,
@@ -162,7 +163,7 @@ def explore(
 
     Args:
         mechanism: The pump; its slider starts from its position.
-        motor: Torque at rest, N m, and damping, N m s.
+        motor: Of the pump.
         neighbourhoods: Of the states.
         grid: Crank speeds, rad/s, and slider velocities, m/s.
         duration: Longest time, s.
@@ -171,7 +172,7 @@ def explore(
     Returns:
         Where they settle.
     """
-    ensemble, position = Ensemble(mechanism, *motor), mechanism.slider.position
+    ensemble, position = Ensemble(mechanism, motor), mechanism.slider.position
     speeds, velocities = (values.ravel() for values in np.meshgrid(*grid))
     phases = np.array((0 * speeds, 0 * speeds + position, speeds, velocities))
     outcomes, going = np.full(len(speeds), ELSEWHERE), np.arange(len(speeds))

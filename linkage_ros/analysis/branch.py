@@ -50,7 +50,7 @@ class SettledState(NamedTuple):
     piece: int
 
 
-class Range(NamedTuple):
+class BistableRange(NamedTuple):
     """Torques of the motor, N m, for which two stable states exist, or more.
 
     Attributes:
@@ -93,7 +93,7 @@ class Branch:
                     pieces.append(BranchPiece([motion], not pieces[-1].stable))
         return pieces
 
-    def ranges(self) -> list[Range]:
+    def bistable_ranges(self) -> list[BistableRange]:
         """The torques for which two stable states exist, or more.
 
         Along a stable piece the torque grows with the speed, so that each has one state there.
@@ -109,7 +109,7 @@ class Branch:
         for one, other in itertools.pairwise(sorted(ends)):
             exist += one[1]
             if exist >= 2:
-                found.append(Range(one[0], other[0], one[2], other[2]))
+                found.append(BistableRange(one[0], other[0], one[2], other[2]))
         return found
 
 

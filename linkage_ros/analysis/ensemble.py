@@ -16,6 +16,7 @@ from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import ARRAY, Array
 from linkage_ros.core.wind_pump import WindPumpKinematics
+from linkage_ros.motion.drives import Motor
 
 _TOLERANCE = 1e-6  # of a step, in rad and crank lengths, and of rates the same or relative
 _GROWTH = (0.2, 4.0)  # of a step, least and most
@@ -26,15 +27,8 @@ _FASTEST = 1e6  # rad/s and m/s: nothing that is followed rightly is as fast
 class Ensemble:
     """The motions of one pump under its motor."""
 
-    def __init__(self, mechanism: WindPump, torque: float, damping: float) -> None:
-        """Describes what moves.
-
-        Args:
-            mechanism: The pump.
-            torque: Of the motor at rest, N m.
-            damping: What it loses per crank speed, N m s.
-        """
-        self._torque, self._damping = torque, damping
+    def __init__(self, mechanism: WindPump, motor: Motor) -> None:
+        self._motor = motor
         self._equations = EquationsOfMotion(mechanism)
         self._margins = WindPumpKinematics(mechanism).margins
         self._length = mechanism.crank.length
@@ -81,6 +75,6 @@ class Ensemble:
         inside = (np.minimum(stretched, folded) > edge) & (abs(phases[2:]) < _FASTEST).all(axis=0)
         if inside.any():
             phi, x, w, v = phases[:, inside]
-            torque = self._torque - self._damping * w
+            torque = self._motor.torque - self._motor.damping * w
             slopes[:, inside] = w, v, *self._equations.accelerations((phi, x), (w, v), torque)
         return slopes

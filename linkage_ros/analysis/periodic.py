@@ -35,7 +35,6 @@ class PeriodicMotion:
         point: At crank angle 0: slider position, m, its velocity, m/s, crank speed, rad/s.
         period: Time of a turn, s.
         multipliers: Floquet multipliers, the largest first.
-        rise: By how much the torque grows with the mean speed along such motions, N m s.
         lowest: Least slider position, m.
         highest: Largest.
     """
@@ -44,7 +43,6 @@ class PeriodicMotion:
     point: tuple[float, float, float]
     period: float
     multipliers: tuple[complex, ...]
-    rise: float
     lowest: float
     highest: float
 
@@ -166,7 +164,6 @@ def _newton(section: PoincareMap, guesses: Array, wanted: Wanted) -> list[Period
             (float(x), float(v), float(w)),
             float(period),
             _multipliers(slope),
-            _rise(slope, period),
             extremum(course, -1),
             extremum(course, 1),
         )
@@ -195,11 +192,3 @@ def _linearised(section: PoincareMap, z: Array, length: float) -> tuple[Array, A
 def _multipliers(slope: Array) -> tuple[complex, ...]:
     values = np.linalg.eigvals(slope[:3, :3]).tolist()
     return tuple(sorted(map(complex, values), key=lambda value: (-abs(value), -value.imag)))
-
-
-def _rise(slope: Array, period: float) -> float:
-    """How the torque grows with the mean speed where the motion stays a settled one, N m s."""
-    system, change = slope - np.eye(4), np.zeros(4)
-    system[3] = slope[3]
-    change[3] = -period * period / TWO_PI[0]
-    return float(np.linalg.solve(system, change)[3])

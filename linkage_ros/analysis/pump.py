@@ -4,14 +4,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkage_ros.analysis.averaging import Averaged, Averaging
-from linkage_ros.analysis.basins import Basins, Neighbourhoods, explore, make_grid, patience
+from linkage_ros.analysis.basins import (
+    Basins,
+    Neighbourhoods,
+    find_basins,
+    make_grid,
+    settling_time,
+)
 from linkage_ros.analysis.branch import Branch, find_states, follow_branch
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
@@ -19,7 +25,8 @@ from linkage_ros.analysis.runs import Run, follow_run
 from linkage_ros.analysis.sensitivity import Sensitivity, sensitivities
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.core.quantities import Quantity
+from linkage_ros.motion.drives import Motor
 
 _SLOWEST = 1 / 3  # of the slowest start: where the scan of speeds ends
 _FASTEST = 10.0  # times the fastest start: where it begins at most
@@ -27,6 +34,8 @@ _ABOVE = 1.1  # how far beyond the highest speed of interest it begins
 _ASIDE = 0.02  # of the speed of an unstable state: how far from it motions start
 _SETTLED = 1e-3  # what remains of the deviations at the start of a run; quick: ten times that
 _NEAR = 5e-3  # and of those from the grid
+_FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
+_START = Quantity('number', 'crank speed at a start', 'rad/s', 1e-6, 1e6)
 
 
 class Analysis(NamedTuple):
@@ -34,7 +43,7 @@ class Analysis(NamedTuple):
 
     Attributes:
         section: The Poincare map.
-        torque: Of the motor at rest, N m.
+        motor: Of the pump.
         states: Settled motions by growing speed, stable or not.
         averaged_states: What averaging predicts instead.
         branch: Settled motions over the speed.
@@ -46,7 +55,7 @@ class Analysis(NamedTuple):
     """
 
     section: PoincareMap
-    torque: float
+    motor: Motor
     states: list[PeriodicMotion]
     averaged_states: list[Averaged]
     branch: Branch
@@ -56,21 +65,18 @@ class Analysis(NamedTuple):
     runs: list[Run]
     ends: list[int]
 
-    @property
-    def damping(self) -> float:
-        """What the motor's torque loses per crank speed, N m s."""
-        return self.section.damping
-
     def record(self) -> dict[str, Any]:
         """For JSON, in SI units; flow is stroke x speed."""
         return {
-            'motor': {'torque': self.torque, 'damping': self.damping},
+            'motor': asdict(self.motor),
             'states': [
                 {**state.record(), 'share_of_starts': self.basins.share(number)}
                 for number, state in enumerate(self.states)
             ],
             'averaged_states': [state.record() for state in self.averaged_states],
-            'torques_with_two_stable_states': [one._asdict() for one in self.branch.ranges()],
+            'torques_with_two_stable_states': [
+                one._asdict() for one in self.branch.bistable_ranges()
+            ],
             'stability_lost': [
                 {'kind': kind, **motion.record()} for kind, motion in self.branch.boundaries
             ],
@@ -78,7 +84,7 @@ class Analysis(NamedTuple):
             'load_curve': [
                 {
                     'speed': motion.speed,
-                    'load': motion.torque - self.damping * motion.speed,
+                    'load': motion.torque - self.motor.damping * motion.speed,
                     'torque': motion.torque,
                     'stroke': motion.stroke,
                     'stable': motion.stable,
@@ -97,8 +103,7 @@ class Analysis(NamedTuple):
 
 def analyse(
     mechanism: WindPump,
-    torque: float,
-    damping: float,
+    motor: Motor,
     *,
     speeds: Sequence[float] = (2.0, 6.0),
     quick: bool = False,
@@ -108,8 +113,7 @@ def analyse(
 
     Args:
         mechanism: The pump; its slider starts as it says.
-        torque: Of the motor at rest, N m.
-        damping: What it loses per crank speed, N m s.
+        motor: Of the pump.
         speeds: Of the crank at angle 0, rad/s, from which the pump is started.
         quick: Whether fewer speeds and starts will do.
         progress: Wraps what is gone through, with a word for it: a progress bar.
@@ -121,54 +125,46 @@ def analyse(
         ConfigurationError: The motor or a speed turns nothing forwards.
         UnreachableError: The pump cannot start from where its slider is.
     """
-    require_forwards(mechanism, torque, damping, speeds)
-    section, motor = PoincareMap(mechanism, damping), (torque, damping)
-    averaging = Averaging(mechanism)
+    require_forwards(mechanism, motor, speeds)
+    section, averaging = PoincareMap(mechanism, motor.damping), Averaging(mechanism)
     averaged = _scan(averaging, motor, speeds, 40 if quick else 90)
     branch = follow_branch(section, averaged, progress)
-    found = find_states(section, branch, torque)
+    found = find_states(section, branch, motor.torque)
     states = [state.motion for state in found]
 
     near, top = Neighbourhoods(section, states), max(*speeds, _top(motor, 2 * max(speeds)))
     grid = make_grid(top, mechanism.crank.length, 28 if quick else 80)
-    basins = explore(mechanism, motor, near, grid, patience(states, _NEAR, top), progress)
-    duration = patience(states, 10 * _SETTLED if quick else _SETTLED, top)
+    basins = find_basins(mechanism, motor, near, grid, settling_time(states, _NEAR, top), progress)
+    duration = settling_time(states, 10 * _SETTLED if quick else _SETTLED, top)
     runs = [
         follow_run(section.equations, motor, point, duration, name)
         for name, point in progress(_starts(mechanism, speeds, states), 'runs')
     ]
     ends = near.locate(np.array([run.phase for run in runs]).T).tolist()
     return Analysis(
-        section, torque, states, averaging.states(averaged, torque, damping), branch, averaged,
-        sensitivities(section, branch, torque, found), basins, runs, ends,
+        section, motor, states, averaging.states(averaged, motor), branch, averaged,
+        sensitivities(section, branch, motor.torque, found), basins, runs, ends,
     )  # fmt: skip
 
 
-def require_forwards(
-    mechanism: WindPump, torque: float, damping: float, speeds: Sequence[float]
-) -> None:
+def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float]) -> None:
     """Passes if a motor and starts turn the crank forwards.
 
     Args:
         mechanism: The pump.
-        torque: Of the motor at rest, N m.
-        damping: What it loses per crank speed, N m s.
+        motor: Of the pump.
         speeds: Of the crank at the starts, rad/s.
 
     Raises:
         ConfigurationError: They do not.
         UnreachableError: The pump cannot start from where its slider is.
     """
-    if not 0 < torque < math.inf:
-        raise ConfigurationError(f'motor.torque {torque:g}: must be positive to turn the crank')
-    if not 0 <= damping < math.inf:
-        raise ConfigurationError(f'motor.damping {damping:g}: must not be negative')
+    _FORWARDS.clean('motor.torque', motor.torque)
     slider = mechanism.slider
     equations = EquationsOfMotion(mechanism)
     for speed in speeds:
-        if not 0 < speed < math.inf:
-            raise ConfigurationError(f'start speed {speed:g} rad/s: must be positive')
-        equations.accelerations((0.0, slider.position), (speed, slider.velocity), torque)
+        _START.clean('start speed', speed)
+        equations.accelerations((0.0, slider.position), (speed, slider.velocity), motor.torque)
 
 
 def _starts(
@@ -185,23 +181,24 @@ def _starts(
     return starts
 
 
-def _top(motor: tuple[float, float], bound: float) -> float:
-    """The speed at which the motor's torque is 0, rad/s, within a bound."""
-    torque, damping = motor
-    return min(torque / damping, bound) if damping else bound
+def _top(motor: Motor, bound: float) -> float:
+    """The no-load speed of a motor, at which its torque is 0, rad/s, within a bound."""
+    return min(motor.torque / motor.damping, bound) if motor.damping else bound
 
 
 def _scan(
-    averaging: Averaging, motor: tuple[float, float], speeds: Sequence[float], count: int
+    averaging: Averaging, motor: Motor, speeds: Sequence[float], count: int
 ) -> list[list[Averaged]]:
     """Averaged motions over the speed, up to where one takes more torque than any slower one.
 
     The load is never negative: a motor of torque M0 turns nothing faster than M0 / m.
     """
-    torque, damping = motor
     averaged: list[list[Averaged]] = []
     for _ in range(2):
-        peak = max((one.torque(damping) for stretch in averaged for one in stretch), default=0.0)
-        top = _top((_ABOVE * max(torque, peak), damping), _FASTEST * max(speeds))
+        peak = max(
+            (one.torque(motor.damping) for stretch in averaged for one in stretch), default=0.0
+        )
+        stronger = replace(motor, torque=_ABOVE * max(motor.torque, peak))
+        top = _top(stronger, _FASTEST * max(speeds))
         averaged = averaging.follow(np.geomspace(_SLOWEST * min(speeds), top, count).tolist())
     return averaged

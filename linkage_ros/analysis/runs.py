@@ -13,6 +13,7 @@ from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.numeric import TWO_PI, Array
 from linkage_ros.core.simulation import FixedSteps, Motion
 from linkage_ros.errors import MotionError
+from linkage_ros.motion.drives import Motor
 
 _TOLERANCE = 1e-7  # of a step: for pictures, a hundred times that of a live run
 _ANGLE = 1e-9  # rad: how near to angle 0 is a passage; what is missing is made up for linearly
@@ -64,7 +65,7 @@ class Run(NamedTuple):
 
 def follow_run(
     equations: EquationsOfMotion,
-    motor: tuple[float, float],
+    motor: Motor,
     point: tuple[float, float, float],
     duration: float,
     name: str,
@@ -73,7 +74,7 @@ def follow_run(
 
     Args:
         equations: Of motion.
-        motor: Torque at rest, N m, and damping, N m s.
+        motor: Of the pump.
         point: Slider position, m, its velocity, m/s, and crank speed, rad/s, at the start.
         duration: s.
         name: What the start is.
@@ -84,7 +85,7 @@ def follow_run(
     Raises:
         LinkageError: It cannot even begin.
     """
-    torque, damping = motor
+    torque, damping = motor.torque, motor.damping
     x, v, w = point
     motion = Motion(equations, lambda _, speed: torque - damping * speed)
     # A fiftieth of a turn at most, at the start and as fast as the motor can.

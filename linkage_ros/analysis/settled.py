@@ -15,53 +15,12 @@ from linkage_ros.core.curves import Period, mean
 from linkage_ros.core.mechanism import WindPump
 from linkage_ros.core.numeric import TWO_PI
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.motion.drives import Motor
 
 _PARTS = 720  # of a turn
 _LONGEST = 500  # turns, until it is to have settled
 _LOOK = 5  # turns between two looks whether it has
 _NEAR = 0.01  # of crank length and speed: so near to a stable motion, it is going there
-
-
-def settle(
-    mechanism: WindPump,
-    motor: tuple[float, float],
-    speed: float,
-    progress: Callable[[Iterable[int], str], Iterable[int]] = lambda items, _: items,
-) -> tuple[PoincareMap, PeriodicMotion]:
-    """Follows a pump until it has settled.
-
-    Args:
-        mechanism: The pump; its slider starts as it says.
-        motor: Torque at rest, N m, and what it loses per crank speed, N m s.
-        speed: Of the crank at angle 0, rad/s.
-        progress: Wraps what is gone through, with a word for it: a progress bar.
-
-    Returns:
-        The map of its turns, and the settled motion.
-
-    Raises:
-        ConfigurationError: The motor or the speed turns nothing forwards, or it does not settle.
-        LinkageError: The motion leaves what the coordinates describe, or the crank stops.
-    """
-    torque, damping = motor
-    require_forwards(mechanism, torque, damping, [speed])
-    section, slider = PoincareMap(mechanism, damping), mechanism.slider
-    point = np.array([[slider.position], [slider.velocity], [speed]])
-    for turn in progress(range(1, _LONGEST + 1), 'turns'):
-        point = section.image(point, torque)[:3]
-        if turn % _LOOK:
-            continue
-        guess = np.vstack((point, [[torque]]))
-        (found,) = find_motions(section, guess, Wanted(np.array([torque]), is_speed=False))
-        if found and found.stable:
-            length, (_, _, now) = mechanism.crank.length, point[:, 0]
-            sizes = np.array((length, length * now, now))
-            if (np.abs(point[:, 0] - found.point) < _NEAR * sizes).all():
-                return section, found
-    raise ConfigurationError(
-        f'from {speed:g} rad/s the pump does not settle within {_LONGEST} turns: '
-        'linkage_chart pump draws what it does'
-    )
 
 
 class SettledTurn(Period):
@@ -74,27 +33,28 @@ class SettledTurn(Period):
     def __init__(
         self,
         mechanism: WindPump,
-        motor: tuple[float, float],
+        motor: Motor,
         speed: float,
         progress: Callable[[Iterable[int], str], Iterable[int]] = lambda items, _: items,
     ) -> None:
         """Lets a pump settle and takes a turn of it, 0.5 deg by 0.5 deg.
 
         Args:
-            mechanism: As for `settle`.
-            motor: Likewise.
-            speed: Likewise.
-            progress: Likewise.
+            mechanism: The pump; its slider starts as it says.
+            motor: Of the pump.
+            speed: Of the crank at angle 0, rad/s.
+            progress: Wraps what is gone through, with a word for it: a progress bar.
 
         Raises:
-            LinkageError: As `settle`.
+            ConfigurationError: Motor or speed turn nothing forwards, or it does not settle.
+            LinkageError: The motion leaves what the coordinates describe, or the crank stops.
         """
-        section, self.motion = settle(mechanism, motor, speed, progress)
-        equations, (torque, damping) = section.equations, motor
+        section, self.motion = _settle(mechanism, motor, speed, progress)
+        equations = section.equations
         points = np.array([self.motion.point]).T
-        x, v, w, _ = section.orbit(points, torque, _PARTS)[..., 0]
+        x, v, w, _ = section.orbit(points, motor.torque, _PARTS)[..., 0]
         crank = np.linspace(0, TWO_PI[0], _PARTS + 1)
-        applied = torque - damping * w
+        applied = motor.torque - motor.damping * w
         q, u = (crank, x), (w, v)
         state = equations.state(q, u, equations.accelerations(q, u, applied))
         super().__init__(
@@ -110,3 +70,34 @@ class SettledTurn(Period):
             f'stroke {motion.stroke:.4g} m ({motion.lowest:.4g} to {motion.highest:.4g} m)',
             f'flow (stroke x speed) {motion.flow:.4g} m/s',
         ]
+
+
+def _settle(
+    mechanism: WindPump,
+    motor: Motor,
+    speed: float,
+    progress: Callable[[Iterable[int], str], Iterable[int]],
+) -> tuple[PoincareMap, PeriodicMotion]:
+    """Follows a pump until it has settled: the map of its turns, and the settled motion.
+
+    Raises:
+        ConfigurationError: As `SettledTurn`.
+    """
+    require_forwards(mechanism, motor, [speed])
+    section, slider = PoincareMap(mechanism, motor.damping), mechanism.slider
+    point = np.array([[slider.position], [slider.velocity], [speed]])
+    for turn in progress(range(1, _LONGEST + 1), 'turns'):
+        point = section.image(point, motor.torque)[:3]
+        if turn % _LOOK:
+            continue
+        guess = np.vstack((point, [[motor.torque]]))
+        (found,) = find_motions(section, guess, Wanted(np.array([motor.torque]), is_speed=False))
+        if found and found.stable:
+            length, (_, _, now) = mechanism.crank.length, point[:, 0]
+            sizes = np.array((length, length * now, now))
+            if (np.abs(point[:, 0] - found.point) < _NEAR * sizes).all():
+                return section, found
+    raise ConfigurationError(
+        f'from {speed:g} rad/s the pump does not settle within {_LONGEST} turns: '
+        'linkage_chart pump draws what it does'
+    )

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linkage_ros.charts.front import (
     CEILING,
@@ -16,10 +15,11 @@ from linkage_ros.charts.front import (
     Wording,
     draw_panel,
     front_handles,
+    method_handle,
     write_words,
 )
 from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.methods.accuracy import Point
+from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.chain import BATCH, ONE, QUANTITIES
 from linkage_ros.methods.table import DEFAULT, METHODS
 from linkage_ros.palette import BLACK, BLUE, DARK, GREEN, ORANGE, PURPLE, SKY, VERMILION
@@ -45,7 +45,7 @@ _STYLES = {
 }
 
 
-def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
+def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None:
     """Draws the panels of one mechanism.
 
     Args:
@@ -78,16 +78,16 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
     figure.savefig(path)
 
 
-def _series(point: Point) -> tuple[str, bool]:
+def _series(point: Measurement) -> tuple[str, bool]:
     """What is joined by a line: settings of one kind. Newton's steps are a kind of their own."""
     return point.method, _values(point.setting).get('steps', '360') != '360'
 
 
-def _style(point: Point) -> Style:
+def _style(point: Measurement) -> Style:
     return _STYLES[point.method]._replace(dotted=_series(point)[1])
 
 
-def _words(point: Point) -> str:
+def _words(point: Measurement) -> str:
     """The value that is varied: '1e-06', 'n=36', 'N=256'."""
     values = _values(point.setting)
     if not values:
@@ -103,13 +103,10 @@ def _values(setting: str) -> dict[str, str]:
 
 def _add_legend(figure: Figure) -> None:
     handles = [
-        Line2D(
-            [], [], linewidth=0.9 if len(method.settings) > 1 else 0, label=_name(method.name),
-            **style._replace(size=style.size * 0.9).look,
-        )
+        method_handle(method, style._replace(size=style.size * 0.9), _name(method.name))
         for method in METHODS
         for style in [_STYLES[method.name]]
-    ]  # fmt: skip
+    ]
     figure.legend(
         handles=[*handles, *front_handles()], loc='outside lower center', ncols=3, fontsize=SMALL,
         frameon=False, title_fontsize=SMALL,

@@ -17,8 +17,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
 from linkage_ros.charts.sizes import SMALL
-from linkage_ros.methods.accuracy import Point
-from linkage_ros.methods.measure import LIMIT
+from linkage_ros.methods.accuracy import Measurement
+from linkage_ros.methods.bench import LIMIT
+from linkage_ros.methods.table import Way
 from linkage_ros.palette import BLACK, Color, fractions
 
 _Across: TypeAlias = Literal['left', 'center', 'right']
@@ -76,13 +77,13 @@ class Wording(NamedTuple):
         span: Errors of which these points are: beyond, points lie close together.
     """
 
-    series: Callable[[Point], Hashable]
-    style: Callable[[Point], Style]
-    words: Callable[[Point], str]
+    series: Callable[[Measurement], Hashable]
+    style: Callable[[Measurement], Style]
+    words: Callable[[Measurement], str]
     span: tuple[float, float]
 
 
-def draw_panel(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
+def draw_panel(axes: Axes, points: Sequence[Measurement], wording: Wording) -> None:
     """Draws one panel.
 
     Args:
@@ -118,7 +119,7 @@ def draw_panel(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
     axes.xaxis.set_minor_locator(NullLocator())
 
 
-def _draw_series(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
+def _draw_series(axes: Axes, points: Sequence[Measurement], wording: Wording) -> None:
     style = wording.style(points[0])
     axes.plot(
         [p.us_per_state for p in points],
@@ -127,7 +128,7 @@ def _draw_series(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
     )  # fmt: skip
 
 
-def write_words(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
+def write_words(axes: Axes, points: Sequence[Measurement], wording: Wording) -> None:
     """Writes at the first and the last point of each series, where there is room.
 
     Args:
@@ -149,7 +150,11 @@ def write_words(axes: Axes, points: Sequence[Point], wording: Wording) -> None:
 
 
 def _write(
-    axes: Axes, point: Point, wording: Wording, taken: Sequence[Bbox], lines: Sequence[MplPath]
+    axes: Axes,
+    point: Measurement,
+    wording: Wording,
+    taken: Sequence[Bbox],
+    lines: Sequence[MplPath],
 ) -> Bbox | None:
     """Writes beside a point, on the first side where nothing is; returns where, if anywhere."""
     inside, color = axes.get_window_extent(), fractions(wording.style(point).color)
@@ -166,6 +171,12 @@ def _write(
             return box
         text.remove()
     return None
+
+
+def method_handle(method: Way[Any], style: Style, name: str) -> Line2D:
+    """For a legend: a method, with a line if its settings are joined by one."""
+    width = 0.9 if len(method.settings) > 1 else 0
+    return Line2D([], [], linewidth=width, label=name, **style.look)
 
 
 def front_handles() -> list[Line2D]:

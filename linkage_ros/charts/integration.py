@@ -11,12 +11,19 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linkage_ros.charts.front import CEILING, Style, Wording, draw_panel, front_handles
+from linkage_ros.charts.front import (
+    CEILING,
+    Style,
+    Wording,
+    draw_panel,
+    front_handles,
+    method_handle,
+)
 from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.methods.accuracy import Point
+from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
-from linkage_ros.methods.table import LIVE, RECORDS, Integrator, label
+from linkage_ros.methods.table import INTEGRATORS, LIVE, RECORDS, label
 from linkage_ros.palette import BLUE, DARK, GREEN, PURPLE, VERMILION
 
 _STYLES = {
@@ -35,14 +42,11 @@ _PANELS = (
 )
 
 
-def draw_integration(
-    points: Sequence[Point], methods: Sequence[Integrator], title: str, path: Path
-) -> None:
+def draw_integration(points: Sequence[Measurement], title: str, path: Path) -> None:
     """Draws a row of panels for each mechanism.
 
     Args:
         points: Of all mechanisms.
-        methods: The table.
         title: Of the picture.
         path: The PNG file; replaced if there is one.
 
@@ -52,7 +56,7 @@ def draw_integration(
     names = list(dict.fromkeys(point.mechanism for point in points))
     figure = Figure(figsize=(WIDTH, 2.6 + 2.6 * len(names)), dpi=DPI, layout='constrained')
     figure.suptitle(title, fontsize=TITLE)
-    defaults = {(method.name, label(method.steady or {})) for method in methods[:2]}
+    defaults = {(method.name, label(method.steady)) for method in INTEGRATORS[:2]}
     # The settings stand in the legend: written at the points they would hide each other.
     wording = Wording(
         lambda point: point.method, lambda point: _STYLES[point.method], lambda _: '', (0.0, 0.0)
@@ -72,31 +76,27 @@ def draw_integration(
     for axes in panels[-1]:
         axes.set_xlabel('time per simulated ms, \N{MICRO SIGN}s', fontsize=TEXT)
     figure.supylabel('largest error: rad, crank lengths, or relative', fontsize=TEXT)
-    _add_legend(figure, methods)
+    _add_legend(figure)
     figure.savefig(path)
 
 
-def _add_legend(figure: Figure, methods: Sequence[Integrator]) -> None:
+def _add_legend(figure: Figure) -> None:
     handles = [
-        Line2D(
-            [], [], linewidth=0.9 if len(method.settings) > 1 else 0,
-            label=_name(method.name), **_STYLES[method.name].look,
-        )
-        for method in methods
-    ]  # fmt: skip
+        method_handle(method, _STYLES[method.name], _name(method.name)) for method in INTEGRATORS
+    ]
     star = Line2D([], [], linewidth=0, label='its default: steps of 1 ms', **_STAR.look)
     figure.legend(
         handles=[handles[0], star, *handles[1:], *front_handles()], loc='outside lower center',
         ncols=3, fontsize=SMALL, frameon=False, title_fontsize=SMALL,
-        title=textwrap.fill(f'From left to right: {_settings(methods)}.', 110) + '\n'
+        title=textwrap.fill(f'From left to right: {_settings()}.', 110) + '\n'
         'At 1000 \N{MICRO SIGN}s a motion would be as fast as the world.',
     )  # fmt: skip
 
 
-def _settings(methods: Sequence[Integrator]) -> str:
+def _settings() -> str:
     """What is set along the lines, those of a kind together."""
     kinds: dict[str, list[str]] = {}
-    for method in methods:
+    for method in INTEGRATORS:
         if len(method.settings) > 1:
             name, unit, scale = (
                 ('step', ' ms', 1e3) if 'step' in method.settings[0] else ('tolerance', '', 1.0)

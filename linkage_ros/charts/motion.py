@@ -10,79 +10,32 @@ import re
 import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from linkage_ros.charts.sizes import DPI, NUMBERS, SMALL, TEXT, WIDTH
+from linkage_ros.charts.linkage import draw_linkage
+from linkage_ros.charts.page import MARGIN, Line, Page, Shade, Words
+from linkage_ros.charts.sizes import NUMBERS, SMALL, TEXT, WIDTH
 from linkage_ros.core.curves import Period, extent
 from linkage_ros.core.numeric import Array
-from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color, fractions
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.palette import BLACK, COLORS, DARK, Color, fractions
 
-# As matplotlib has them: a line that is solid or dashed, and a colour.
-_Line: TypeAlias = Literal['-'] | tuple[int, tuple[int, ...]]
-_Shade: TypeAlias = tuple[float, float, float]
-
-# Inches: the picture, its parts from top to bottom, the numbers on the right.
-_MARGIN, _HEADER, _ROW, _FOOT = 4.5, 2.6, 1.85, 0.2
+# Inches: the parts of the picture from top to bottom.
+_HEADER, _ROW, _FOOT = 2.6, 1.85, 0.2
 _LEFT, _GAP = 0.8, 0.5  # for the labels of each diagram, and for those below it
-_SAMPLE = 0.25  # of a curve's line, before its numbers
 _TORQUE = 'Driving torque'
 _DRAWN_AT = 45.0  # deg, of the crank: links of most mechanisms stand apart there
 _SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel.'}
-# Around the names of pins, which may lie on lines.
-_HALO = withStroke(linewidth=2.5, foreground='white')
-_STYLES: tuple[_Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
+_STYLES: tuple[Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 # That of the link on which the pin's force acts; B0's has the ground's, so that B and B0 differ.
 # What belongs to no link has none's.
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
     'guide': BLACK, 'x': BLACK, 'y': DARK, 'moment': BLACK, 'power, W': BLACK,
 }  # fmt: skip
-
-
-class _Words(NamedTuple):
-    """A line of text beside the diagrams, in a table behind a sample of a curve's line."""
-
-    text: str
-    color: _Shade | str = '0.1'
-    weight: str = 'normal'
-    family: str = 'sans-serif'
-    style: _Line | None = None
-
-
-class _Page:
-    """A picture whose parts are placed in inches from its upper left corner."""
-
-    def __init__(self, height: float) -> None:
-        self.figure = Figure(figsize=(WIDTH, height), dpi=DPI)
-        self._height = height
-
-    def axes(self, left: float, top: float, width: float, height: float) -> Axes:
-        bottom = 1 - (top + height) / self._height
-        return self.figure.add_axes((left / WIDTH, bottom, width / WIDTH, height / self._height))
-
-    def write(self, top: float, size: float, lines: Sequence[_Words]) -> None:
-        """Writes lines into the margin."""
-        left, step = WIDTH - _MARGIN + 0.15, 1.45 * size / 72
-        for number, line in enumerate(lines):
-            indent = _SAMPLE + 0.08 if line.family == 'monospace' else 0.0
-            y = 1 - (top + number * step) / self._height
-            self.figure.text(
-                (left + indent) / WIDTH, y, line.text, fontsize=size, family=line.family,
-                color=line.color, weight=line.weight, va='top', parse_math=False,
-            )  # fmt: skip
-            if line.style is not None:
-                x = left / WIDTH, (left + _SAMPLE) / WIDTH
-                middle = y - 0.3 * step / self._height
-                look: dict[str, Any] = {'linestyle': line.style, 'color': line.color}
-                self.figure.add_artist(Line2D(x, (middle, middle), linewidth=1.6, **look))
 
 
 class _Panel(NamedTuple):
@@ -102,13 +55,14 @@ def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
         path: The PNG file; replaced if there is one.
     """
     rows = [*_motion_rows(curves), *_reaction_rows(curves)]
-    page = _Page(_HEADER + _ROW * len(rows) + _FOOT)
-    width = WIDTH - _MARGIN - _LEFT
-    _draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves)
+    page = Page(_HEADER + _ROW * len(rows) + _FOOT)
+    width = WIDTH - MARGIN - _LEFT
+    drawn_at = math.radians(_DRAWN_AT)
+    draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves, drawn_at)
     first, *others = title
     others = [*others, f'drawn at crank angle {_DRAWN_AT:g} deg']
-    words = [_Words(line) for text in others for line in _wrapped(text)]
-    page.write(0.15, TEXT, [_Words(textwrap.shorten(first, 40), weight='bold'), *words])
+    words = [Words(line) for text in others for line in _wrapped(text)]
+    page.write(0.15, TEXT, [Words(textwrap.shorten(first, 40), weight='bold'), *words])
     for number, row in enumerate(rows):
         top = _HEADER + _ROW * number
         share = (width + _LEFT) / len(row)
@@ -203,7 +157,7 @@ def _draw(axes: Axes, curves: Period, panel: _Panel, *, numbered: bool) -> None:
         axes.set_xlabel('Crank angle, deg', fontsize=SMALL, labelpad=1)
 
 
-def _styles(panel: _Panel) -> Iterator[_Line]:
+def _styles(panel: _Panel) -> Iterator[Line]:
     # Forces may coincide: dashed, they show what lies below.
     return itertools.cycle(_STYLES if panel.unit == 'N' else _STYLES[:1])
 
@@ -212,11 +166,11 @@ def _spans_zero(panel: _Panel) -> bool:
     return any(values.min() < 0 < values.max() for values in panel.curves.values())
 
 
-def _margin(curves: Period, panel: _Panel) -> list[_Words]:
+def _margin(curves: Period, panel: _Panel) -> list[Words]:
     """Peaks, where they are, and rms of every curve of a panel, in the curve's colour."""
     heading = f'{panel.unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
-    lines = [_Words(heading, '0.4', family='monospace')]
-    rows: list[tuple[str, Array, _Shade, _Line | None]] = [
+    lines = [Words(heading, '0.4', family='monospace')]
+    rows: list[tuple[str, Array, Shade, Line | None]] = [
         (name, values, _color(name), style)
         for (name, values), style in zip(panel.curves.items(), _styles(panel), strict=False)
     ]
@@ -230,57 +184,11 @@ def _margin(curves: Period, panel: _Panel) -> list[_Words]:
             f'{name:<8}{found.low:>11.4g}{low_at:>7.1f}{found.high:>11.4g}{high_at:>7.1f}'
             f'{found.rms:>10.4g}'
         )
-        lines.append(_Words(words, color, family='monospace', style=style))
+        lines.append(Words(words, color, family='monospace', style=style))
     if panel.title == _TORQUE:
-        lines.append(_Words(f'mean power {curves.mean_power:.4g} W', family='monospace'))
-    return [*lines, _Words('')]
+        lines.append(Words(f'mean power {curves.mean_power:.4g} W', family='monospace'))
+    return [*lines, Words('')]
 
 
-def _draw_linkage(axes: Axes, curves: Period) -> None:
-    """The mechanism where links stand apart, its pins, what they trace out, and a scale."""
-    drawing = Drawing(curves.mechanism)
-    columns = [curves.columns[f'{joint}.position'].values for joint in drawing.joints]
-    tracks = drawing.place(np.stack(columns, axis=-1))
-    now = int(np.argmin(np.abs(curves.crank - math.radians(_DRAWN_AT))))
-    for line in drawing.ground:
-        axes.plot(*line.T, color=fractions(GREY), linewidth=0.9)
-    owners = {'B': drawing.joints[2], 'C': 'coupler', 'D': 'slider'}
-    for pin, owner in owners.items():
-        if pin in drawing.pins:
-            track = tracks[:, drawing.pins.index(pin)]
-            axes.plot(*track.T, color=_color(owner), linewidth=0.8)
-    for link, lines in drawing.links(tracks[now : now + 1]).items():
-        axes.plot(*lines[0].T, color=_color(link), linewidth=2.6, solid_capstyle='round')
-    pins = np.array([*drawing.pivots, *tracks[now]])
-    axes.plot(*pins.T, 'o', color=fractions(DARK), markersize=3.5)
-    _name_points(axes, (*drawing.pivot_names, *drawing.pins), pins, len(drawing.pivots))
-    shown = np.concatenate([line.get_xydata() for line in axes.lines])
-    # Below what is shown, which is not all that the scale of a moving picture is below.
-    room = np.array([0.0, 0.06 * np.ptp(shown, axis=0).max()])
-    scale = drawing.scale - drawing.scale.min(axis=0) + shown.min(axis=0) - room
-    axes.plot(*scale.T, color=fractions(GREY), linewidth=0.9)
-    axes.annotate(
-        f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0),
-        textcoords='offset points', fontsize=SMALL, va='center', annotation_clip=False,
-    )  # fmt: skip
-    axes.set_aspect('equal')
-    axes.margins(0.08)
-    axes.set_axis_off()
-
-
-def _name_points(axes: Axes, names: Sequence[str], places: Array, fixed: int) -> None:
-    """Writes names beside points: away from the middle of all, or beside the ground."""
-    for number, (name, place) in enumerate(zip(names, places, strict=True)):
-        away = place - places.mean(axis=0)
-        if number < fixed:
-            shift = math.copysign(16.0, away[0]), 0.0
-        else:
-            shift = tuple(11 * away / max(np.hypot(*away), 1e-300))
-        axes.annotate(
-            name, tuple(place), xytext=shift, textcoords='offset points', fontsize=SMALL,
-            ha='center', va='center', annotation_clip=False, path_effects=[_HALO],
-        )  # fmt: skip
-
-
-def _color(name: str) -> _Shade:
+def _color(name: str) -> Shade:
     return fractions(COLORS[name] if name in COLORS else _FORCES[name])

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of methods in situations, as a picture: linkages above, motions below."""
+"""Numerical stability: what comes of methods in situations, as a picture; motions stand below."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from linkage_ros.charts.sizes import DPI, NUMBERS, SMALL, TITLE, WIDTH
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS, MotionSituation
-from linkage_ros.methods.situations import SITUATIONS, Situation
-from linkage_ros.methods.stability import (
+from linkage_ros.methods.outcomes import (
     DIVERGED,
     NAN,
     REFUSED,
@@ -24,7 +23,8 @@ from linkage_ros.methods.stability import (
     WRONG_BRANCH,
     Cell,
 )
-from linkage_ros.methods.table import DEFAULT, LIVE, METHODS, RECORDS, Integrator
+from linkage_ros.methods.situations import SITUATIONS, Situation
+from linkage_ros.methods.table import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
 # Fill and text. In grey they are still told apart, and each cell says its outcome in words.
@@ -74,7 +74,6 @@ class _Grid(NamedTuple):
 def draw_stability(
     cells: Sequence[Cell],
     motions: Sequence[Cell],
-    integrators: Sequence[Integrator],
     title: str,
     path: Path,
 ) -> None:
@@ -83,7 +82,6 @@ def draw_stability(
     Args:
         cells: Of the methods for linkages.
         motions: Of the integrators.
-        integrators: Their table.
         title: Of the picture.
         path: Where to write it; replaced if it exists.
 
@@ -92,7 +90,7 @@ def draw_stability(
     """
     grids = [
         (_of_linkages(SITUATIONS), cells),
-        (_of_motions(MOTION_SITUATIONS, [method.name for method in integrators]), motions),
+        (_of_motions(MOTION_SITUATIONS), motions),
     ]
     height = _TOP + sum(grid.height for grid, _ in grids) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
@@ -124,9 +122,9 @@ def _of_linkages(situations: Sequence[Situation]) -> _Grid:
     )
 
 
-def _of_motions(situations: Sequence[MotionSituation], columns: list[str]) -> _Grid:
+def _of_motions(situations: Sequence[MotionSituation]) -> _Grid:
     return _Grid(
-        columns,
+        [method.name for method in INTEGRATORS],
         {situation.name: situation.name for situation in situations},
         # Beyond the end of the coordinates another assembly goes on: who follows it is right too.
         {s.name: (RIGHT,) if s.exists else (RIGHT, REFUSED) for s in situations},

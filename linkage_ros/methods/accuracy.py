@@ -13,8 +13,8 @@ import numpy as np
 
 from linkage_ros.core.mechanism import FourBar, Linkage
 from linkage_ros.core.numeric import Array
+from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task, make_task
-from linkage_ros.methods.measure import LIMIT, Bench, time_pass
 from linkage_ros.methods.table import METHODS, Method, label
 
 NEAR = 'near a change point'
@@ -22,8 +22,8 @@ _QUICK_STEPS = 360
 
 
 @dataclass
-class Point:
-    """One measured point of the chart.
+class Measurement:
+    """Speed and error of a method with a setting: a point of the chart.
 
     Attributes:
         method: Name from the table.
@@ -34,7 +34,7 @@ class Point:
         mode: 'one at a time' or 'batch'; 'motion' or 'motion, slowest ms'.
         us_per_state: Time, us, the work for all that the quantity needs included; of a motion,
             of one simulated ms; nan where the method fails.
-        max_error: Over one period or motion, relative (`measure.Truth`, `motion_bench`); inf
+        max_error: Over one period or motion, relative (`bench.Truth`, `motion_bench`); inf
             where the method fails.
         pareto: Whether no other right answer is both faster and closer.
     """
@@ -56,8 +56,8 @@ class Point:
         }
 
 
-class _Run(NamedTuple):
-    point: Point
+class _Timed(NamedTuple):
+    point: Measurement
     function: Function
     cranks: list[float] | Array  # for the time
 
@@ -92,7 +92,7 @@ def tasks(quadrilateral: Linkage, slider_crank: Linkage) -> dict[str, Task]:
 
 def measure_accuracy(
     benches: dict[str, Bench], *, quick: bool, progress: Callable[[Iterable[Any], str], Any]
-) -> list[Point]:
+) -> list[Measurement]:
     """Measures all points.
 
     Args:
@@ -103,22 +103,22 @@ def measure_accuracy(
     Returns:
         The points, fronts marked.
     """
-    runs: list[_Run] = []
+    timed: list[_Timed] = []
     for name, bench in benches.items():
         for method in progress(METHODS, f'errors, {name}'):
-            runs += _runs(name, bench, method, quick=quick)
+            timed += _points(name, bench, method, quick=quick)
     times = []
     for _ in progress(range(3 if quick else 15), 'times'):
         with np.errstate(all='ignore'):
-            times.append([time_pass(run.function, run.cranks) for run in runs])
-    points = [run.point for run in runs]
+            times.append([time_pass(one.function, one.cranks) for one in timed])
+    points = [one.point for one in timed]
     for point, fastest in zip(points, np.min(times, axis=0).tolist(), strict=True):
         point.us_per_state = fastest
     mark_fronts(points)
     return points
 
 
-def _runs(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterable[_Run]:
+def _points(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterable[_Timed]:
     first = min(QUANTITIES.index(quantity) for quantity in OWN[method.stage])
     ones, batch = bench.aside(120 if quick else 360), 2048 if quick else 4096
     for setting in method.settings:
@@ -127,19 +127,21 @@ def _runs(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterable[_
         for mode in method.modes:
             for quantity in QUANTITIES[first:]:
                 error = bench.worst_error(method, setting, mode, quantity)
-                point = Point(method.name, label(setting), name, quantity, mode, math.nan, error)
-                cranks = bench.even(int(setting['steps'])) if method.steps else ones
+                point = Measurement(
+                    method.name, label(setting), name, quantity, mode, math.nan, error
+                )
+                cranks = bench.even(int(setting['steps'])) if method.sequential else ones
                 made = method.make(bench.task, setting, FUNCTIONS[mode])
-                yield _Run(
+                yield _Timed(
                     point,
                     getattr(made, quantity),
                     cranks.tolist() if mode == ONE else np.resize(cranks, batch),
                 )
 
 
-def mark_fronts(points: list[Point]) -> None:
+def mark_fronts(points: list[Measurement]) -> None:
     """Marks the points of each panel that no other right one beats in both time and error."""
-    panels: dict[tuple[str, str, str], list[Point]] = {}
+    panels: dict[tuple[str, str, str], list[Measurement]] = {}
     for point in points:
         panels.setdefault((point.mechanism, point.quantity, point.mode), []).append(point)
     for panel in panels.values():
@@ -149,6 +151,6 @@ def mark_fronts(points: list[Point]) -> None:
             point.pareto = not any(_beats(other, point) for other in right)
 
 
-def _beats(one: Point, other: Point) -> bool:
+def _beats(one: Measurement, other: Measurement) -> bool:
     no_worse = one.us_per_state <= other.us_per_state and one.max_error <= other.max_error
     return no_worse and (one.us_per_state, one.max_error) != (other.us_per_state, other.max_error)

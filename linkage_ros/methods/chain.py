@@ -85,53 +85,46 @@ class Chain(NamedTuple):
 def of_state(task: Task, f: Functions) -> Chain:
     """The package's own in every stage: the torque as `Solver.state` gives it."""
     solver, speed, acceleration = Solver(task.mechanism), task.speed, task.acceleration
-    chain = of_stages(task, factored(task.mechanism, f), analytic(task.mechanism, f), None, f)
     state = solver.state
-    return chain._replace(torque=lambda crank: (state(crank, speed, acceleration).torque,))
+    return of_stages(task, f)._replace(
+        torque=lambda crank: (state(crank, speed, acceleration).torque,)
+    )
 
 
 def in_single_precision(task: Task, f: Functions) -> Chain:
     """The package's own formulas in float32, crank angle and results included."""
-    mechanism = task.mechanism
-    chain = of_stages(task, factored(mechanism, f), analytic(mechanism, f), None, f)
 
     def narrowed(function: Function) -> Function:
         return lambda crank: function(np.asarray(crank, np.float32))
 
-    return Chain(*map(narrowed, chain))
+    return Chain(*map(narrowed, of_stages(task, f)))
 
 
 def of_position(task: Task, locate: Locate, f: Functions) -> Chain:
     """A way to find positions, and what follows from it."""
-    return of_stages(task, locate, two_by_two(task.mechanism, locate, f), None, f)
-
-
-def of_rates(task: Task, rates: Rates, f: Functions) -> Chain:
-    """A way to find rates from exact positions."""
-    return of_stages(task, factored(task.mechanism, f), rates, None, f)
-
-
-def of_torque(task: Task, torque: Torque, f: Functions) -> Chain:
-    """A way to find the torque of an exact motion."""
-    mechanism = task.mechanism
-    return of_stages(task, factored(mechanism, f), analytic(mechanism, f), torque, f)
+    return of_stages(task, f, locate, two_by_two(task.mechanism, locate, f))
 
 
 def of_stages(
-    task: Task, locate: Locate, rates: Rates, torque: Torque | None, f: Functions
+    task: Task,
+    f: Functions,
+    locate: Locate | None = None,
+    rates: Rates | None = None,
+    torque: Torque | None = None,
 ) -> Chain:
-    """Puts stages together.
+    """Puts stages together, the package's own where none is given.
 
     Args:
         task: What is to be solved.
+        f: SCALAR or ARRAY.
         locate: Positions.
         rates: First and second derivatives by the crank angle.
-        torque: From the motion; None: virtual power.
-        f: SCALAR or ARRAY.
+        torque: From the motion.
 
     Returns:
         The chain.
     """
+    locate, rates = locate or factored(task.mechanism, f), rates or analytic(task.mechanism, f)
     speed, change = task.speed, task.acceleration
     square = speed * speed
     balance = torque or virtual_power(task.mechanism, f)

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ways to follow a motion under a torque, each asked for one time after another.
 
-The package's own are those of live runs (core/simulation.py) and those of records, which stand on
-a floor above this one (motion/adaptive.py) and are passed in.
+The package's own are those of live runs (core/simulation.py) and of records (motion/adaptive.py).
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from linkage_ros.core.numeric import Array, with_turns
 from linkage_ros.core.simulation import Integrate, Phase
 from linkage_ros.core.state import loop_residual
 from linkage_ros.methods.cut_loop import CutLoop, Number, Row
-from linkage_ros.methods.motions import MotionTask
+from linkage_ros.methods.problems import InitialValueProblem
 
 _FIRST_STEP = 1e-4  # s
 _END = 1e10  # s, which no run reaches
@@ -30,12 +29,12 @@ class Follower:
     """A motion on its way.
 
     Attributes:
-        task: The motion.
+        problem: The motion and its start.
         phase: Where it is: coordinates, the crank with all its turns, then their rates.
     """
 
-    def __init__(self, task: MotionTask) -> None:
-        self.task, self.phase = task, task.start
+    def __init__(self, problem: InitialValueProblem) -> None:
+        self.problem, self.phase = problem, problem.start
 
     def at(self, time: float) -> Phase:
         """Follows the motion to a time.
@@ -51,7 +50,7 @@ class Follower:
 
     def gap(self) -> float:
         """By how much the loop does not close, m: from coordinates it is closed every time."""
-        equations, count = self.task.motion.equations, self.task.count
+        equations, count = self.problem.motion.equations, self.problem.count
         q, u = self.phase[:count], self.phase[count:]
         return loop_residual(equations.structure, equations.state(q, u, (0.0,) * count))
 
@@ -62,15 +61,15 @@ class Follower:
 class OfPackage(Follower):
     """The package's own steps, which wind the crank angle and count its turns."""
 
-    def __init__(self, task: MotionTask, begin: Integrate) -> None:
+    def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
         """Begins at t = 0.
 
         Args:
-            task: The motion.
+            problem: The motion and its start.
             begin: Makes the steps.
         """
-        super().__init__(task)
-        self._steps = begin(task.motion, task.start)
+        super().__init__(problem)
+        self._steps = begin(problem.motion, problem.start)
 
     def _advance(self, time: float) -> Phase:
         steps = self._steps
@@ -81,18 +80,18 @@ class OfPackage(Follower):
 class RungeKutta4(Follower):
     """The classical method of order 4 in equal steps, as textbooks have it: nothing is checked."""
 
-    def __init__(self, task: MotionTask, step: float) -> None:
+    def __init__(self, problem: InitialValueProblem, step: float) -> None:
         """Begins at t = 0.
 
         Args:
-            task: The motion.
+            problem: The motion and its start.
             step: Longest, s.
         """
-        super().__init__(task)
+        super().__init__(problem)
         self._longest, self._time = step, 0.0
 
     def _advance(self, time: float) -> Phase:
-        start, span, slope = self._time, time - self._time, self.task.motion.slope
+        start, span, slope = self._time, time - self._time, self.problem.motion.slope
         steps = math.ceil(span / self._longest * (1 - 1e-9))
         y = self.phase
         for i in range(steps):
@@ -113,7 +112,7 @@ class OfScipy(Follower):
 
     def __init__(
         self,
-        task: MotionTask,
+        problem: InitialValueProblem,
         solver: str,
         tolerance: float,
         start: Phase | None = None,
@@ -122,21 +121,21 @@ class OfScipy(Follower):
         """Begins at t = 0.
 
         Args:
-            task: The motion.
+            problem: The motion and its start.
             solver: The class's name in scipy.integrate.
             tolerance: Relative, and absolute in rad and crank lengths.
-            start: Another one than the task's.
-            units: Others than the task's.
+            start: Another one than the problem's.
+            units: Others than the problem's.
         """
-        super().__init__(task)
+        super().__init__(problem)
         self._steps: Any = getattr(integrate, solver)(
-            self._slope, 0.0, np.array(start or task.start), _END, first_step=_FIRST_STEP,
-            rtol=tolerance, atol=tolerance * np.array(units or task.motion.units),
+            self._slope, 0.0, np.array(start or problem.start), _END, first_step=_FIRST_STEP,
+            rtol=tolerance, atol=tolerance * np.array(units or problem.motion.units),
         )  # fmt: skip
         self._between: Any = None
 
     def _slope(self, time: float, phase: Array) -> Array:
-        return np.array(self.task.motion.slope(time, tuple(phase.tolist())))
+        return np.array(self.problem.motion.slope(time, tuple(phase.tolist())))
 
     def _advance(self, time: float) -> Phase:
         steps = self._steps
@@ -159,28 +158,28 @@ class Multipliers(OfScipy):
     is lost opens the loop further and further.
     """
 
-    def __init__(self, task: MotionTask, tolerance: float) -> None:
+    def __init__(self, problem: InitialValueProblem, tolerance: float) -> None:
         """Begins at t = 0, with the loop closed.
 
         Args:
-            task: The motion.
+            problem: The motion and its start.
             tolerance: Relative, and absolute in rad and crank lengths.
         """
-        self._loop = CutLoop(task.mechanism, float, lambda x: (math.cos(x), math.sin(x)))
+        self._loop = CutLoop(problem.mechanism, float, lambda x: (math.cos(x), math.sin(x)))
         self._count = 4 if self._loop.slides else 3
-        q, u = task.start[: task.count], task.start[task.count :]
-        state = task.motion.equations.state(q, u, (0.0,) * task.count)
+        q, u = problem.start[: problem.count], problem.start[problem.count :]
+        state = problem.motion.equations.state(q, u, (0.0,) * problem.count)
         start = *state.position[: self._count], *state.velocity[: self._count]
-        units = (1.0, 1.0, 1.0, task.mechanism.crank.length)[: self._count] * 2
+        units = (1.0, 1.0, 1.0, problem.mechanism.crank.length)[: self._count] * 2
         self._values: Sequence[float] = start
-        super().__init__(task, 'DOP853', tolerance, start, units)
+        super().__init__(problem, 'DOP853', tolerance, start, units)
 
     def _slope(self, _: float, phase: Array) -> Array:
-        values, count, task = phase.tolist(), self._count, self.task
+        values, count, motor = phase.tolist(), self._count, self.problem.motor
         spins = values[count : count + 3]
         found = self._loop.accelerations(
             _directions(values), spins, values[-1] if self._loop.slides else None,
-            task.torque - task.damping * spins[0], _solve,
+            motor.torque - motor.damping * spins[0], _solve,
         )  # fmt: skip
         return np.array([*values[count:], *found])
 
@@ -204,4 +203,5 @@ def _solve(rows: list[Row], right: Row) -> list[Number]:
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
+    """Along one slope: by the weighted sum of core/simulation.py a step costs a sixth more."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])

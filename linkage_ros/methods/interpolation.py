@@ -22,7 +22,7 @@ from linkage_ros.methods.positions import Locate
 _OVERSAMPLED = 4
 
 
-class _Period:
+class _PeriodSamples:
     """Even samples of one period of coupler and output, as smooth curves.
 
     A link that turns with the crank gains turns; what is left without them is periodic.
@@ -50,7 +50,7 @@ class _Period:
 
 def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
     """A table of positions and rates, read by cubic interpolation; `nodes` per period."""
-    period = _Period(mechanism, nodes)
+    period = _PeriodSamples(mechanism, nodes)
     length, step, gain = period.length, period.step, period.gain
     at, slope = period.values, period.slopes * step
     change = at[:, 1:] - at[:, :-1]
@@ -87,7 +87,7 @@ def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
 
 def fourier(mechanism: Linkage, harmonics: int, f: Functions) -> Locate:
     """A truncated Fourier series of the period, its coefficients by the fast transform."""
-    period = _Period(mechanism, max(64, _OVERSAMPLED * harmonics))
+    period = _PeriodSamples(mechanism, max(64, _OVERSAMPLED * harmonics))
     samples = period.values[:, :-1]
     spectrum = np.fft.rfft(samples, axis=1)[:, : harmonics + 1] / samples.shape[1]
     spectrum[:, 1:] *= 2

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods.loop import Loop, solve_2x2
-from linkage_ros.methods.positions import Locate
 
 CAP = 50
 
 
 class NewtonRaphson:
-    """Solves one loop at one crank angle after another.
+    """Solves one loop at one crank angle after another, as what `positions` returns.
 
     Attributes:
         iterations: Of all calls so far.
@@ -52,8 +51,3 @@ class NewtonRaphson:
         if self._warm:
             self._guess = coupler, output
         return coupler, output
-
-
-def newton(loop: Loop, tolerance: float, guess: tuple[float, float], *, warm: bool) -> Locate:
-    """NewtonRaphson as what `positions` returns."""
-    return NewtonRaphson(loop, tolerance, guess, warm=warm)

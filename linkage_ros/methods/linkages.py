@@ -60,7 +60,7 @@ def turning(random: Random) -> Linkage:
             return four_bar(lengths, any_assembly(random), angle)
 
 
-def dyadic(random: Random) -> FourBar:
+def with_change_point(random: Random) -> FourBar:
     """Lengths in 64ths of a metre with a change point at crank angle 0 exactly."""
     r = int(random.integers(8, 24))
     d, b = r + int(random.integers(4, 24)), r + int(random.integers(4, 24))

@@ -13,17 +13,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from linkage_ros.core.simulation import Phase
 from linkage_ros.errors import LinkageError
-from linkage_ros.methods.accuracy import Point, mark_fronts
+from linkage_ros.methods.accuracy import Measurement, mark_fronts
+from linkage_ros.methods.bench import FAILURES
 from linkage_ros.methods.integrators import Follower
-from linkage_ros.methods.measure import FAILURES
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
-from linkage_ros.methods.motions import Machines
-from linkage_ros.methods.table import Integrator, Setting, label
+from linkage_ros.methods.problems import ChartMechanisms
+from linkage_ros.methods.table import INTEGRATORS, Integrator, Setting, label
 
 # Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'
@@ -44,75 +44,75 @@ class _Job:
     def follow(self) -> None:
         """The whole motion; it has no phases where the method fails."""
         try:
-            follower = self.method.make(self.bench.task, self.setting)
+            follower = self.method.make(self.bench.problem, self.setting)
             start = time.perf_counter()
             self.phases = [follower.at(moment) for moment in self.bench.times]
             self.seconds = min(self.seconds, time.perf_counter() - start)
         except (LinkageError, *FAILURES):
             self.phases, self.seconds = [], math.nan
 
-    def point(self, mechanism: str, quantity: str, errors: Iterable[float]) -> Point:
+    def point(self, mechanism: str, quantity: str, errors: Iterable[float]) -> Measurement:
         """Its point in the chart; where the method fails there are no errors."""
         per_ms = self.seconds / (self.bench.times[-1] * 1e3) * 1e6
         worst = max(errors, default=math.inf)
         name = self.method.name
-        return Point(name, label(self.setting), mechanism, quantity, MEAN, per_ms, worst)
+        return Measurement(name, label(self.setting), mechanism, quantity, MEAN, per_ms, worst)
 
 
-class Trials(NamedTuple):
-    """What one picture of a mechanism needs.
+class ChartBenches(NamedTuple):
+    """What one row of the chart needs.
 
     Attributes:
-        moved: A motion whose trajectory is compared.
-        free: One whose energy stays.
+        trajectory: A motion whose trajectory is compared.
+        energy: One whose energy stays.
     """
 
-    moved: MotionBench
-    free: MotionBench
+    trajectory: MotionBench
+    energy: MotionBench
 
 
-def trials(machines: Machines, *, quick: bool) -> dict[str, Trials]:
+def chart_benches(mechanisms: ChartMechanisms, *, quick: bool) -> dict[str, ChartBenches]:
     """The motions of the chart.
 
     Args:
-        machines: What moves.
+        mechanisms: What moves.
         quick: Whether a fifth of the time will do.
 
     Returns:
-        Trials by name of the mechanism: the pump at its fast speed, with motor and water and
+        Benches by name of the mechanism: the pump at its fast speed, with motor and water and
         without; the quadrilateral coasting from 150 rpm.
     """
     seconds = 2.0 if quick else 10.0
-    coasting = MotionBench(machines.coasting(5 * math.pi), even(seconds * 0.4))
+    coasting = MotionBench(mechanisms.coasting(5 * math.pi), even(seconds * 0.4))
     return {
-        'wind_pump': Trials(
-            MotionBench(machines.driven(6.0), even(seconds)),
-            MotionBench(machines.freed(6.0), even(seconds)),
+        'wind_pump': ChartBenches(
+            MotionBench(mechanisms.driven(6.0), even(seconds)),
+            MotionBench(mechanisms.freed(6.0), even(seconds)),
         ),
-        'quadrilateral': Trials(coasting, coasting),
+        'quadrilateral': ChartBenches(coasting, coasting),
     }
 
 
 def measure_motion_accuracy(
-    methods: Sequence[Integrator],
-    machines: Machines,
+    mechanisms: ChartMechanisms,
     *,
     quick: bool,
     progress: Callable[[Iterable[Any], str], Any],
-) -> list[Point]:
+    methods: Sequence[Integrator] = INTEGRATORS,
+) -> list[Measurement]:
     """Measures all points.
 
     Args:
-        methods: From the table.
-        machines: What moves.
+        mechanisms: What moves.
         quick: Whether shorter motions and fewer rounds will do.
         progress: Wraps what is gone through, with a word for it: a progress bar.
+        methods: To measure.
 
     Returns:
         The points, fronts marked.
     """
-    points: list[Point] = []
-    for name, (moved, free) in trials(machines, quick=quick).items():
+    points: list[Measurement] = []
+    for name, (moved, free) in chart_benches(mechanisms, quick=quick).items():
         kinds = [(method, setting) for method in methods for setting in method.settings]
         jobs = {
             bench: [_Job(method, setting, bench, []) for method, setting in kinds]
@@ -135,20 +135,18 @@ def measure_motion_accuracy(
     return points
 
 
-def _ticking(point: Point, job: _Job, *, quick: bool) -> Point:
+def _ticking(point: Measurement, job: _Job, *, quick: bool) -> Measurement:
     """The same error, and the time of the slowest ms of the first s, asked for every ms."""
     ticks, rounds = 300 if quick else 1000, 3
     fastest = [math.inf] * ticks
     try:
         for _ in range(rounds):
-            follower = job.method.make(job.bench.task, job.setting)
+            follower = job.method.make(job.bench.problem, job.setting)
             fastest = list(map(min, fastest, _ticks(follower, ticks)))
         slowest = max(fastest) * 1e6
     except (LinkageError, *FAILURES):
         slowest = math.nan
-    return Point(
-        point.method, point.setting, point.mechanism, TRAJECTORY, SLOWEST, slowest, point.max_error
-    )
+    return replace(point, mode=SLOWEST, us_per_state=slowest)
 
 
 def _ticks(follower: Follower, count: int) -> list[float]:

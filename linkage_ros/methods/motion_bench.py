@@ -11,7 +11,7 @@ from functools import cached_property
 
 from linkage_ros.core.simulation import Phase
 from linkage_ros.methods.motion_reference import MotionReference
-from linkage_ros.methods.motions import MotionTask
+from linkage_ros.methods.problems import InitialValueProblem
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
 ASKED = 0.05  # s between two states that are compared
@@ -21,39 +21,39 @@ class MotionBench:
     """One motion, and its true phases.
 
     Attributes:
-        task: The motion.
+        problem: The motion and its start.
         times: At which states are compared, s.
     """
 
     def __init__(
         self,
-        task: MotionTask,
+        problem: InitialValueProblem,
         times: Sequence[float],
         formula: Callable[[float], Phase] | None = None,
     ) -> None:
         """Prepares it.
 
         Args:
-            task: The motion.
+            problem: The motion and its start.
             times: At which states are compared, s.
             formula: The motion in closed form; None: it is followed in many digits.
         """
-        self.task, self.times, self._formula = task, tuple(times), formula
-        self._kinetic, potential = task.energy(task.start)
+        self.problem, self.times, self._formula = problem, tuple(times), formula
+        self._kinetic, potential = problem.energy(problem.start)
         self._energy = self._kinetic + potential
 
     @cached_property
     def _exact(self) -> list[tuple[Decimal, ...]]:
         if self._formula:
             return [tuple(map(Decimal, self._formula(time))) for time in self.times]
-        reference = MotionReference(self.task)
+        reference = MotionReference(self.problem)
         return [reference.at(time) for time in self.times]
 
     @cached_property
     def _sizes(self) -> Phase:
-        rates = zip(*(state[self.task.count :] for state in self._exact), strict=True)
+        rates = zip(*(state[self.problem.count :] for state in self._exact), strict=True)
         largest = (float(max(map(abs, rate))) for rate in rates)
-        return (*self.task.motion.units[: self.task.count], *largest)
+        return (*self.problem.motion.units[: self.problem.count], *largest)
 
     def error(self, index: int, phase: Phase) -> float:
         """How far a phase is from the true one.
@@ -82,7 +82,7 @@ class MotionBench:
         """
         if not all(map(math.isfinite, phase)):
             return math.inf
-        return abs(sum(self.task.energy(phase)) - self._energy) / self._kinetic
+        return abs(sum(self.problem.energy(phase)) - self._energy) / self._kinetic
 
 
 def even(seconds: float) -> list[float]:

@@ -20,7 +20,7 @@ from mpmath import mp
 
 from linkage_ros.methods.cut_loop import CutLoop, Pair, eliminate
 from linkage_ros.methods.loop import solve_2x2
-from linkage_ros.methods.motions import MotionTask
+from linkage_ros.methods.problems import InitialValueProblem
 
 _CONTEXT = Context(prec=34)
 _LOOK = Decimal('0.04')  # s between two looks for an end
@@ -50,19 +50,20 @@ class MotionReference:
         time: Up to which it is followed, s.
     """
 
-    def __init__(self, task: MotionTask, accuracy: Accuracy | None = None) -> None:
+    def __init__(self, problem: InitialValueProblem, accuracy: Accuracy | None = None) -> None:
         """Closes the loop at the start.
 
         Args:
-            task: The motion.
+            problem: The motion and its start.
             accuracy: Of the steps.
         """
         self._accuracy = accuracy or Accuracy()
         self._span = self._accuracy.longest
-        self._task = task
+        self._problem = problem
         with localcontext(_CONTEXT):
-            self._loop = CutLoop(task.mechanism, _CONTEXT.create_decimal, unit)
-            self._torque, self._damping = Decimal(task.torque), Decimal(task.damping)
+            self._loop = CutLoop(problem.mechanism, _CONTEXT.create_decimal, unit)
+            motor = problem.motor
+            self._torque, self._damping = Decimal(motor.torque), Decimal(motor.damping)
             self.time = Decimal(0)
             self._state = self._begin()
 
@@ -124,10 +125,10 @@ class MotionReference:
 
     def _begin(self) -> _State:
         """Angle of the crank; cosine and sine of each link; slider; all rates."""
-        loop, count = self._loop, self._task.count
-        q, u = self._task.start[:count], self._task.start[count:]
+        loop, count = self._loop, self._problem.count
+        q, u = self._problem.start[:count], self._problem.start[count:]
         # From doubles, which serve as a first guess.
-        links = self._task.motion.equations.state(q, u, (0.0,) * count).position[:3]
+        links = self._problem.motion.equations.state(q, u, (0.0,) * count).position[:3]
         directions = [unit(angle) for angle in (q[0], *links[1:])]
         place = [Decimal(x) for x in q[1:]]
         velocity = [Decimal(x) for x in u[1:]]
@@ -215,6 +216,7 @@ def unit(angle: float) -> Pair:
 
 
 def _moved(state: _State, h: Decimal, slope: _State) -> _State:
+    """Of Decimals: the sums of core/simulation.py begin with a double."""
     return tuple([value + h * rate for value, rate in zip(state, slope, strict=True)])
 
 

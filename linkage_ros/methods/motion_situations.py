@@ -17,7 +17,8 @@ from linkage_ros.core.solver import Solver
 from linkage_ros.methods.linkages import Random, four_bar, limited
 from linkage_ros.methods.motion_bench import ENERGY, LOOP, TRAJECTORY, even
 from linkage_ros.methods.motion_reference import MotionReference
-from linkage_ros.methods.motions import Machines, MotionTask
+from linkage_ros.methods.problems import ChartMechanisms, InitialValueProblem
+from linkage_ros.motion.drives import Motor
 
 _SEED = 20_261_122
 _BESIDE = 1e-3  # s before and after the end of a motion
@@ -27,19 +28,19 @@ class MotionCase(NamedTuple):
     """One motion in a situation.
 
     Attributes:
-        task: The motion.
+        problem: The motion and its start.
         times: At which it is asked for, in turn, s.
         end: When its coordinates end, s; None: they do not.
         formula: The motion in closed form; None: there is none.
     """
 
-    task: MotionTask
+    problem: InitialValueProblem
     times: Sequence[float]
     end: float | None = None
     formula: Callable[[float], Phase] | None = None
 
 
-Generate = Callable[[Machines, Random, int], Iterator[MotionCase]]
+Generate = Callable[[ChartMechanisms, Random, int], Iterator[MotionCase]]
 
 
 @dataclass(frozen=True)
@@ -61,19 +62,19 @@ class MotionSituation:
     judged: str = TRAJECTORY
     exists: bool = True
 
-    def cases(self, machines: Machines, count: int) -> list[MotionCase]:
+    def cases(self, mechanisms: ChartMechanisms, count: int) -> list[MotionCase]:
         """The motions, the same at every call; the longer they are, the fewer."""
         seed = [_SEED, *self.generate.__name__.encode()]
-        return list(self.generate(machines, np.random.default_rng(seed), count))
+        return list(self.generate(mechanisms, np.random.default_rng(seed), count))
 
 
-def _driven(machines: Machines, random: Random, count: int) -> Iterator[MotionCase]:
+def _driven(mechanisms: ChartMechanisms, random: Random, count: int) -> Iterator[MotionCase]:
     for i in range(max(2, count // 8)):
         speed = (2.0, 6.0)[i] if i < 2 else float(random.uniform(1.0, 7.0))
-        yield MotionCase(machines.driven(speed), even(5.0))
+        yield MotionCase(mechanisms.driven(speed), even(5.0))
 
 
-def _swing(_: Machines, random: Random, count: int) -> Iterator[MotionCase]:
+def _swing(_: ChartMechanisms, random: Random, count: int) -> Iterator[MotionCase]:
     found = 0
     while found < max(1, count // 6):
         mechanism = limited(random)
@@ -85,18 +86,18 @@ def _swing(_: Machines, random: Random, count: int) -> Iterator[MotionCase]:
         first, height, last = (equations.energy((place,), (0.0,))[1] for place in places)
         if height < min(first, last) - 1.0:
             found += 1
-            yield MotionCase(MotionTask(mechanism, (places[1], 0.0)), even(3.0))
+            yield MotionCase(InitialValueProblem(mechanism, (places[1], 0.0)), even(3.0))
 
 
-def _change_point(_: Machines, random: Random, count: int) -> Iterator[MotionCase]:
+def _change_point(_: ChartMechanisms, random: Random, count: int) -> Iterator[MotionCase]:
     for _i in range(max(2, count // 5)):
         x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
         # The coupler does not turn, so that without weights nothing depends on the crank angle.
         mechanism = replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
         angle, speed, torque = (float(k) for k in random.uniform((-2, 1, 0.1), (-1, 3, 0.2)))
-        task = MotionTask(mechanism, (angle, speed), torque)
-        ((inertia,),) = task.motion.equations.matrix((1.0,))
-        yield MotionCase(task, even(4.0), formula=_speeding_up(task.start, torque / inertia))
+        problem = InitialValueProblem(mechanism, (angle, speed), Motor(torque))
+        ((inertia,),) = problem.motion.equations.matrix((1.0,))
+        yield MotionCase(problem, even(4.0), formula=_speeding_up(problem.start, torque / inertia))
 
 
 def _speeding_up(start: Phase, acceleration: float) -> Callable[[float], Phase]:
@@ -104,31 +105,31 @@ def _speeding_up(start: Phase, acceleration: float) -> Callable[[float], Phase]:
     return lambda t: (angle + (speed + acceleration / 2 * t) * t, speed + acceleration * t)
 
 
-def _stretched(machines: Machines, random: Random, count: int) -> Iterator[MotionCase]:
+def _stretched(mechanisms: ChartMechanisms, random: Random, count: int) -> Iterator[MotionCase]:
     velocities = [5.0, 6.0, -6.0]
     found = 0
     while found < max(4, count // 3):
         if found % 4 == 3:
             mechanism = limited(random)
             start, end = Solver(mechanism).mobility.arcs[0]
-            task = MotionTask(
+            problem = InitialValueProblem(
                 mechanism, ((start + end) / 2, float(random.uniform(3, 6)) * (end - start))
             )
         else:
             own = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
-            task = machines.driven(2.0, velocities[found] if found < 3 else own)
-        end_time = MotionReference(task).end(0.5)
+            problem = mechanisms.driven(2.0, velocities[found] if found < 3 else own)
+        end_time = MotionReference(problem).end(0.5)
         if end_time is not None:
             found += 1
             before = np.linspace(0.0, end_time - _BESIDE, 9)[1:]
             after = end_time + _BESIDE * np.array([1.0, 3.0, 10.0, 30.0])
-            yield MotionCase(task, [*before.tolist(), *after.tolist()], end_time)
+            yield MotionCase(problem, [*before.tolist(), *after.tolist()], end_time)
 
 
-def _long(machines: Machines, _: Random, count: int) -> Iterator[MotionCase]:
-    yield MotionCase(machines.coasting(5 * math.pi), even(30.0))
+def _long(mechanisms: ChartMechanisms, _: Random, count: int) -> Iterator[MotionCase]:
+    yield MotionCase(mechanisms.coasting(5 * math.pi), even(30.0))
     if count >= 10:
-        yield MotionCase(machines.freed(9.0), even(60.0))
+        yield MotionCase(mechanisms.freed(9.0), even(60.0))
 
 
 MOTION_SITUATIONS = (

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from linkage_ros.core.mechanism import OPEN, FourBar, Linkage
-from linkage_ros.core.numeric import Functions, Real
+from linkage_ros.core.numeric import SCALAR, Functions, Real
 from linkage_ros.core.solver import Solver
 
 Locate = Callable[[Real], tuple[Real, Real]]
@@ -38,7 +38,7 @@ def inverse_cosine(mechanism: Linkage, f: Functions) -> Locate:
 
     Of a slider-crank, the angle between the coupler and the normal of the guide.
     """
-    acos = math.acos if f.sqrt is math.sqrt else np.arccos
+    acos = math.acos if f is SCALAR else np.arccos
     sin, cos = f.sin, f.cos
     side = 1.0 if mechanism.assembly == OPEN else -1.0
     r, b, direction = mechanism.crank.length, mechanism.coupler.length, mechanism.frame.angle
@@ -68,7 +68,7 @@ def inverse_cosine(mechanism: Linkage, f: Functions) -> Locate:
 
 def half_angle(mechanism: Linkage, f: Functions) -> Locate:
     """Tangents of half angles solve quadratic equations (document 2, eq. 16 to 26)."""
-    atan = math.atan if f.sqrt is math.sqrt else np.arctan
+    atan = math.atan if f is SCALAR else np.arctan
     sin, cos, sqrt = f.sin, f.cos, f.sqrt
     side = 1.0 if mechanism.assembly == OPEN else -1.0
     r2, r3, direction = mechanism.crank.length, mechanism.coupler.length, mechanism.frame.angle

@@ -21,12 +21,12 @@ from linkage_ros.methods.chain import Task, make_task
 from linkage_ros.methods.linkages import (
     Random,
     any_assembly,
-    dyadic,
     four_bar,
     limited,
     other_assembly,
     slider_crank,
     turning,
+    with_change_point,
 )
 
 _SEED = 20_261_121
@@ -93,13 +93,13 @@ def _ordinary(random: Random, count: int) -> Iterator[Case]:
 
 def _hit(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
-        mechanism = dyadic(random)
+        mechanism = with_change_point(random)
         yield _case(mechanism, (-0.3, -0.2, -0.1, 0.0, -0.0, 1e-300))
 
 
 def _passed(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
-        yield _case(dyadic(random), _passing())
+        yield _case(with_change_point(random), _passing())
 
 
 def _near(random: Random, count: int) -> Iterator[Case]:

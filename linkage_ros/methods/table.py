@@ -8,12 +8,12 @@ To add a method, write its function where its stage lives, and an entry here.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Generic, TypeAlias, TypeVar
 
 from linkage_ros.core.numeric import SCALAR, Functions
-from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps, Integrate
-from linkage_ros.methods import chain, interpolation, iteration, positions, rates, torques
+from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps
+from linkage_ros.methods import chain, interpolation, positions, rates, torques
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, STATE, TORQUE, Chain, Task
 from linkage_ros.methods.integrators import (
     Follower,
@@ -22,8 +22,10 @@ from linkage_ros.methods.integrators import (
     OfScipy,
     RungeKutta4,
 )
+from linkage_ros.methods.iteration import NewtonRaphson
 from linkage_ros.methods.loop import Loop
-from linkage_ros.methods.motions import MotionTask
+from linkage_ros.methods.problems import InitialValueProblem
+from linkage_ros.motion.adaptive import AdaptiveSteps
 
 Setting = dict[str, float]
 Make = TypeVar('Make')
@@ -38,12 +40,12 @@ class Way(Generic[Make]):
         stage: What it computes: 'state' (all of it), 'position', 'rates', 'torque' or 'motion'.
         needs: What it asks for beside the lengths.
         source: Where it is described, to the equation.
-        make: Builds it for a task, a setting and floats or arrays; an integrator for a motion and
-            a setting.
+        make: Builds it for a task, a setting and floats or arrays; an integrator for an initial
+            value problem and a setting.
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best that is of practical use.
         modes: 'one at a time', 'batch' or both.
-        steps: Whether it goes from angle to angle, so that `steps` per turn are a setting.
+        sequential: Whether it goes from angle to angle, so that `steps` per turn are a setting.
     """
 
     name: str
@@ -52,13 +54,13 @@ class Way(Generic[Make]):
     source: str
     make: Make
     settings: tuple[Setting, ...] = ({},)
-    steady: Setting | None = None
+    steady: Setting = field(default_factory=dict)
     modes: tuple[str, ...] = (ONE, BATCH)
-    steps: bool = False
+    sequential: bool = False
 
 
 Method: TypeAlias = Way[Callable[[Task, Setting, Functions], Chain]]
-Integrator: TypeAlias = Way[Callable[[MotionTask, Setting], Follower]]
+Integrator: TypeAlias = Way[Callable[[InitialValueProblem, Setting], Follower]]
 
 
 def label(setting: Setting) -> str:
@@ -67,8 +69,12 @@ def label(setting: Setting) -> str:
 
 
 def _newton(task: Task, setting: Setting, *, warm: bool) -> Chain:
-    locate = iteration.newton(Loop(task.mechanism), setting['tolerance'], task.guess, warm=warm)
+    locate = NewtonRaphson(Loop(task.mechanism), setting['tolerance'], task.guess, warm=warm)
     return chain.of_position(task, locate, SCALAR)
+
+
+def _exact(task: Task, f: Functions) -> positions.Locate:
+    return positions.factored(task.mechanism, f)
 
 
 _TOLERANCES = (1e-1, 1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
@@ -105,7 +111,7 @@ METHODS = (
         'Newton-Raphson, warm', POSITION,
         'a first guess, and each angle close to the one before', 'document 1, eq. 8 to 12',
         lambda task, setting, _: _newton(task, setting, warm=True),
-        _ITERATED, {'tolerance': 1e-12, 'steps': 360}, (ONE,), steps=True,
+        _ITERATED, {'tolerance': 1e-12, 'steps': 360}, (ONE,), sequential=True,
     ),
     Method(
         'Newton-Raphson, cold', POSITION, 'a first guess that serves every angle',
@@ -131,37 +137,40 @@ METHODS = (
     ),
     Method(
         '2x2 solve', RATES, 'links not in line', 'documents 1 (eq. 13 to 18) and 4 (eq. 5 to 8)',
-        lambda task, _, f: chain.of_rates(
-            task, rates.two_by_two(task.mechanism, positions.factored(task.mechanism, f), f), f
+        lambda task, _, f: chain.of_stages(
+            task, f, rates=rates.two_by_two(task.mechanism, _exact(task, f), f)
         ),
     ),
     Method(
         'sine formula', RATES, 'links not in line',
         'document 2, eq. 27 to 33; accelerations by the same elimination',
-        lambda task, _, f: chain.of_rates(
-            task, rates.sine_formula(task.mechanism, positions.factored(task.mechanism, f), f), f
+        lambda task, _, f: chain.of_stages(
+            task, f, rates=rates.sine_formula(task.mechanism, _exact(task, f), f)
         ),
     ),
     Method(
         'central differences', RATES, 'positions a step to both sides',
         'Dahlquist and Bjorck, Numerical Methods in Scientific Computing, 3.3',
-        lambda task, setting, f: chain.of_rates(
-            task,
-            rates.central_differences(
-                task.mechanism, positions.factored(task.mechanism, f), setting['step'], f
+        lambda task, setting, f: chain.of_stages(
+            task, f,
+            rates=rates.central_differences(
+                task.mechanism, _exact(task, f), setting['step'], f
             ),
-            f,
         ),
         tuple({'step': 10.0**-k} for k in (1, 2, 3, 4, 5, 6, 7)), {'step': 1e-4},
     ),
     Method(
         'power balance', TORQUE, 'a crank that moves', 'document 1, eq. 1 to 6',
-        lambda task, _, f: chain.of_torque(task, torques.power_balance(task.mechanism, f), f),
+        lambda task, _, f: chain.of_stages(
+            task, f, torque=torques.power_balance(task.mechanism, f)
+        ),
     ),
     Method(
         'constrained Newton-Euler', TORQUE, 'links not in line',
         'Norton, Design of Machinery, 11.4 and 11.5',
-        lambda task, _, f: chain.of_torque(task, torques.newton_euler(task.mechanism, f), f),
+        lambda task, _, f: chain.of_stages(
+            task, f, torque=torques.newton_euler(task.mechanism, f)
+        ),
     ),
 )  # fmt: skip
 
@@ -175,54 +184,46 @@ _UNCHECKED = 1e300  # no error of a step is larger
 _DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 and II.6'
 
 
-def _fixed(task: MotionTask, setting: Setting) -> Follower:
+def _fixed(problem: InitialValueProblem, setting: Setting) -> Follower:
     step, tolerance = setting['step'], setting.get('tolerance', _UNCHECKED)
-    return OfPackage(task, lambda motion, start: FixedSteps(motion, start, step, tolerance))
+    return OfPackage(problem, lambda motion, start: FixedSteps(motion, start, step, tolerance))
 
 
-def integrators(records: Integrate) -> tuple[Integrator, ...]:
-    """The ways to follow a motion under a torque; steps are in s.
-
-    Args:
-        records: Makes the steps of records.
-
-    Returns:
-        The table; the first two are the defaults.
-    """
-    return (
-        Integrator(
-            LIVE, MOTION, 'nothing',
-            'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; core/simulation.py',
-            _fixed,
-            # Without its tolerance a step is as long as it says, which shows the order.
-            tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
-        ),
-        Integrator(
-            RECORDS, MOTION, 'SciPy; a torque that does not leap',
-            f'{_DOP853}; motion/adaptive.py',
-            lambda task, _: OfPackage(task, records),
-        ),
-        Integrator(
-            'DOP853', MOTION, 'SciPy; no edge of the coordinates on the way', _DOP853,
-            lambda task, setting: OfScipy(task, 'DOP853', setting['tolerance']),
-            tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-13},
-        ),
-        Integrator(
-            'RK4', MOTION, 'a step that is short enough everywhere',
-            'Hairer, Norsett and Wanner I, II.1, table 1.2',
-            lambda task, setting: RungeKutta4(task, setting['step']),
-            tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
-        ),
-        Integrator(
-            'Radau', MOTION, 'SciPy; no edge of the coordinates on the way',
-            'Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8',
-            lambda task, setting: OfScipy(task, 'Radau', setting['tolerance']),
-            tuple({'tolerance': 10.0**-k} for k in range(3, 9)), {'tolerance': 1e-7},
-        ),
-        Integrator(
-            'multipliers, unstabilised', MOTION, 'SciPy; no change point; a short run',
-            'Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5; then DOP853',
-            lambda task, setting: Multipliers(task, setting['tolerance']),
-            tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9},
-        ),
-    )  # fmt: skip
+# Steps are in s; the first two are the defaults.
+INTEGRATORS = (
+    Integrator(
+        LIVE, MOTION, 'nothing',
+        'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; core/simulation.py',
+        _fixed,
+        # Without its tolerance a step is as long as it says, which shows the order.
+        tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
+    ),
+    Integrator(
+        RECORDS, MOTION, 'SciPy; a torque that does not leap',
+        f'{_DOP853}; motion/adaptive.py',
+        lambda problem, _: OfPackage(problem, AdaptiveSteps),
+    ),
+    Integrator(
+        'DOP853', MOTION, 'SciPy; no edge of the coordinates on the way', _DOP853,
+        lambda problem, setting: OfScipy(problem, 'DOP853', setting['tolerance']),
+        tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-13},
+    ),
+    Integrator(
+        'RK4', MOTION, 'a step that is short enough everywhere',
+        'Hairer, Norsett and Wanner I, II.1, table 1.2',
+        lambda problem, setting: RungeKutta4(problem, setting['step']),
+        tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
+    ),
+    Integrator(
+        'Radau', MOTION, 'SciPy; no edge of the coordinates on the way',
+        'Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8',
+        lambda problem, setting: OfScipy(problem, 'Radau', setting['tolerance']),
+        tuple({'tolerance': 10.0**-k} for k in range(3, 9)), {'tolerance': 1e-7},
+    ),
+    Integrator(
+        'multipliers, unstabilised', MOTION, 'SciPy; no change point; a short run',
+        'Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5; then DOP853',
+        lambda problem, setting: Multipliers(problem, setting['tolerance']),
+        tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9},
+    ),
+)  # fmt: skip

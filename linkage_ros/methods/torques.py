@@ -56,9 +56,9 @@ def power_balance(mechanism: Linkage, f: Functions) -> Torque:
     ]
 
     def torque(position: PerLink, _: PerLink, rates: PerLink, changes: PerLink) -> Real:
-        links = [f.cos(position[j]) + 1j * f.sin(position[j]) for j in turning]
-        speeds = [1j * rates[j] * links[j] for j in turning]
-        gains = [(1j * changes[j] - rates[j] * rates[j]) * links[j] for j in turning]
+        directions = [f.cos(position[j]) + 1j * f.sin(position[j]) for j in turning]
+        speeds = [1j * rates[j] * directions[j] for j in turning]
+        gains = [(1j * changes[j] - rates[j] * rates[j]) * directions[j] for j in turning]
         power = 0.0
         for body, terms in arms:
             velocity = acceleration = 0j

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of an analysis, for people."""
+"""The settled states of an analysis as a table, for people."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from linkage_ros.analysis.pump import Analysis
 from linkage_ros.analysis.sensitivity import CHANGES
 
 
-def write_table(analysis: Analysis) -> list[str]:
+def states_table(analysis: Analysis) -> list[str]:
     """The states, and the stable ones under changed torques.
 
     Args:

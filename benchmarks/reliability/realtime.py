@@ -7,8 +7,8 @@ each deadline, linkage_node with log and viewer and with the log alone, and a no
 timer publishes the same JointState, made as rclpy's tutorials do. A subscriber in a process of
 its own hears the nodes.
 
-    python benchmarks/realtime.py --out DIR     three rates, 60 s each, in a quarter of an hour
-    python benchmarks/realtime.py --seconds 5   a quick look
+    python benchmarks/reliability/realtime.py --out DIR     three rates, in a quarter of an hour
+    python benchmarks/reliability/realtime.py --seconds 5   a quick look
 
 The figures go to DIR/realtime.json; exit code 1 where a promise does not hold at 1 kHz.
 """
@@ -25,13 +25,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reliability.harness import Process, finish, node, quantiles, running, wait_for
+from harness import DOMAIN, Process, finish, listening, node, quantiles, running
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.run.lateness import Lateness
 
-HERE = Path(__file__).parent
-DOMAIN = 84
+TIMER_NODE = Path(__file__).with_name('timer_node.py')
 SETTLE = 3.0  # s: discovery, and the first second of a run
 
 
@@ -89,8 +88,7 @@ def listened(start: Callable[[], Any], rate: float, seconds: float) -> dict[str,
     """Runs a node with a subscriber; the figures of both, and the node's output."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'times.npy')
-        with running(HERE / 'reliability' / 'listener.py', path, domain=DOMAIN) as listener:
-            wait_for(lambda: listener.lines)
+        with listening(DOMAIN, path) as listener:
             with start() as process:
                 figures = watch(process, seconds)
                 code = process.end()
@@ -129,8 +127,7 @@ def diagnosed(data: bytes, key: str) -> str:
 
 def timer_node(rate: float, seconds: float) -> dict[str, Any]:
     """The same message from a timer of rclpy."""
-    script = HERE / 'reliability' / 'timer_node.py'
-    figures = listened(lambda: running(script, rate, domain=DOMAIN), rate, seconds)
+    figures = listened(lambda: running(TIMER_NODE, rate, domain=DOMAIN), rate, seconds)
     p50, p99, most = map(float, figures['output'].splitlines()[-1].split())
     figures['late'] = {'p50': p50, 'p99': p99, 'max': most}
     return figures

@@ -15,41 +15,38 @@ from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, Chain
 from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.linkages import other_assembly
+from linkage_ros.methods.motion_outcomes import measure_motion_outcomes
 from linkage_ros.methods.motion_situations import LOOP, MOTION_SITUATIONS, MotionCase
-from linkage_ros.methods.motion_stability import measure_motion_stability
-from linkage_ros.methods.motions import Machines
-from linkage_ros.methods.positions import factored
-from linkage_ros.methods.reference import Reference
-from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.stability import (
+from linkage_ros.methods.outcomes import (
     DIVERGED,
     NAN,
     REFUSED,
     RIGHT,
     WRONG_BRANCH,
-    measure_stability,
+    measure_outcomes,
 )
+from linkage_ros.methods.positions import factored
+from linkage_ros.methods.problems import ChartMechanisms
+from linkage_ros.methods.reference import Reference
+from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.methods.table import (
+    INTEGRATORS,
     MOTION,
     Integrator,
     Method,
-    integrators,
 )
-from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.parameters.configuration import load
 
 BY_NAME = {situation.name: situation for situation in SITUATIONS}
 PUMP = load('wind_pump')
-MOTOR = PUMP.drive.motor
-MACHINES = Machines(load('quadrilateral').mechanism, PUMP.mechanism, MOTOR.torque, MOTOR.damping)
-INTEGRATORS = integrators(AdaptiveSteps)
+MECHANISMS = ChartMechanisms(load('quadrilateral').mechanism, PUMP.mechanism, PUMP.drive.motor)
 MOTIONS = {situation.name: situation for situation in MOTION_SITUATIONS}
 # Where the situations' own motions would take a while.
 QUICK = {
     '_stretched': MotionCase(
-        MACHINES.driven(2.0, 5.0), (0.1, 0.2, 0.3, 0.398, 0.4005, 0.42), 0.3994655636001
+        MECHANISMS.driven(2.0, 5.0), (0.1, 0.2, 0.3, 0.398, 0.4005, 0.42), 0.3994655636001
     ),
-    '_long': MotionCase(MACHINES.freed(6.0), (0.5, 1.0, 1.5)),
+    '_long': MotionCase(MECHANISMS.freed(6.0), (0.5, 1.0, 1.5)),
 }
 
 
@@ -77,7 +74,7 @@ def planted(locate, stage=POSITION, modes=(ONE,)):
 
 
 def outcome(locate, situation='ordinary', **options):
-    (cell,) = measure_stability(
+    (cell,) = measure_outcomes(
         [BY_NAME[situation]], cases=2, progress=plain, methods=(planted(locate, **options),)
     )
     return cell.outcome, cell.worst_error
@@ -213,9 +210,9 @@ def test_states_exist_where_situations_say_so(situation):
 class Planted(Follower):
     """The default but for what is planted from a time on."""
 
-    def __init__(self, task, since, fault):
-        super().__init__(task)
-        self.right = INTEGRATORS[1].make(task, {})
+    def __init__(self, problem, since, fault):
+        super().__init__(problem)
+        self.right = INTEGRATORS[1].make(problem, {})
         self.since, self.fault = since, fault
 
     def _advance(self, time):
@@ -225,12 +222,14 @@ class Planted(Follower):
 
 
 def motion_outcome(fault, situation='change point under a torque', since=1.0):
-    method = Integrator('planted', MOTION, '', '', lambda task, _: Planted(task, since, fault))
+    method = Integrator(
+        'planted', MOTION, '', '', lambda problem, _: Planted(problem, since, fault)
+    )
     chosen = MOTIONS[situation]
     if case := QUICK.get(chosen.generate.__name__):
         chosen = replace(chosen, generate=lambda *_: iter([case]))
-    (cell,) = measure_motion_stability(
-        [method], MACHINES, cases=1, progress=plain, situations=(chosen,)
+    (cell,) = measure_motion_outcomes(
+        MECHANISMS, cases=1, progress=plain, situations=(chosen,), methods=[method]
     )
     return cell.outcome, cell.worst_error
 
@@ -324,8 +323,8 @@ def test_a_programming_error_in_an_integrator_is_no_outcome():
     ids=lambda s: s.name,
 )
 def test_motions_are_the_same_every_time(situation):
-    cases, again = situation.cases(MACHINES, 1), situation.cases(MACHINES, 1)
-    assert [case.task for case in cases] == [case.task for case in again]
+    cases, again = situation.cases(MECHANISMS, 1), situation.cases(MECHANISMS, 1)
+    assert [case.problem for case in cases] == [case.problem for case in again]
     assert [list(case.times) for case in cases] == [list(case.times) for case in again]
     assert situation.words
     for case in cases:

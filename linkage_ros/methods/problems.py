@@ -1,38 +1,37 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions under a torque, for integrators to follow: a mechanism, its start and its motor."""
+"""Initial value problems for integrators: a mechanism, where its motion starts, its motor."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import FourBar, WindPump
 from linkage_ros.core.simulation import Motion, Phase
+from linkage_ros.motion.drives import Motor
 
 
 @dataclass(frozen=True)
-class MotionTask:
-    """A motion to follow, in the crank angle and, of a wind pump, the slider's position.
+class InitialValueProblem:
+    """A motion from its start, in the crank angle and, of a wind pump, the slider's position.
 
     Attributes:
         mechanism: What moves.
         start: Coordinates at t = 0, then their rates; rad and m, rad/s and m/s.
-        torque: Of the motor on the crank at rest, N m.
-        damping: What the motor loses of it per crank speed, N m s.
+        motor: That turns the crank.
     """
 
     mechanism: FourBar | WindPump
     start: Phase
-    torque: float = 0.0
-    damping: float = 0.0
+    motor: Motor = field(default_factory=Motor)
 
     @cached_property
     def motion(self) -> Motion:
         """It as a system of first order, with the package's own equations of motion."""
-        torque, damping = self.torque, self.damping
+        torque, damping = self.motor.torque, self.motor.damping
         return Motion(EquationsOfMotion(self.mechanism), lambda _, speed: torque - damping * speed)
 
     @property
@@ -52,22 +51,20 @@ class MotionTask:
         return self.motion.equations.energy(phase[: self.count], phase[self.count :])
 
 
-class Machines(NamedTuple):
-    """What moves in the charts.
+class ChartMechanisms(NamedTuple):
+    """The mechanisms that move in the charts of integrators, and the pump's motor.
 
     Attributes:
         quadrilateral: The four-bar of document 1.
         pump: The wind pump of document 3.
-        torque: Of the pump's motor at rest, N m.
-        damping: What it loses per crank speed, N m s.
+        motor: The pump's.
     """
 
     quadrilateral: FourBar
     pump: WindPump
-    torque: float
-    damping: float
+    motor: Motor
 
-    def driven(self, speed: float, velocity: float = 0.0) -> MotionTask:
+    def driven(self, speed: float, velocity: float = 0.0) -> InitialValueProblem:
         """The pump with its motor and its water.
 
         Args:
@@ -75,30 +72,30 @@ class Machines(NamedTuple):
             velocity: Of the slider at t = 0, m/s.
 
         Returns:
-            The motion.
+            The problem.
         """
         start = 0.0, self.pump.slider.position, speed, velocity
-        return MotionTask(self.pump, start, self.torque, self.damping)
+        return InitialValueProblem(self.pump, start, self.motor)
 
-    def freed(self, speed: float) -> MotionTask:
+    def freed(self, speed: float) -> InitialValueProblem:
         """The pump without motor and water, which keeps its energy.
 
         Args:
             speed: Of the crank at t = 0, rad/s.
 
         Returns:
-            The motion.
+            The problem.
         """
         pump = replace(self.pump, slider=replace(self.pump.slider, damping=0.0))
-        return MotionTask(pump, (0.0, pump.slider.position, speed, 0.0))
+        return InitialValueProblem(pump, (0.0, pump.slider.position, speed, 0.0))
 
-    def coasting(self, speed: float) -> MotionTask:
+    def coasting(self, speed: float) -> InitialValueProblem:
         """The quadrilateral without a motor, which keeps its energy.
 
         Args:
             speed: Of the crank at t = 0, rad/s.
 
         Returns:
-            The motion.
+            The problem.
         """
-        return MotionTask(self.quadrilateral, (0.0, speed))
+        return InitialValueProblem(self.quadrilateral, (0.0, speed))

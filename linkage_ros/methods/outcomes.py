@@ -5,7 +5,7 @@
 A method is judged by what it computes itself, against `reference`, at every crank angle of every
 case, one at a time and as an array; a cell of the chart is its worst outcome, in this order:
 
-    right         every value within 1e-6, relative to its size (`measure.Truth`)
+    right         every value within 1e-6, relative to its size (`bench.Truth`)
     refused       an error that says why; where no state exists, this is the right answer
     diverged      a finite value that is wrong, or any value where no state exists
     wrong branch  wrong, but within 1e-6 of the other assembly's position
@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from linkage_ros.errors import LinkageError
+from linkage_ros.methods.bench import FAILURES, LIMIT, Truth, evaluate
 from linkage_ros.methods.chain import BATCH, FUNCTIONS, OWN, Function
 from linkage_ros.methods.linkages import other_assembly
-from linkage_ros.methods.measure import FAILURES, LIMIT, Truth, evaluate
 from linkage_ros.methods.situations import Case, Situation
 from linkage_ros.methods.table import METHODS, Method
 
@@ -36,13 +36,13 @@ RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
 
 @dataclass(frozen=True)
 class Cell:
-    """A field of the chart.
+    """A cell of the chart of numerical stability.
 
     Attributes:
         method: Name from the table.
         situation: Name of the situation.
         outcome: One of OUTCOMES: the worst.
-        worst_error: The largest error of a finite value, of motions what `motion_stability`
+        worst_error: The largest error of a finite value, of motions what `motion_outcomes`
             says; None: there is none.
     """
 
@@ -76,7 +76,7 @@ class _Trial:
         return DIVERGED, error
 
 
-def measure_stability(
+def measure_outcomes(
     situations: Iterable[Situation],
     *,
     cases: int,
@@ -136,8 +136,7 @@ def _answers(
 ) -> list[tuple[float, ...] | str]:
     """What a method says at each crank angle: values, or the outcome that an error means."""
     try:
-        setting = method.steady or method.settings[0]
-        function = getattr(method.make(case.task, setting, FUNCTIONS[mode]), quantity)
+        function = getattr(method.make(case.task, method.steady, FUNCTIONS[mode]), quantity)
     except LinkageError:
         return [REFUSED] * len(case.cranks)
     with np.errstate(all='ignore'):

@@ -131,7 +131,7 @@ class Bench(Truth):
         Returns:
             The error.
         """
-        cranks = self.even(int(setting['steps'])) if method.steps else self.cranks
+        cranks = self.even(int(setting['steps'])) if method.sequential else self.cranks
         try:
             with np.errstate(all='ignore'):
                 function = getattr(method.make(self.task, setting, FUNCTIONS[mode]), quantity)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of integrators in situations, by the rule of `stability`.
+"""What comes of integrators in situations, by the rule of `outcomes`.
 
 A motion is asked for at one time after another. A cell is its worst outcome:
 
@@ -26,16 +26,16 @@ import numpy as np
 
 from linkage_ros.core.simulation import Phase
 from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.methods.measure import FAILURES, LIMIT
+from linkage_ros.methods.bench import FAILURES, LIMIT
 from linkage_ros.methods.motion_bench import ENERGY, LOOP, MotionBench
 from linkage_ros.methods.motion_situations import (
     MOTION_SITUATIONS,
     MotionCase,
     MotionSituation,
 )
-from linkage_ros.methods.motions import Machines
-from linkage_ros.methods.stability import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
-from linkage_ros.methods.table import Integrator
+from linkage_ros.methods.outcomes import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
+from linkage_ros.methods.problems import ChartMechanisms
+from linkage_ros.methods.table import INTEGRATORS, Integrator
 
 
 class _Followed(NamedTuple):
@@ -54,22 +54,22 @@ class _Followed(NamedTuple):
     told: float = math.nan
 
 
-def measure_motion_stability(
-    methods: Sequence[Integrator],
-    machines: Machines,
+def measure_motion_outcomes(
+    mechanisms: ChartMechanisms,
     *,
     cases: int,
     progress: Callable[[Iterable[Any], str], Iterable[Any]],
     situations: tuple[MotionSituation, ...] = MOTION_SITUATIONS,
+    methods: Sequence[Integrator] = INTEGRATORS,
 ) -> list[Cell]:
     """Runs every integrator through every situation.
 
     Args:
-        methods: From the table.
-        machines: What moves.
+        mechanisms: What moves.
         cases: Of each situation; of long motions there are fewer.
         progress: Wraps what is gone through, with a word for it: a progress bar.
         situations: To run through.
+        methods: To run.
 
     Returns:
         The cells, situation by situation.
@@ -77,8 +77,8 @@ def measure_motion_stability(
     cells = []
     groups = [list(group) for _, group in itertools.groupby(situations, key=lambda s: s.generate)]
     for group in progress(groups, 'motions'):
-        found = group[0].cases(machines, cases)
-        benches = [MotionBench(case.task, case.times, case.formula) for case in found]
+        found = group[0].cases(mechanisms, cases)
+        benches = [MotionBench(case.problem, case.times, case.formula) for case in found]
         for situation, method, followed in _every(group, methods, found):
             judged = [
                 _judge(situation, *parts) for parts in zip(found, benches, followed, strict=True)
@@ -104,7 +104,7 @@ def _follow(method: Integrator, case: MotionCase) -> _Followed:
     gaps: list[float] = []
     try:
         with np.errstate(all='ignore'):
-            follower = method.make(case.task, method.steady or method.settings[0])
+            follower = method.make(case.problem, method.steady)
             for time in case.times:
                 phase = follower.at(time)
                 if not all(map(math.isfinite, phase)):
@@ -144,5 +144,5 @@ def _error(judged: str, bench: MotionBench, followed: _Followed, index: int) -> 
     if judged == ENERGY:
         return bench.drift(followed.phases[index])
     if judged == LOOP:
-        return followed.gaps[index] / bench.task.mechanism.crank.length
+        return followed.gaps[index] / bench.problem.mechanism.crank.length
     return bench.error(index, followed.phases[index])

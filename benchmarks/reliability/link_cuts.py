@@ -1,14 +1,14 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What cuts of a link cost: from a log on one side of it, and what was heard on the other."""
+"""What cuts of the link cost: from a log on one side, and what the other heard (for hosts.py)."""
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from harness import stamp_of
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
@@ -26,8 +26,7 @@ def read(path: Path) -> dict[str, Any]:
             difference = verify(log).difference
             for message in log.messages(list(found)):
                 if message.topic == '/joint_states':
-                    seconds, nanoseconds = struct.unpack_from('<4xiI', message.data)
-                    found[message.topic].append(seconds * 10**9 + nanoseconds)
+                    found[message.topic].append(stamp_of(message.data))
                 elif message.topic == '/joint_commands' or TIMED_OUT in message.data:
                     found[message.topic].append(message.time)
     except LogError as error:
