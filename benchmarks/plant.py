@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from linkage_ros import EquationsOfMotion
-from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import record
 
@@ -33,7 +33,9 @@ def main():
         count = len(equations.coordinates)
         q, u = (0.3, 1.5)[:count], (2.0, 0.4)[:count]
         one = best(lambda e=equations, q=q, u=u: e.accelerations(q, u, 3.0), 5_000)
-        steps = FixedSteps(Motion(equations, lambda _, speed: 8.4 - 1.2 * speed), (*q, *u))
+        steps = FixedSteps(
+            DrivenMechanism(equations, lambda _, speed: 8.4 - 1.2 * speed), (*q, *u)
+        )
         tick = best(lambda steps=steps: steps.advance(steps.time + 1e-3), 500)
         with tempfile.TemporaryDirectory() as folder:
             longer = replace(configuration, session=replace(configuration.session, rate_hz=200.0))

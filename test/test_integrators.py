@@ -17,7 +17,7 @@ from oracle import Oracle
 
 from linkage_ros import EquationsOfMotion, FourBar
 from linkage_ros.core.numeric import with_turns
-from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
 from linkage_ros.methods import linkages, motion_accuracy, table
 from linkage_ros.methods.bench import LIMIT
 from linkage_ros.methods.cut_loop import CutLoop, eliminate
@@ -201,7 +201,7 @@ def apart(exact, values):
 # ---------------------------------------------------------------- work
 
 
-class Counted(Motion):
+class Counted(DrivenMechanism):
     """A motion that counts how often it is looked at."""
 
     def look(self, time, phase):
@@ -216,7 +216,7 @@ def counted(problem):
     """The same run, with its motion counted from now on."""
     counts.clear()
     problem = replace(problem)
-    problem.__dict__['motion'] = Counted(problem.motion.equations, problem.motion.torque)
+    problem.__dict__['driven'] = Counted(problem.driven.equations, problem.driven.torque)
     return problem
 
 
@@ -274,8 +274,8 @@ def test_errors_fall_with_each_setting_down_to_a_floor(benches, motion, name):
 def test_the_defaults_are_what_live_runs_and_records_take(benches):
     bench = benches['pump']
     for name, steps in (
-        (table.LIVE, FixedSteps(DRIVEN.motion, DRIVEN.start)),
-        (table.RECORDS, AdaptiveSteps(DRIVEN.motion, DRIVEN.start)),
+        (table.LIVE, FixedSteps(DRIVEN.driven, DRIVEN.start)),
+        (table.RECORDS, AdaptiveSteps(DRIVEN.driven, DRIVEN.start)),
     ):
         method = BY_NAME[name]
         follower = method.make(DRIVEN, method.steady)

@@ -27,7 +27,7 @@ from linkage_ros import (
 )
 from linkage_ros.core.bodies import Guide, Slider
 from linkage_ros.core.numeric import with_turns, within_two_turns
-from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
 from linkage_ros.motion.adaptive import AdaptiveSteps
 from linkage_ros.parameters.configuration import load
 
@@ -47,12 +47,12 @@ def idle(_, __):
 
 
 def begun(integrate, mechanism, phase, law=idle, **options):
-    return integrate(Motion(EquationsOfMotion(mechanism), law), phase, **options)
+    return integrate(DrivenMechanism(EquationsOfMotion(mechanism), law), phase, **options)
 
 
 def energy(steps):
     count = len(steps.phase) // 2
-    equations = steps.motion.equations
+    equations = steps.driven.equations
     return sum(equations.energy(steps.phase[:count], steps.phase[count:]))
 
 
@@ -283,7 +283,7 @@ def test_a_stretched_dyad_ends_the_motion_with_time_and_place(integrate, velocit
         steps.advance(2.0)
     error = raised.value
     assert error.time == pytest.approx(time, abs=5e-6)
-    assert steps.motion.equations.dyad(error.coordinates)[0] < 0.01
+    assert steps.driven.equations.dyad(error.coordinates)[0] < 0.01
     assert f't = {error.time:.6g} s' in str(error)
     assert 'slider at' in str(error)
     assert 'start slower' in str(error)

@@ -17,6 +17,7 @@ slider and the torque R1(phi1) on the crank, is made to vanish on average over a
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ import numpy as np
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.numeric import TWO_PI, Array
+from linkage_ros.core.numeric import Array
 from linkage_ros.errors import LinkageError
 from linkage_ros.motion.drives import Motor
 
@@ -77,7 +78,7 @@ class Averaging:
 
     def __init__(self, mechanism: WindPump) -> None:
         self._mechanism, self._equations = mechanism, EquationsOfMotion(mechanism)
-        self._angles = np.arange(_PARTS) * (TWO_PI[0] / _PARTS)
+        self._angles = np.arange(_PARTS) * (2 * math.pi / _PARTS)
         self._weights = np.array((np.ones(_PARTS), np.cos(self._angles), np.sin(self._angles)))
 
     def follow(self, speeds: Sequence[float]) -> list[list[Averaged]]:

@@ -15,7 +15,7 @@ from linkage_ros.analysis.ensemble import Ensemble
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.numeric import TWO_PI, Array
+from linkage_ros.core.numeric import Array
 from linkage_ros.motion.drives import Motor
 
 LEAVES = -1  # what the coordinates describe: coupler and rod come into one line
@@ -42,7 +42,7 @@ class Neighbourhoods:
             states: All of them; motions come to the stable ones.
         """
         self._length = section.equations.mechanism.crank.length
-        self._angles = np.linspace(0, TWO_PI[0], _PARTS + 1)
+        self._angles = np.linspace(0, 2 * math.pi, _PARTS + 1)
         self._courses = []
         for number, state in enumerate(states):
             if state.stable:
@@ -65,7 +65,7 @@ class Neighbourhoods:
             For each, the number of the state that it is near to, or ELSEWHERE.
         """
         found = np.full(phases.shape[1], ELSEWHERE)
-        phi = phases[0] % TWO_PI[0]
+        phi = phases[0] % (2 * math.pi)
         for number, course, speed, gap in self._courses:
             x, v, w = (np.interp(phi, self._angles, values) for values in course)
             apart = (
@@ -130,7 +130,7 @@ def settling_time(states: Sequence[PeriodicMotion], shrink: float, fastest: floa
         for state in states
         if state.stable
     ]
-    return max(times, default=_UNKNOWN * TWO_PI[0] / fastest)
+    return max(times, default=_UNKNOWN * 2 * math.pi / fastest)
 
 
 def make_grid(fastest: float, length: float, count: int) -> tuple[Array, Array]:

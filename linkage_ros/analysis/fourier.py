@@ -4,9 +4,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from linkage_ros.core.numeric import TWO_PI, Array
+from linkage_ros.core.numeric import Array
 
 _ITERATIONS = 6
 
@@ -25,7 +27,7 @@ def extremum(samples: Array, sign: int) -> float:
     terms = np.fft.rfft(samples)[: count // 2] / count
     terms[1:] *= 2
     orders = np.arange(len(terms))
-    angle = TWO_PI[0] / count * int(np.argmax(sign * samples))
+    angle = 2 * math.pi / count * int(np.argmax(sign * samples))
     for _ in range(_ITERATIONS):
         waves = terms * np.exp(1j * orders * angle)
         first, second = -np.sum(orders * waves.imag), -np.sum(orders**2 * waves.real)

@@ -10,6 +10,7 @@ that also passes the folds where a state comes into being.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from linkage_ros.analysis.fourier import extremum
 from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.core.numeric import TWO_PI, Array
+from linkage_ros.core.numeric import Array
 from linkage_ros.errors import LinkageError
 
 _RESIDUAL = 1e-12  # of a fixed point, in crank lengths, turns and the speed itself
@@ -49,7 +50,7 @@ class PeriodicMotion:
     @property
     def speed(self) -> float:
         """Mean crank speed, rad/s."""
-        return TWO_PI[0] / self.period
+        return 2 * math.pi / self.period
 
     @property
     def stroke(self) -> float:
@@ -142,13 +143,13 @@ def _newton(section: PoincareMap, guesses: Array, wanted: Wanted) -> list[Period
         ends, slopes = _linearised(section, z, length)
         residual, jacobian = ends - z, slopes - np.eye(4)
         if wanted.is_speed:
-            residual[3] = wanted.values * ends[3] - TWO_PI[0]
+            residual[3] = wanted.values * ends[3] - 2 * math.pi
             jacobian[:, 3] = wanted.values[:, None] * slopes[:, 3]
         else:
             residual[3] = z[3] - wanted.values
             jacobian[:, 3] = 0.0, 0.0, 0.0, 1.0
         sizes = _sizes(z, length)
-        sizes[3] = TWO_PI[0] if wanted.is_speed else sizes[3]
+        sizes[3] = 2 * math.pi if wanted.is_speed else sizes[3]
         done = (np.abs(residual) < _RESIDUAL * sizes).all(axis=0)
         if done.all():
             break

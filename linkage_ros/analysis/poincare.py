@@ -12,6 +12,7 @@ The only file of this floor that knows SciPy.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NoReturn
 
@@ -20,7 +21,7 @@ from scipy.integrate import DOP853
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.numeric import TWO_PI, Array, Real
+from linkage_ros.core.numeric import Array, Real
 from linkage_ros.errors import MotionError
 
 _TOLERANCE = 1e-13  # relative, and absolute in crank lengths, rad/s and s
@@ -74,10 +75,10 @@ class PoincareMap:
         Raises:
             LinkageError: As `image`.
         """
-        angles = np.linspace(0, TWO_PI[0], count + 1)
+        angles = np.linspace(0, 2 * math.pi, count + 1)
         course = [np.vstack((points, 0 * points[2]))[:, None]]
         with np.errstate(all='ignore'):
-            for step in self._steps(points, torque, TWO_PI[0] / _COURSE):
+            for step in self._steps(points, torque, 2 * math.pi / _COURSE):
                 passed = angles[(step.t_old < angles) & (angles <= step.t)]
                 values = step.dense_output()(passed).reshape(4, points.shape[1], len(passed))
                 course.append(values.swapaxes(1, 2))
@@ -100,7 +101,7 @@ class PoincareMap:
         units = np.repeat((length, length, 1.0, 1.0), motions)
         start = np.vstack((points, np.zeros(motions))).ravel()
         steps = DOP853(
-            slope, 0.0, start, TWO_PI[0], max_step=longest,
+            slope, 0.0, start, 2 * math.pi, max_step=longest,
             rtol=_TOLERANCE, atol=_TOLERANCE * units,
         )  # fmt: skip
         for _ in range(_MOST):

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.numeric import TWO_PI, Array
-from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.core.numeric import Array
+from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
 from linkage_ros.errors import MotionError
 from linkage_ros.motion.drives import Motor
 
@@ -43,7 +43,7 @@ class Run(NamedTuple):
     def last_speed(self) -> float | None:
         """Mean speed over the last whole turn, rad/s; None: there was none."""
         times = self.passages[:, 0]
-        return TWO_PI[0] / float(times[-1] - times[-2]) if len(times) > 1 else None
+        return 2 * math.pi / float(times[-1] - times[-2]) if len(times) > 1 else None
 
     def record(self) -> dict[str, Any]:
         """For JSON."""
@@ -85,12 +85,12 @@ def follow_run(
     Raises:
         LinkageError: It cannot even begin.
     """
-    torque, damping = motor.torque, motor.damping
     x, v, w = point
-    motion = Motion(equations, lambda _, speed: torque - damping * speed)
+    driven = DrivenMechanism(equations, motor.law())
     # A fiftieth of a turn at most, at the start and as fast as the motor can.
-    step = TWO_PI[0] / 50 / max(w, torque / damping if damping else 0.0)
-    steps = FixedSteps(motion, (0.0, x, w, v), longest=step, tolerance=_TOLERANCE)
+    fastest = motor.torque / motor.damping if motor.damping else 0.0
+    step = 2 * math.pi / 50 / max(w, fastest)
+    steps = FixedSteps(driven, (0.0, x, w, v), longest=step, tolerance=_TOLERANCE)
     samples, passages, ended = [(0.0, w)], [(0.0, x, v, w)], ''
     try:
         while steps.time < duration:
@@ -109,11 +109,11 @@ def follow_run(
 
 def _left(steps: FixedSteps, turns: int) -> float:
     """The angle up to a whole number of turns, rad."""
-    return TWO_PI[0] * (turns - 2 * steps.pairs) - steps.phase[0]
+    return 2 * math.pi * (turns - 2 * steps.pairs) - steps.phase[0]
 
 
 def _passage(steps: FixedSteps, ahead: float) -> tuple[float, float, float, float]:
     """The passage that is a moment away."""
-    slopes = steps.motion.slope(steps.time, steps.phase)
+    slopes = steps.driven.slope(steps.time, steps.phase)
     _, x, w, v = (value + ahead * slope for value, slope in zip(steps.phase, slopes, strict=True))
     return steps.time + ahead, x, v, w

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -13,7 +14,6 @@ from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.pump import require_forwards
 from linkage_ros.core.curves import Period, mean
 from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.numeric import TWO_PI
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import Motor
 
@@ -53,7 +53,7 @@ class SettledTurn(Period):
         equations = section.equations
         points = np.array([self.motion.point]).T
         x, v, w, _ = section.orbit(points, motor.torque, _PARTS)[..., 0]
-        crank = np.linspace(0, TWO_PI[0], _PARTS + 1)
+        crank = np.linspace(0, 2 * math.pi, _PARTS + 1)
         applied = motor.torque - motor.damping * w
         q, u = (crank, x), (w, v)
         state = equations.state(q, u, equations.accelerations(q, u, applied))

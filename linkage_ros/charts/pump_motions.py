@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -24,7 +25,6 @@ from linkage_ros.charts.pump_states import (
     state_style,
 )
 from linkage_ros.charts.sizes import SMALL, TEXT
-from linkage_ros.core.numeric import TWO_PI
 from linkage_ros.palette import BLACK, WHITE, fractions
 
 _MARKERS = 'osD^v<>'
@@ -38,7 +38,7 @@ def draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[Shade]) -> Non
         line = '-' if state.stable else '--'
         axes.plot(course[0], course[1], line, color=color, linewidth=2.2, label=state_name(state))
         axes.plot(*state.point[:2], **state_style(state, color))
-    angle = np.linspace(0, TWO_PI[0], _PARTS)
+    angle = np.linspace(0, 2 * math.pi, _PARTS)
     for number, one in enumerate(analysis.averaged_states):
         axes.plot(
             one.mean + one.cosine * np.cos(angle) + one.sine * np.sin(angle),

@@ -59,8 +59,8 @@ def functions_of(value: Real) -> Functions:
 
 # pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
-TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
-_TURN = Fraction(TWO_PI[0]) + Fraction(TWO_PI[1])
+_TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
+_TURN = Fraction(_TWO_PI[0]) + Fraction(_TWO_PI[1])
 
 
 def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
@@ -72,8 +72,8 @@ def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
 
 def wrap(angle: Real, functions: Functions) -> Real:
     """An angle of a few turns brought into [-pi, pi], rad, without the rounding of 2 pi."""
-    turns = functions.round(angle * (1 / TWO_PI[0]))
-    return (angle - turns * TWO_PI[0]) - turns * TWO_PI[1]
+    turns = functions.round(angle * (1 / _TWO_PI[0]))
+    return (angle - turns * _TWO_PI[0]) - turns * _TWO_PI[1]
 
 
 def nearest_turns(angle: float) -> int:
@@ -99,7 +99,7 @@ def within_two_turns(angle: float) -> tuple[float, int]:
     Returns:
         The angle, nearer to 0 than two turns and rounded once, and the number of pairs.
     """
-    pairs = int(angle / (2 * TWO_PI[0]))
+    pairs = int(angle / (2 * _TWO_PI[0]))
     return (float(Fraction(angle) - pairs * 2 * _TURN) if pairs else angle), pairs
 
 

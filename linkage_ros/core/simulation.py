@@ -47,7 +47,7 @@ _ERRORS = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -
 
 
 @dataclass(frozen=True)
-class Motion:
+class DrivenMechanism:
     """A mechanism under a torque: a system of first order, for whatever integrates it.
 
     Attributes:
@@ -162,14 +162,14 @@ class Steps(Protocol):
 
 
 # Begins to follow a motion at t = 0, from a phase.
-Integrate: TypeAlias = Callable[[Motion, Phase], Steps]
+Integrate: TypeAlias = Callable[[DrivenMechanism, Phase], Steps]
 
 
 class FixedSteps:
     """Follows a motion in equal steps between the times that are asked for.
 
     Attributes:
-        motion: Which.
+        driven: What moves.
         time: Up to which it is followed, s.
         phase: At that time: coordinates, then their rates; the crank within two turns of 0.
         pairs: Pairs of whole turns that belong to it.
@@ -177,7 +177,7 @@ class FixedSteps:
 
     def __init__(
         self,
-        motion: Motion,
+        driven: DrivenMechanism,
         phase: Phase,
         longest: float = LONGEST_STEP,
         tolerance: float = TOLERANCE,
@@ -186,7 +186,7 @@ class FixedSteps:
         """Begins a motion.
 
         Args:
-            motion: Which.
+            driven: What moves.
             phase: Coordinates, then their rates.
             longest: Step, s.
             tolerance: Of the error of a step, in rad and crank lengths; of rates, in the same
@@ -196,11 +196,11 @@ class FixedSteps:
         Raises:
             LinkageError: It cannot even begin, as `EquationsOfMotion.accelerations` tells.
         """
-        self.motion, self.time = motion, time
+        self.driven, self.time = driven, time
         self.phase, self.pairs = wound(phase)
         self._longest, self._tolerance = longest, tolerance
-        self._units = motion.units
-        self._look: tuple[Phase, float] | None = motion.look(time, self.phase)
+        self._units = driven.units
+        self._look: tuple[Phase, float] | None = driven.look(time, self.phase)
 
     def changed(self) -> None:
         """Takes note that the torque is another from now on."""
@@ -238,19 +238,19 @@ class FixedSteps:
             self._step(h / 2, halvings - 1)
             self._step(end - self.time, halvings - 1)
         else:
-            self.motion.fail(self.time, self.phase, cause)
+            self.driven.fail(self.time, self.phase, cause)
 
     def _try(self, h: float) -> tuple[Phase, tuple[Phase, float], float]:
         """One step: where it ends, what is seen there, and its error."""
-        time, phase, motion = self.time, self.phase, self.motion
-        slope, left = self._look or motion.look(time, phase)
+        time, phase, driven = self.time, self.phase, self.driven
+        slope, left = self._look or driven.look(time, phase)
         if h > left * EDGE_PART:
             return phase, (slope, left), math.inf
         slopes = [slope]
         for node, stage in zip(_NODES, _STAGES, strict=True):
-            slopes.append(motion.slope(time + node * h, _moved(phase, h, stage, slopes)))
+            slopes.append(driven.slope(time + node * h, _moved(phase, h, stage, slopes)))
         end = _moved(phase, h, _WEIGHTS, slopes)
-        look = motion.look(time + h, end)
+        look = driven.look(time + h, end)
         slopes.append(look[0])
         apart = _moved((0.0,) * len(phase), h, _ERRORS, slopes)
         count = len(phase) // 2

@@ -50,7 +50,7 @@ class Follower:
 
     def gap(self) -> float:
         """By how much the loop does not close, m: from coordinates it is closed every time."""
-        equations, count = self.problem.motion.equations, self.problem.count
+        equations, count = self.problem.driven.equations, self.problem.count
         q, u = self.phase[:count], self.phase[count:]
         return loop_residual(equations.structure, equations.state(q, u, (0.0,) * count))
 
@@ -69,7 +69,7 @@ class OfPackage(Follower):
             begin: Makes the steps.
         """
         super().__init__(problem)
-        self._steps = begin(problem.motion, problem.start)
+        self._steps = begin(problem.driven, problem.start)
 
     def _advance(self, time: float) -> Phase:
         steps = self._steps
@@ -91,7 +91,7 @@ class RungeKutta4(Follower):
         self._longest, self._time = step, 0.0
 
     def _advance(self, time: float) -> Phase:
-        start, span, slope = self._time, time - self._time, self.problem.motion.slope
+        start, span, slope = self._time, time - self._time, self.problem.driven.slope
         steps = math.ceil(span / self._longest * (1 - 1e-9))
         y = self.phase
         for i in range(steps):
@@ -130,12 +130,12 @@ class OfScipy(Follower):
         super().__init__(problem)
         self._steps: Any = getattr(integrate, solver)(
             self._slope, 0.0, np.array(start or problem.start), _END, first_step=_FIRST_STEP,
-            rtol=tolerance, atol=tolerance * np.array(units or problem.motion.units),
+            rtol=tolerance, atol=tolerance * np.array(units or problem.driven.units),
         )  # fmt: skip
         self._between: Any = None
 
     def _slope(self, time: float, phase: Array) -> Array:
-        return np.array(self.problem.motion.slope(time, tuple(phase.tolist())))
+        return np.array(self.problem.driven.slope(time, tuple(phase.tolist())))
 
     def _advance(self, time: float) -> Phase:
         steps = self._steps
@@ -168,7 +168,7 @@ class Multipliers(OfScipy):
         self._loop = CutLoop(problem.mechanism, float, lambda x: (math.cos(x), math.sin(x)))
         self._count = 4 if self._loop.slides else 3
         q, u = problem.start[: problem.count], problem.start[problem.count :]
-        state = problem.motion.equations.state(q, u, (0.0,) * problem.count)
+        state = problem.driven.equations.state(q, u, (0.0,) * problem.count)
         start = *state.position[: self._count], *state.velocity[: self._count]
         units = (1.0, 1.0, 1.0, problem.mechanism.crank.length)[: self._count] * 2
         self._values: Sequence[float] = start

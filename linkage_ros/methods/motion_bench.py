@@ -53,7 +53,7 @@ class MotionBench:
     def _sizes(self) -> Phase:
         rates = zip(*(state[self.problem.count :] for state in self._exact), strict=True)
         largest = (float(max(map(abs, rate))) for rate in rates)
-        return (*self.problem.motion.units[: self.problem.count], *largest)
+        return (*self.problem.driven.units[: self.problem.count], *largest)
 
     def error(self, index: int, phase: Phase) -> float:
         """How far a phase is from the true one.

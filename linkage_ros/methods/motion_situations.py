@@ -96,7 +96,7 @@ def _change_point(_: ChartMechanisms, random: Random, count: int) -> Iterator[Mo
         mechanism = replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
         angle, speed, torque = (float(k) for k in random.uniform((-2, 1, 0.1), (-1, 3, 0.2)))
         problem = InitialValueProblem(mechanism, (angle, speed), Motor(torque))
-        ((inertia,),) = problem.motion.equations.matrix((1.0,))
+        ((inertia,),) = problem.driven.equations.matrix((1.0,))
         yield MotionCase(problem, even(4.0), formula=_speeding_up(problem.start, torque / inertia))
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.mechanism import FourBar, WindPump
-from linkage_ros.core.simulation import Motion, Phase
+from linkage_ros.core.simulation import DrivenMechanism, Phase
 from linkage_ros.motion.drives import Motor
 
 
@@ -29,10 +29,9 @@ class InitialValueProblem:
     motor: Motor = field(default_factory=Motor)
 
     @cached_property
-    def motion(self) -> Motion:
+    def driven(self) -> DrivenMechanism:
         """It as a system of first order, with the package's own equations of motion."""
-        torque, damping = self.motor.torque, self.motor.damping
-        return Motion(EquationsOfMotion(self.mechanism), lambda _, speed: torque - damping * speed)
+        return DrivenMechanism(EquationsOfMotion(self.mechanism), self.motor.law())
 
     @property
     def count(self) -> int:
@@ -48,7 +47,7 @@ class InitialValueProblem:
         Returns:
             Both; the latter but for a constant.
         """
-        return self.motion.equations.energy(phase[: self.count], phase[self.count :])
+        return self.driven.equations.energy(phase[: self.count], phase[self.count :])
 
 
 class ChartMechanisms(NamedTuple):

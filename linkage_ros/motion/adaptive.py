@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from linkage_ros.core.numeric import Array
-from linkage_ros.core.simulation import EDGE_PART, FixedSteps, Motion, Phase, wound
+from linkage_ros.core.simulation import EDGE_PART, DrivenMechanism, FixedSteps, Phase, wound
 from linkage_ros.errors import ConfigurationError, LinkageError
 
 _TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
@@ -31,17 +31,17 @@ class AdaptiveSteps:
     """Follows a motion with an error that is controlled at every step.
 
     Attributes:
-        motion: Which.
+        driven: What moves.
         time: Up to which it is followed, s.
         phase: At that time: coordinates, then their rates; the crank within a few turns of 0.
         pairs: Pairs of whole turns that belong to it.
     """
 
-    def __init__(self, motion: Motion, phase: Phase) -> None:
+    def __init__(self, driven: DrivenMechanism, phase: Phase) -> None:
         """Begins a motion at time 0.
 
         Args:
-            motion: Which.
+            driven: What moves.
             phase: Coordinates, then their rates.
 
         Raises:
@@ -54,7 +54,7 @@ class AdaptiveSteps:
             raise ConfigurationError(
                 "records of torque-driven motions need SciPy: pip install 'linkage_ros[record]'"
             ) from error
-        self.motion, self.time = motion, 0.0
+        self.driven, self.time = driven, 0.0
         self.phase, self.pairs = wound(phase)
         # Next to the edge of what the coordinates describe, equal steps are followed instead.
         self._fixed: FixedSteps | None = None
@@ -64,7 +64,7 @@ class AdaptiveSteps:
     def _restart(self, time: float, phase: Phase) -> None:
         self._steps = self._solver(
             self._slope, time, np.array(phase), _END,
-            rtol=_TOLERANCE, atol=_TOLERANCE * np.array(self.motion.units), first_step=_FIRST_STEP,
+            rtol=_TOLERANCE, atol=_TOLERANCE * np.array(self.driven.units), first_step=_FIRST_STEP,
         )  # fmt: skip
         # The continuous solution of the last step, and the pairs of turns left out of it.
         self._between: Any = None
@@ -92,7 +92,7 @@ class AdaptiveSteps:
         left = _STEPS + _STEPS_A_SECOND * (time - self.time)
         while self._fixed is None and self._steps.t < time:
             if left < 0:
-                self.motion.fail(self._steps.t, tuple(self._steps.y.tolist()), None)
+                self.driven.fail(self._steps.t, tuple(self._steps.y.tolist()), None)
             self._step()
             left -= 1
         if self._fixed is not None and time > self._fixed.time:
@@ -107,20 +107,20 @@ class AdaptiveSteps:
         fixed.advance(time)
         self.pairs += fixed.pairs - before
         self.time, self.phase = time, fixed.phase
-        if self.motion.sine(fixed.phase) > 2 * _EDGE:
+        if self.driven.sine(fixed.phase) > 2 * _EDGE:
             self._fixed = None
             self._restart(time, fixed.phase)
 
     def _slope(self, time: float, phase: Array) -> Array:
-        return np.array(self.motion.slope(time, tuple(phase.tolist())))
+        return np.array(self.driven.slope(time, tuple(phase.tolist())))
 
     def _step(self) -> None:
         steps = self._steps
         phase = tuple(steps.y.tolist())
-        _, left = self.motion.look(steps.t, phase)
-        if left < math.inf and self.motion.sine(phase) < _EDGE:
+        _, left = self.driven.look(steps.t, phase)
+        if left < math.inf and self.driven.sine(phase) < _EDGE:
             self.pairs = self._pairs_ahead
-            self._fixed = FixedSteps(self.motion, phase, time=steps.t)
+            self._fixed = FixedSteps(self.driven, phase, time=steps.t)
             return
         steps.max_step = left * EDGE_PART
         cause = self._try()
@@ -128,7 +128,7 @@ class AdaptiveSteps:
             steps.h_abs = min(steps.h_abs, steps.max_step) / 4
             cause = self._try()
         if cause or steps.status == 'failed':
-            self.motion.fail(steps.t, phase, cause)
+            self.driven.fail(steps.t, phase, cause)
         self._between, self._pairs_between = steps.dense_output(), self._pairs_ahead
         phase, pairs = wound(tuple(steps.y.tolist()))
         if pairs:  # a relative tolerance of a large angle would be no tolerance

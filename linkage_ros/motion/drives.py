@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from linkage_ros.core.quantities import Checked, quantity, shown
+from linkage_ros.core.simulation import TorqueLaw
 from linkage_ros.errors import ConfigurationError
 
 _TOPIC = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
@@ -96,8 +97,13 @@ class Motor(Checked):
         'number', 'motor torque lost per crank speed', 'N m s', span=(0.0, 1e12), default=0.0
     )
 
+    def law(self) -> TorqueLaw:
+        """The line as what drives a mechanism."""
+        torque, damping = self.torque, self.damping
+        return lambda _, speed: torque - damping * speed
+
     def words(self) -> str:
-        """The line."""
+        """The line, in words."""
         lost = f' - {self.damping:g} N m s x speed' if self.damping else ''
         return f'motor {self.torque:g} N m{lost}'
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from linkage_ros.core.equations import EquationsOfMotion
 from linkage_ros.core.numeric import with_turns, within_two_turns
-from linkage_ros.core.simulation import FixedSteps, Integrate, Motion, Phase
+from linkage_ros.core.simulation import DrivenMechanism, FixedSteps, Integrate, Phase
 from linkage_ros.core.structure import Structure
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.speed_driven import CrankState
@@ -38,14 +38,16 @@ class Plant:
         """
         self.equations = equations
         self._motor, self._damping, self._command = drive.motor.torque, drive.motor.damping, 0.0
-        self._steps = integrate(Motion(equations, self.torque), start(equations.structure, drive))
+        self._steps = integrate(
+            DrivenMechanism(equations, self.torque), start(equations.structure, drive)
+        )
 
     @property
     def time(self) -> float:
         """Up to which it was followed, s."""
         return self._steps.time
 
-    def torque(self, time: float, speed: float) -> float:  # noqa: ARG002, as a Motion asks
+    def torque(self, time: float, speed: float) -> float:  # noqa: ARG002, as a TorqueLaw
         """The torque on the crank, N m.
 
         Args:

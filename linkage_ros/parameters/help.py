@@ -11,9 +11,11 @@ from dataclasses import MISSING, replace
 from linkage_ros.core.quantities import Leaf, Quantity
 from linkage_ros.parameters.configuration import Kind, parameter_leaves
 
+_LARGE = 1e6  # beyond which zeros are not counted by eye
+
 
 def in_words(parameters: Iterable[Leaf]) -> str:
-    """Parameters, a line each: name, valid values, meaning, and the default if there is one.
+    """Parameters, a line each: name, valid values, meaning, default or that there is none.
 
     Args:
         parameters: Of any dataclass of quantities.
@@ -22,8 +24,7 @@ def in_words(parameters: Iterable[Leaf]) -> str:
         The lines.
     """
     return '\n'.join(
-        f'  {name}: {_values(quantity)}{quantity.meaning}'
-        + ('' if default in (MISSING, None, '') else f' (default {_as_typed(default)})')
+        f'  {name}: {_values(quantity)}{quantity.meaning}{_default(default)}'
         for name, quantity, default in parameters
     )
 
@@ -39,8 +40,15 @@ def _values(quantity: Quantity) -> str:
     }[quantity.kind]
 
 
-def _as_typed(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
+def _default(value: object) -> str:
+    """The default as a user would type it; '' and None are told by the meaning."""
+    if value is MISSING:
+        return ' (required)'
+    if value in (None, ''):
+        return ''
+    if isinstance(value, float) and value >= _LARGE:
+        return f' (default {value:.1e})'.replace('e+', 'e')
+    return f' (default {value if isinstance(value, str) else json.dumps(value)})'
 
 
 def of_every_kind() -> str:

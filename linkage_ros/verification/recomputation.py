@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 
 from linkage_ros.core.numeric import with_turns, within_two_turns
-from linkage_ros.core.simulation import FixedSteps, Motion
+from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.plant import start
@@ -139,9 +139,9 @@ class Recomputation:
         if elapsed > _LONGEST or not self._drive:
             return ''
         damping, equations = self._drive.motor.damping, self._machine.equations
-        motion = Motion(equations, lambda _, speed: held - damping * speed)
+        driven = DrivenMechanism(equations, lambda _, speed: held - damping * speed)
         try:
-            steps = FixedSteps(motion, (*origin.q, *origin.u))
+            steps = FixedSteps(driven, (*origin.q, *origin.u))
             steps.advance(elapsed)
         except LinkageError as error:
             return f'does not follow from the one before: {error}'
@@ -149,7 +149,7 @@ class Recomputation:
         turned = crank.unwrapped - (origin.unwrapped - origin.angle)
         found = (turned, *crank.q[1:], *crank.u)
         count = len(crank.q)
-        units = motion.units[:count]
+        units = driven.units[:count]
         sizes = (*units, *map(max, units, map(abs, due[count:])))
         names = [f'{n} {w}' for w in ('position', 'speed') for n in equations.coordinates]
         for name, value, expected, size in zip(names, found, due, sizes, strict=True):
