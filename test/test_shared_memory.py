@@ -51,7 +51,7 @@ def test_a_program_starts_where_a_killed_one_left_a_port_half_made(leftover):
     words = f'{port} is removed: a killed process had left it half made'
     warning, error = done.stderr.splitlines()
     assert words in warning
-    assert 'rmp: no such parameter' in error
+    assert "'rmp' is not a parameter" in error
 
 
 def test_without_the_removal_it_would_wait_for_ever(leftover):

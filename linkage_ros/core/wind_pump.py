@@ -40,10 +40,8 @@ class WindPumpKinematics:
             assembly.
     """
 
-    has_edge = True
-
     def __init__(self, mechanism: WindPump) -> None:
-        self.structure = structure(mechanism)
+        self.structure, self.has_edge = structure(mechanism), True
         self._lengths = mechanism.crank.length, mechanism.coupler.length, mechanism.rod.length
         self._side = 1.0 if mechanism.assembly == OPEN else -1.0
 
