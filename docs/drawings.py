@@ -95,6 +95,12 @@ class Picture(Sheet):
         tip = at + cmath.rect(radius / self.scale, middle)
         self.text(tip, words, color, shift=shift, anchor='start' if shift.real > 0 else 'end')
 
+    def gravity(self, place: complex) -> None:
+        """Where it points by default, from a place on the sheet."""
+        length = 120 / self.scale
+        self.arrow(place, place - 1j * length)
+        self.text(place - 1j * length, 'gravity', shift=-18j)
+
     def away(self, link: int, pin: str, to: complex, color: Color, side: float) -> None:
         """How far a point of a link is along it from its first pin, and across it."""
         at, turn = self.at[pin], cmath.rect(1, self.directions[link])
@@ -139,8 +145,7 @@ def four_bar() -> Picture:
     sheet.text(sheet.centers[2], 'here across < 0', rocker, shift=16 - 20j, anchor='start')
     sheet.text(at['B'], 'B of assembly: open', shift=18 + 12j, anchor='start')
     sheet.text(sheet.other['B'], 'B of assembly: crossed', shift=18 - 4j, anchor='start')
-    sheet.arrow(1.95 + 0.25j, 1.95 - 0.05j)
-    sheet.text(1.95 - 0.05j, 'gravity', shift=-18j)
+    sheet.gravity(1.95 + 0.25j)
     sheet.arc(0j, 85, (math.radians(200), math.radians(305)), crank)
     sheet.text(0j, 'driving torque', crank, shift=-20 - 105j)
     return sheet
@@ -153,7 +158,7 @@ def slider_crank() -> Picture:
         lr.Body(0.6), lr.Coupler(1.15, center=(0.5, 0.13)), lr.Slider(offset=e), lr.Guide(delta)
     )
     sheet = Picture(
-        mechanism, delta + math.radians(72), (1010, 460, 340, 380 + 335j),
+        mechanism, delta + math.radians(72), (1060, 460, 340, 380 + 335j),
         {'A0': 32 - 16j, 'A': -24 + 16j},
     )  # fmt: skip
     at, (crank_angle, beta) = sheet.at, sheet.directions[:2]
@@ -176,7 +181,7 @@ def slider_crank() -> Picture:
     sheet.away(1, 'A', sheet.centers[1], coupler, 0)
     sheet.mass(sheet.centers[1], coupler)
     words = 'coupler.center = [along, across]'
-    sheet.text(sheet.centers[1], words, coupler, shift=16 + 12j, anchor='start')
+    sheet.text(sheet.centers[1], words, coupler, shift=16 + 34j, anchor='start')
     left = -0.32 * guide
     sheet.arrow(left, left + foot, slider, both=True)
     middle = left + foot / 2 - 0.03 * guide
@@ -186,9 +191,13 @@ def slider_crank() -> Picture:
     sheet.along((foot, foot + 1.2 * guide), 'slider position x', slider, 15)
     sheet.text(at['B'], 'B of assembly: open', shift=-10 - 66j)
     sheet.text(sheet.other['B'], 'B of assembly: crossed', shift=-36 - 60j, anchor='start')
-    edge = at['B'] + 0.14 * guide
+    edge = at['B'] + (0.14 + 0.06j) * guide
     sheet.arrow(edge, edge + 0.2 * guide, slider)
-    sheet.text(edge + 0.2 * guide, 'slider.force', slider, shift=-30 + 26j)
+    sheet.text(edge + 0.2 * guide, 'slider.force', slider, shift=8 + 4j, anchor='start')
+    above = edge + 0.1j * guide
+    sheet.arrow(above + 0.2 * guide, above, slider)
+    sheet.text(above + 0.2 * guide, 'slider.damping', slider, shift=8 + 4j, anchor='start')
+    sheet.gravity(1.7 + 0.2j)
     return sheet
 
 
@@ -225,6 +234,7 @@ def wind_pump() -> Picture:
     sheet.text(sheet.other['B'], 'B of assembly: crossed', shift=18 - 8j, anchor='start')
     sheet.arrow(at['D'] + 0.34, at['D'] + 0.12, slider)
     sheet.text(at['D'] + 0.34, 'slider.damping', slider, shift=14 + 40j, anchor='end')
+    sheet.gravity(1.7 + 0.75j)
     return sheet
 
 
