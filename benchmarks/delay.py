@@ -17,8 +17,8 @@ import json
 import math
 from pathlib import Path
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.motion.plant import Plant
 from linkage_ros.palette import BLACK, FIRST, fractions
 from linkage_ros.parameters.configuration import configure

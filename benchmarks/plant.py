@@ -13,7 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from linkage_ros import EquationsOfMotion
-from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.fixed_steps import FixedSteps
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import record
 

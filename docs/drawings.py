@@ -20,10 +20,10 @@ import numpy as np
 from sheet import Sheet
 
 import linkage_ros as lr
-from linkage_ros.core.kinematics import kinematics_of
-from linkage_ros.core.mechanism import Mechanism
-from linkage_ros.core.numeric import SCALAR
-from linkage_ros.core.structure import Point
+from linkage_ros.mechanisms.kinematics import kinematics_of
+from linkage_ros.mechanisms.registry import Mechanism
+from linkage_ros.mechanisms.structure import Point
+from linkage_ros.numeric import SCALAR
 from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color
 from linkage_ros.view.drawing import Drawing
 

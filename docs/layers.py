@@ -50,7 +50,7 @@ _INKS: tuple[Color, ...] = (
     mixed(ORANGE, BLACK, 0.5), mixed(SKY, BLACK, 0.4), mixed(VERMILION, BLACK, 0.6),
     mixed(BLUE, BLACK, 0.6), mixed(GREEN, BLACK, 0.6), mixed(PURPLE, BLACK, 0.7),
     mixed(ORANGE, BLACK, 0.7), mixed(SKY, BLACK, 0.7), mixed(VERMILION, BLACK, 0.3),
-    mixed(BLUE, BLACK, 0.3), BLACK,
+    mixed(BLUE, BLACK, 0.3), mixed(PURPLE, BLACK, 0.5), BLACK,
 )  # fmt: skip
 
 

@@ -4,14 +4,11 @@
 
 __version__ = '0.1.0'
 
-from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Piston, Slider
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import CROSSED, OPEN, FourBar, SliderCrank, WindPump
-from linkage_ros.core.mobility import Mobility
-from linkage_ros.core.reactions import Reactions
-from linkage_ros.core.solver import Solver
-from linkage_ros.core.state import PointMotion, State
-from linkage_ros.core.travel import Travel, travel
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.reactions import Reactions
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.state import PointMotion, State
+from linkage_ros.dynamics.travel import Travel, travel
 from linkage_ros.errors import (
     ConfigurationError,
     LinkageError,
@@ -21,6 +18,11 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.mobility import Mobility
+from linkage_ros.mechanisms.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Piston, Slider
+from linkage_ros.mechanisms.slider_crank import SliderCrank
+from linkage_ros.mechanisms.wind_pump import WindPump
 
 __all__ = [
     'CROSSED',

@@ -8,7 +8,8 @@ import argparse
 
 from linkage_ros.chart_output import about, folder, libraries, progress, save_records
 from linkage_ros.chart_presets import moving_presets, preset
-from linkage_ros.core.mechanism import FourBar, SliderCrank
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.slider_crank import SliderCrank
 
 
 def accuracy(options: argparse.Namespace) -> None:

@@ -8,14 +8,15 @@ import argparse
 from typing import cast
 
 from linkage_ros.chart_output import folder, libraries, progress, save_table
-from linkage_ros.core.curves import Curves, Period
-from linkage_ros.core.mechanism import Linkage, WindPump
-from linkage_ros.core.quantities import Quantity
-from linkage_ros.core.travel import travel
+from linkage_ros.dynamics.curves import Curves, Period
+from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file
+from linkage_ros.quantities import Quantity
 from linkage_ros.units import radians_per_second
 
 # What its options may be.

@@ -7,8 +7,8 @@ from __future__ import annotations
 import argparse
 
 from linkage_ros.chart_output import folder, libraries, progress, save_records
-from linkage_ros.core.mechanism import WindPump
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file

@@ -17,12 +17,12 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
-from linkage_ros.core.mechanism import Linkage, Mechanism
-from linkage_ros.core.quantities import Checked, build, flatten, leaves, quantity
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanisms.registry import Linkage, Mechanism
 from linkage_ros.parameters.configuration import load, unknown_name, without_ros_own
 from linkage_ros.parameters.help import in_words
+from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
 from linkage_ros.ros.parameters import declare_values, given_values

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from linkage_ros import cli
-from linkage_ros.core.state import State
+from linkage_ros.dynamics.state import State
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion

@@ -9,10 +9,10 @@ import math
 from collections.abc import Iterable
 from fractions import Fraction
 
-from linkage_ros.core.quantities import Quantity
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.motion.torque_driven import RunMotion
+from linkage_ros.quantities import Quantity
 from linkage_ros.run.machine import Machine, Snapshot
 from linkage_ros.units import NS_PER_S
 

@@ -14,7 +14,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 from linkage_ros import cli
-from linkage_ros.core.quantities import Quantity
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import VIEWERS
@@ -25,6 +24,7 @@ from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
 from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.progress import progress_bar, waiting
+from linkage_ros.quantities import Quantity
 from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
 from linkage_ros.units import NS_PER_S
 

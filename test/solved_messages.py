@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import struct
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.solver import Solver
-from linkage_ros.core.state import point_motion
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.state import point_motion
 from linkage_ros.motion.joints import joint_values
 from linkage_ros.wire.interfaces import (
     FLOAT64,

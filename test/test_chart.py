@@ -28,7 +28,7 @@ from linkage_ros import (
 )
 from linkage_ros.analysis.settled import SettledTurn
 from linkage_ros.charts.motion import _wrapped
-from linkage_ros.core.curves import Curves, extent
+from linkage_ros.dynamics.curves import Curves, extent
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_names, preset_path
 

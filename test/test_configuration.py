@@ -18,8 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from linkage_ros import ConfigurationError, EquationsOfMotion, MechanismError, Solver, WindPump
-from linkage_ros.core.mechanism import MECHANISMS
-from linkage_ros.core.quantities import MISSING
+from linkage_ros.mechanisms.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import (
     DEFAULT_PRESET,
@@ -31,6 +30,7 @@ from linkage_ros.parameters.configuration import (
 )
 from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.parameters.presets import preset_names
+from linkage_ros.quantities import MISSING
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 LEAVES = {leaf.name: leaf for leaf in parameter_leaves(Kind('four_bar'))}

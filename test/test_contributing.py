@@ -22,7 +22,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from pages import ROOT, read
 
-GEAR = 'linkage_ros/core/cardan_gear.py'
+GEAR = 'linkage_ros/mechanisms/cardan_gear.py'
 EXAMPLE = ROOT / 'docs' / 'examples' / 'cardan_gear.py'
 HEAD = '# Copyright 2026 The linkage_ros authors\n# SPDX-License-Identifier: Apache-2.0\n'
 

@@ -21,9 +21,9 @@ from ros_harness import command, environment, fresh_domain
 
 from linkage_ros import cli
 from linkage_ros.controller import Settings
-from linkage_ros.core.quantities import build, leaves
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.parameters.configuration import configure
+from linkage_ros.quantities import build, leaves
 
 TOOLS = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool'}
 # Blocks that need a log or a node to work on: by the pages' own tests.

@@ -15,8 +15,8 @@ from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Solver
-from linkage_ros.core.dynamics import MassDistribution
-from linkage_ros.core.structure import Point, Structure, TurningBody
+from linkage_ros.dynamics.driving_torque import MassDistribution
+from linkage_ros.mechanisms.structure import Point, Structure, TurningBody
 
 TURN = 2 * math.pi
 DOCUMENT_SPEED = 150 * TURN / 60

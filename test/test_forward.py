@@ -20,8 +20,8 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.core.bodies import Body, Coupler, Frame, Guide, Slider
-from linkage_ros.core.mechanism import SliderCrank
+from linkage_ros.mechanisms.parts import Body, Coupler, Frame, Guide, Slider
+from linkage_ros.mechanisms.slider_crank import SliderCrank
 from linkage_ros.parameters.configuration import load
 
 MECHANISMS = {

@@ -16,8 +16,6 @@ from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import EquationsOfMotion, FourBar
-from linkage_ros.core.numeric import with_turns
-from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
 from linkage_ros.methods import linkages, motion_accuracy, table
 from linkage_ros.methods.bench import LIMIT
 from linkage_ros.methods.cut_loop import CutLoop, eliminate
@@ -25,7 +23,10 @@ from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
 from linkage_ros.methods.motion_bench import MotionBench, even
 from linkage_ros.methods.motion_reference import Accuracy, MotionReference, unit
 from linkage_ros.methods.problems import ChartMechanisms, InitialValueProblem
-from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.motion.adaptive_steps import AdaptiveSteps
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.fixed_steps import FixedSteps
+from linkage_ros.numeric import with_turns
 from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump')

@@ -25,10 +25,9 @@ from house import (
     name_of,
 )
 
-from linkage_ros.core.kinematics import KINEMATICS
-from linkage_ros.core.mechanism import Linkage
+from linkage_ros.mechanisms.registry import KINEMATICS, Linkage
 
-BELOW_ALL = {'errors', 'files', 'palette', 'cli', 'progress', 'units'}
+BELOW_ALL = {'errors', 'files', 'palette', 'cli', 'progress', 'units', 'numeric', 'quantities'}
 # Which files may import what, at their top and within functions.
 ROS = {name for name in MODULES if name.startswith('ros.')} | {
     'playback.republish',
@@ -69,7 +68,7 @@ MOTIONS = {
     'methods.motion_outcomes',
 }
 MPMATH = {'methods.reference', 'methods.bench', 'methods.accuracy', 'methods.outcomes'}
-SCIPY = {'methods.integrators', 'motion.adaptive', 'analysis.poincare'}
+SCIPY = {'methods.integrators', 'motion.adaptive_steps', 'analysis.poincare'}
 ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'progress'}
 ROOMS = {
@@ -121,13 +120,14 @@ def test_no_module_reaches_itself():
         order = list(TopologicalSorter(graph()).static_order())
     except CycleError as error:
         pytest.fail(f'these import each other: {" -> ".join(error.args[1])}')
-    assert order.index('errors') < order.index('core.mechanism') < order.index('core.solver')
-    assert order.index('core.solver') < order.index('run.machine') < order.index('node')
+    assert order.index('errors') < order.index('mechanisms.four_bar')
+    assert order.index('mechanisms.four_bar') < order.index('dynamics.solver')
+    assert order.index('dynamics.solver') < order.index('run.machine') < order.index('node')
 
 
 def test_a_cycle_would_be_found():
     edges = graph()
-    edges['errors'].add('core.solver')
+    edges['errors'].add('dynamics.solver')
     with pytest.raises(CycleError, match='nodes are in a cycle'):
         list(TopologicalSorter(edges).static_order())
 
@@ -137,7 +137,8 @@ def test_nothing_is_built_on_what_a_shell_starts():
     assert users <= {('demo', 'record')}
 
 
-CORE = {name for name in MODULES if floor(name) == 0} | {'errors'}
+# The mechanics, from descriptions to torques.
+CORE = {name for name in MODULES if floor(name) in (0, 1)} | {'errors', 'numeric', 'quantities'}
 
 
 @pytest.mark.parametrize('name', sorted(CORE))

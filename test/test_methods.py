@@ -14,7 +14,6 @@ from oracle import Oracle
 from oracle_slider import SliderOracle
 
 from linkage_ros import FourBar, Solver, UnreachableError
-from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods import linkages, reference, table
 from linkage_ros.methods.accuracy import NEAR, Measurement, mark_fronts, tasks
 from linkage_ros.methods.bench import LIMIT, Bench, time_pass
@@ -32,6 +31,7 @@ from linkage_ros.methods.iteration import CAP, NewtonRaphson
 from linkage_ros.methods.loop import Loop
 from linkage_ros.methods.reference import Reference
 from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.numeric import SCALAR
 from linkage_ros.parameters.configuration import load
 
 EPSILON = 2.0**-52

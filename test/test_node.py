@@ -27,8 +27,8 @@ from ros_harness import (
     wait_for,
 )
 
-from linkage_ros.core.mechanism import MECHANISMS
 from linkage_ros.log.reader import LogReader
+from linkage_ros.mechanisms.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
 from linkage_ros.run.machine import Machine

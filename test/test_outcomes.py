@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from linkage_ros import ConfigurationError, MotionError, Solver
-from linkage_ros.core.numeric import SCALAR
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, Chain
 from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.linkages import other_assembly
@@ -35,6 +34,7 @@ from linkage_ros.methods.table import (
     Integrator,
     Method,
 )
+from linkage_ros.numeric import SCALAR
 from linkage_ros.parameters.configuration import load
 
 BY_NAME = {situation.name: situation for situation in SITUATIONS}

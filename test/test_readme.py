@@ -10,10 +10,10 @@ import re
 from pages import ROOT, block, parameter_row, read, run_python
 
 from linkage_ros.controller import Settings
-from linkage_ros.core.mechanism import MECHANISMS
-from linkage_ros.core.quantities import leaves
+from linkage_ros.mechanisms.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, parameter_leaves
+from linkage_ros.quantities import leaves
 from linkage_ros.wire.topics import TOPICS
 
 README = read('README.md')

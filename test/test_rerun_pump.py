@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_rerun_view import read, show
 
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.palette import COLORS
 from linkage_ros.parameters.configuration import configure, load

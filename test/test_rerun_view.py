@@ -28,7 +28,7 @@ import numpy as np
 import pytest
 
 from linkage_ros import ViewerError
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.joints import joint_values
 from linkage_ros.motion.speed_driven import CrankMotion

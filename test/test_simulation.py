@@ -25,10 +25,11 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.core.bodies import Guide, Slider
-from linkage_ros.core.numeric import with_turns, within_two_turns
-from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
-from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.mechanisms.parts import Guide, Slider
+from linkage_ros.motion.adaptive_steps import AdaptiveSteps
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.fixed_steps import FixedSteps
+from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump').mechanism

@@ -13,13 +13,13 @@ import pytest
 
 from linkage_ros import ConfigurationError, EquationsOfMotion, LogError, MotionError, Solver
 from linkage_ros import record as recorder
-from linkage_ros.core.numeric import within_two_turns
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.motion.adaptive_steps import AdaptiveSteps
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.plant import Plant
 from linkage_ros.motion.speed_driven import CrankState
+from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.parameters.presets import preset_path

@@ -24,7 +24,7 @@ from linkage_ros import (
     UnreachableError,
     WindPump,
 )
-from linkage_ros.core.state import loop_residual, point_motion
+from linkage_ros.dynamics.state import loop_residual, point_motion
 from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump').mechanism

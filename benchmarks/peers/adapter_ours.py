@@ -6,7 +6,7 @@ import numpy as np
 from contract import Peer
 
 from linkage_ros import Solver
-from linkage_ros.core.numeric import SCALAR
+from linkage_ros.numeric import SCALAR
 
 
 class Adapter(Peer):

@@ -12,13 +12,13 @@ import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from linkage_ros.core.bodies import Body, Coupler, Guide, Slider, gravity_quantity
-from linkage_ros.core.links import Links
-from linkage_ros.core.numeric import HALF_PI, Functions, Real, two_sum
-from linkage_ros.core.quantities import Checked, quantity
-from linkage_ros.core.structure import Joint, Point, SlidingBody, Structure, TurningBody
-from linkage_ros.core.transmission import TransmissionMap
 from linkage_ros.errors import MechanismError
+from linkage_ros.mechanisms.links import Links
+from linkage_ros.mechanisms.parts import Body, Coupler, Guide, Slider, gravity_quantity
+from linkage_ros.mechanisms.structure import Joint, Point, SlidingBody, Structure, TurningBody
+from linkage_ros.mechanisms.transmission import TransmissionMap
+from linkage_ros.numeric import HALF_PI, Functions, Real, two_sum
+from linkage_ros.quantities import Checked, quantity
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.numeric import Array
+from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.errors import LinkageError
+from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
+from linkage_ros.numeric import Array
 
 _PARTS = 128  # of a turn: the mean over them is exact to rounding, for a smooth periodic function
 _ITERATIONS = 30

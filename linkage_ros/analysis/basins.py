@@ -14,9 +14,9 @@ import numpy.typing as npt
 from linkage_ros.analysis.ensemble import Ensemble
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.numeric import Array
+from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
+from linkage_ros.numeric import Array
 
 LEAVES = -1  # what the coordinates describe: coupler and rod come into one line
 ELSEWHERE = -2  # in none of the states, or not yet

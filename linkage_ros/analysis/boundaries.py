@@ -13,7 +13,7 @@ import numpy as np
 
 from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.core.numeric import Array
+from linkage_ros.numeric import Array
 
 FOLD = 'fold'
 PERIOD_DOUBLING = 'period doubling'

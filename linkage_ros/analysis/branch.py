@@ -20,7 +20,7 @@ from linkage_ros.analysis.averaging import Averaged
 from linkage_ros.analysis.boundaries import Boundary, boundaries
 from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.core.numeric import Array
+from linkage_ros.numeric import Array
 
 END = 'end of the scan'
 _TOGETHER = 20  # motions whose turns are followed at once

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.numeric import ARRAY, Array
-from linkage_ros.core.wind_pump import WindPumpKinematics
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.mechanisms.wind_pump_kinematics import WindPumpKinematics
 from linkage_ros.motion.drives import Motor
+from linkage_ros.numeric import ARRAY, Array
 
 _TOLERANCE = 1e-6  # of a step, in rad and crank lengths, and of rates the same or relative
 _GROWTH = (0.2, 4.0)  # of a step, least and most

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from linkage_ros.core.numeric import Array
+from linkage_ros.numeric import Array
 
 _ITERATIONS = 6
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from linkage_ros.analysis.fourier import extremum
 from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.core.numeric import Array
 from linkage_ros.errors import LinkageError
+from linkage_ros.numeric import Array
 
 _RESIDUAL = 1e-12  # of a fixed point, in crank lengths, turns and the speed itself
 _ITERATIONS = 10

@@ -19,10 +19,10 @@ from typing import NoReturn
 import numpy as np
 from scipy.integrate import DOP853
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.numeric import Array, Real
+from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.errors import MotionError
+from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.numeric import Array, Real
 
 _TOLERANCE = 1e-13  # relative, and absolute in crank lengths, rad/s and s
 _LEAST = 0.01  # of the speed at the start: a slower crank counts as one that stops

@@ -23,10 +23,10 @@ from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.runs import Run, follow_run
 from linkage_ros.analysis.sensitivity import Sensitivity, sensitivities
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import WindPump
-from linkage_ros.core.quantities import Quantity
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
+from linkage_ros.quantities import Quantity
 
 _SLOWEST = 1 / 3  # of the slowest start: where the scan of speeds ends
 _FASTEST = 10.0  # times the fastest start: where it begins at most

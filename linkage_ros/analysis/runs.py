@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.numeric import Array
-from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
+from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.errors import MotionError
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
+from linkage_ros.motion.fixed_steps import FixedSteps
+from linkage_ros.numeric import Array
 
 _TOLERANCE = 1e-7  # of a step: for pictures, a hundred times that of a live run
 _ANGLE = 1e-9  # rad: how near to angle 0 is a passage; what is missing is made up for linearly

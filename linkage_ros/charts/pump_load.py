@@ -22,7 +22,7 @@ from linkage_ros.charts.pump_states import (
     state_style,
 )
 from linkage_ros.charts.sizes import SMALL, TEXT
-from linkage_ros.core.numeric import Array
+from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, fractions
 
 _MOTOR = fractions(BLACK)

@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import FourBar, Linkage
-from linkage_ros.core.numeric import Array
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task, make_task
 from linkage_ros.methods.table import METHODS, Method, label
+from linkage_ros.numeric import Array
 
 NEAR = 'near a change point'
 _QUICK_STEPS = 360

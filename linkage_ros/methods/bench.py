@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from linkage_ros.core.numeric import Array
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.methods.chain import FUNCTIONS, ONE, QUANTITIES, Function, Task
 from linkage_ros.methods.reference import Exact, Reference
 from linkage_ros.methods.table import Method, Setting
+from linkage_ros.numeric import Array
 
 _EVEN = 48  # angles, over a period or an arc
 _NOTHING = 1e-40

@@ -16,13 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import Linkage
-from linkage_ros.core.numeric import ARRAY, SCALAR, Functions, Real
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.methods.loop import Pair
 from linkage_ros.methods.positions import Locate, factored
 from linkage_ros.methods.rates import Rates, analytic, two_by_two
 from linkage_ros.methods.torques import Torque, virtual_power
+from linkage_ros.numeric import ARRAY, SCALAR, Functions, Real
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
 STATE, POSITION, RATES, TORQUE = 'state', 'position', 'rates', 'torque'

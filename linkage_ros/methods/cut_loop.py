@@ -19,8 +19,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from linkage_ros.core.kinematics import kinematics_of
-from linkage_ros.core.mechanism import FourBar, WindPump
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.kinematics import kinematics_of
+from linkage_ros.mechanisms.wind_pump import WindPump
 
 Number: TypeAlias = Any  # a float or a Decimal
 Pair: TypeAlias = tuple[Number, Number]  # x and y, or cosine and sine

@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from linkage_ros.core.mechanism import Linkage
-from linkage_ros.core.numeric import SCALAR, Array, Functions, Real
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.methods.positions import Locate
+from linkage_ros.numeric import SCALAR, Array, Functions, Real
 
 # A series is fitted to so many states per harmonic: with more than two, what aliases is small.
 _OVERSAMPLED = 4

@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import cmath
 
-from linkage_ros.core.mechanism import FourBar, Linkage
-from linkage_ros.core.numeric import Functions, Real
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.numeric import Functions, Real
 
 Pair = tuple[Real, Real]
 

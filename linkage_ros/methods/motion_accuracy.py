@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from linkage_ros.core.simulation import Phase
 from linkage_ros.errors import LinkageError
 from linkage_ros.methods.accuracy import Measurement, mark_fronts
 from linkage_ros.methods.bench import FAILURES
@@ -24,6 +23,7 @@ from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
 from linkage_ros.methods.problems import ChartMechanisms
 from linkage_ros.methods.table import INTEGRATORS, Integrator, Setting, label
+from linkage_ros.motion.driven_mechanism import Phase
 
 # Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'

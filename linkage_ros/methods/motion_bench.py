@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from decimal import Decimal
 from functools import cached_property
 
-from linkage_ros.core.simulation import Phase
 from linkage_ros.methods.motion_reference import MotionReference
 from linkage_ros.methods.problems import InitialValueProblem
+from linkage_ros.motion.driven_mechanism import Phase
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
 ASKED = 0.05  # s between two states that are compared

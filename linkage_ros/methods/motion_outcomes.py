@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.simulation import Phase
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.methods.bench import FAILURES, LIMIT
 from linkage_ros.methods.motion_bench import ENERGY, LOOP, MotionBench
@@ -36,6 +35,7 @@ from linkage_ros.methods.motion_situations import (
 from linkage_ros.methods.outcomes import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
 from linkage_ros.methods.problems import ChartMechanisms
 from linkage_ros.methods.table import INTEGRATORS, Integrator
+from linkage_ros.motion.driven_mechanism import Phase
 
 
 class _Followed(NamedTuple):

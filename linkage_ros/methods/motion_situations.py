@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.simulation import Phase
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.methods.linkages import Random, four_bar, limited
 from linkage_ros.methods.motion_bench import ENERGY, LOOP, TRAJECTORY, even
 from linkage_ros.methods.motion_reference import MotionReference
 from linkage_ros.methods.problems import ChartMechanisms, InitialValueProblem
+from linkage_ros.motion.driven_mechanism import Phase
 from linkage_ros.motion.drives import Motor
 
 _SEED = 20_261_122

@@ -12,15 +12,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from linkage_ros.core.mechanism import OPEN, FourBar, Linkage
-from linkage_ros.core.numeric import SCALAR, Functions, Real
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.parts import OPEN
+from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.numeric import SCALAR, Functions, Real
 
 Locate = Callable[[Real], tuple[Real, Real]]
 
 
 def factored(mechanism: Linkage, f: Functions) -> Locate:
-    """The package's own: sums of terms that are never negative (core.transmission)."""
+    """The package's own: sums of terms that are never negative (mechanisms.transmission)."""
     solver = Solver(mechanism)
     locate = solver.kinematics.locate
     if solver.mobility.turns_fully:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import FourBar, WindPump
-from linkage_ros.core.simulation import DrivenMechanism, Phase
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
 from linkage_ros.motion.drives import Motor
 
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from linkage_ros.core.mechanism import Linkage
-from linkage_ros.core.numeric import Functions, Real, wrap
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.methods.loop import Loop, Pair, solve_2x2
 from linkage_ros.methods.positions import Locate
+from linkage_ros.numeric import Functions, Real, wrap
 
 
 class Rates(NamedTuple):

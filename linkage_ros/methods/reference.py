@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 
 from mpmath import mp
 
-from linkage_ros.core.kinematics import kinematics_of
-from linkage_ros.core.mechanism import OPEN, FourBar
-from linkage_ros.core.structure import Structure
 from linkage_ros.errors import UnreachableError
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.kinematics import kinematics_of
+from linkage_ros.mechanisms.parts import OPEN
+from linkage_ros.mechanisms.structure import Structure
 from linkage_ros.methods.chain import Task
 
 _DIGITS = 130

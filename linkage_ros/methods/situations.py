@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import FourBar, Linkage
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.methods.chain import Task, make_task
 from linkage_ros.methods.linkages import (
     Random,

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeAlias, TypeVar
 
-from linkage_ros.core.numeric import SCALAR, Functions
-from linkage_ros.core.simulation import LONGEST_STEP, TOLERANCE, FixedSteps
 from linkage_ros.methods import chain, interpolation, positions, rates, torques
 from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, STATE, TORQUE, Chain, Task
 from linkage_ros.methods.integrators import (
@@ -25,7 +23,9 @@ from linkage_ros.methods.integrators import (
 from linkage_ros.methods.iteration import NewtonRaphson
 from linkage_ros.methods.loop import Loop
 from linkage_ros.methods.problems import InitialValueProblem
-from linkage_ros.motion.adaptive import AdaptiveSteps
+from linkage_ros.motion.adaptive_steps import AdaptiveSteps
+from linkage_ros.motion.fixed_steps import LONGEST_STEP, TOLERANCE, FixedSteps
+from linkage_ros.numeric import SCALAR, Functions
 
 Setting = dict[str, float]
 Make = TypeVar('Make')
@@ -88,7 +88,7 @@ DEFAULT = 'factored closed form'
 
 METHODS = (
     Method(
-        DEFAULT, STATE, 'nothing', 'this package: core/transmission.py, docs/mechanisms.md',
+        DEFAULT, STATE, 'nothing', 'this package: mechanisms/transmission.py, docs/mechanisms.md',
         lambda task, _, f: chain.of_state(task, f),
     ),
     Method(
@@ -193,14 +193,14 @@ def _fixed(problem: InitialValueProblem, setting: Setting) -> Follower:
 INTEGRATORS = (
     Integrator(
         LIVE, MOTION, 'nothing',
-        'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; core/simulation.py',
+        'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; motion/fixed_steps.py',
         _fixed,
         # Without its tolerance a step is as long as it says, which shows the order.
         tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
     ),
     Integrator(
         RECORDS, MOTION, 'SciPy; a torque that does not leap',
-        f'{_DOP853}; motion/adaptive.py',
+        f'{_DOP853}; motion/adaptive_steps.py',
         lambda problem, _: OfPackage(problem, AdaptiveSteps),
     ),
     Integrator(

@@ -13,18 +13,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from linkage_ros.core.dynamics import MassDistribution
-from linkage_ros.core.kinematics import kinematics_of
-from linkage_ros.core.links import PerLink
-from linkage_ros.core.mechanism import Linkage, SliderCrank
-from linkage_ros.core.numeric import Functions, Real
-from linkage_ros.core.state import State, Vector, point_motion
+from linkage_ros.dynamics.driving_torque import MassDistribution
+from linkage_ros.dynamics.state import State, Vector, point_motion
+from linkage_ros.mechanisms.kinematics import kinematics_of
+from linkage_ros.mechanisms.links import PerLink
+from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.mechanisms.slider_crank import SliderCrank
+from linkage_ros.numeric import Functions, Real
 
 Torque = Callable[[PerLink, PerLink, PerLink, PerLink], Real]
 
 
 def virtual_power(mechanism: Linkage, f: Functions) -> Torque:
-    """The package's own: M q'' + h - Q with partial velocities (core.dynamics)."""
+    """The package's own: M q'' + h - Q with partial velocities (dynamics.driving_torque)."""
     masses = MassDistribution(kinematics_of(mechanism).structure, mechanism.gravity)
     direction = mechanism.frame.angle
     slides = isinstance(mechanism, SliderCrank)

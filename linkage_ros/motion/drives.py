@@ -8,9 +8,9 @@ import re
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from linkage_ros.core.quantities import Checked, quantity, shown
-from linkage_ros.core.simulation import TorqueLaw
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.motion.driven_mechanism import TorqueLaw
+from linkage_ros.quantities import Checked, quantity, shown
 
 _TOPIC = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from linkage_ros.core.numeric import SCALAR, wrap
-from linkage_ros.core.state import State
-from linkage_ros.core.structure import Joint
+from linkage_ros.dynamics.state import State
+from linkage_ros.mechanisms.structure import Joint
 from linkage_ros.motion.speed_driven import CrankState
+from linkage_ros.numeric import SCALAR, wrap
 
 
 class JointValues(NamedTuple):

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
-from linkage_ros.core.links import PerCoordinate
+from linkage_ros.mechanisms.links import PerCoordinate
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.units import NS_PER_S
 

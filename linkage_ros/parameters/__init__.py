@@ -2,6 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a user may set: parameters of files, presets and command lines, checked once.
 
-Those of mechanisms and drives are declared beside what they describe, in core and motion; here
-are those of the run, and all are put together.
+Those of mechanisms and drives are declared beside what they describe, in mechanisms and motion;
+here are those of the run, and all are put together.
 """

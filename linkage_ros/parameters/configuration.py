@@ -8,16 +8,17 @@ import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import MECHANISMS, Mechanism, WindPump
-from linkage_ros.core.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.files import is_one_file
+from linkage_ros.mechanisms.registry import MECHANISMS, Mechanism
+from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import DRIVES, Drive, TorqueDrive
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
+from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 
 DEFAULT_PRESET = 'quadrilateral'
 # What a viewer may be, wherever people are told.

@@ -8,8 +8,8 @@ import json
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
-from linkage_ros.core.quantities import Leaf, Quantity
 from linkage_ros.parameters.configuration import Kind, parameter_leaves
+from linkage_ros.quantities import Leaf, Quantity
 
 _LARGE = 1e6  # beyond which zeros are not counted by eye
 

@@ -16,9 +16,9 @@ from typing import TypeAlias, cast
 
 import yaml
 
-from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ConfigurationError, shortened
 from linkage_ros.files import open_file
+from linkage_ros.quantities import shown
 
 _Scalar: TypeAlias = bool | int | float | str
 ParameterValue: TypeAlias = _Scalar | list[bool] | list[int] | list[float] | list[str]

@@ -12,9 +12,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import is_there
+from linkage_ros.quantities import shown
 
 
 def preset_names() -> list[str]:

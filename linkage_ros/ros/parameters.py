@@ -17,11 +17,11 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from linkage_ros.core.quantities import Leaf, Quantity
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import is_there
 from linkage_ros.parameters.configuration import Configuration, check_live, parameter_leaves
 from linkage_ros.parameters.parameter_file import read_parameter_file
+from linkage_ros.quantities import Leaf, Quantity
 
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,

@@ -11,13 +11,13 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import NamedTuple
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.mechanism import Linkage
-from linkage_ros.core.simulation import FixedSteps, Integrate
-from linkage_ros.core.solver import Solver
-from linkage_ros.core.state import State, loop_residual, point_motion
-from linkage_ros.core.travel import travel
+from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.state import State, loop_residual, point_motion
+from linkage_ros.dynamics.travel import travel
+from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
+from linkage_ros.motion.fixed_steps import FixedSteps, Integrate
 from linkage_ros.motion.joints import JointValues, joint_values
 from linkage_ros.motion.plant import Plant
 from linkage_ros.motion.speed_driven import CrankMotion, CrankState

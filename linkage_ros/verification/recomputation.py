@@ -13,13 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from linkage_ros.core.numeric import with_turns, within_two_turns
-from linkage_ros.core.simulation import DrivenMechanism, FixedSteps
 from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.fixed_steps import FixedSteps
 from linkage_ros.motion.plant import start
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.motion.torque_driven import CATCH_UP, RunMotion
+from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.run.machine import Machine, Snapshot
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.codecs import TrajectoryCodec

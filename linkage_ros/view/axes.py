@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.numeric import Array
+from linkage_ros.numeric import Array
 
 MARKS = 5  # on each axis
 ASPECT = 1.6  # width of the diagram over its height

@@ -12,9 +12,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.core.kinematics import kinematics_of
-from linkage_ros.core.mechanism import Mechanism
-from linkage_ros.core.numeric import Array
+from linkage_ros.mechanisms.kinematics import kinematics_of
+from linkage_ros.mechanisms.registry import Mechanism
+from linkage_ros.numeric import Array
 from linkage_ros.view.reach import going_round, reach
 
 # The pins between which a link that turns is drawn.

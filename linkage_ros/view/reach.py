@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.curves import Curves
-from linkage_ros.core.mechanism import Linkage, Mechanism, WindPump
-from linkage_ros.core.numeric import ARRAY, Array
-from linkage_ros.core.solver import Solver
-from linkage_ros.core.transmission import Arc
-from linkage_ros.core.wind_pump import WindPumpKinematics
+from linkage_ros.dynamics.curves import Curves
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.mechanisms.registry import Linkage, Mechanism
+from linkage_ros.mechanisms.transmission import Arc
+from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.mechanisms.wind_pump_kinematics import WindPumpKinematics
+from linkage_ros.numeric import ARRAY, Array
 
 _STEPS_PER_TURN = 360
 _BEFORE_END = 1e-9  # of half an arc

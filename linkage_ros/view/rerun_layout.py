@@ -7,11 +7,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from linkage_ros.core.curves import extent
-from linkage_ros.core.mechanism import Linkage
-from linkage_ros.core.numeric import Array
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.curves import extent
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.numeric import Array
 from linkage_ros.palette import COLORS, FIRST, GREY, SECOND, Color
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.units import radians_per_second

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
 import numpy as np
 
-from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ViewerError
+from linkage_ros.quantities import shown
 from linkage_ros.view.scene import TIMELINE, Form, Rows
 from linkage_ros.view.targets import (
     SPAWN,

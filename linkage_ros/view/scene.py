@@ -11,9 +11,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.numeric import Array
+from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import Axis, GrowingAxes
 from linkage_ros.view.drawing import Drawing

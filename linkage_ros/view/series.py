@@ -8,12 +8,12 @@ import math
 
 import numpy as np
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.numeric import Array
-from linkage_ros.core.simulation import wound
+from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.errors import LinkageError
 from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.fixed_steps import wound
 from linkage_ros.motion.plant import start
+from linkage_ros.numeric import Array
 
 ENERGIES = ('kinetic', 'potential', 'total')
 # Crank angle between two samples beyond which extremes in between would be missed by more than

@@ -12,10 +12,10 @@ import time
 from pathlib import Path
 from typing import BinaryIO
 
-from linkage_ros.core.quantities import shown
 from linkage_ros.errors import ViewerError
 from linkage_ros.files import open_file
 from linkage_ros.parameters.configuration import VIEWERS
+from linkage_ros.quantities import shown
 
 SPAWN, WEB = 'spawn', 'web'
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree as ET
 
-from linkage_ros.core.bodies import Body, Piston, Slider
-from linkage_ros.core.kinematics import kinematics_of
-from linkage_ros.core.mechanism import Mechanism
-from linkage_ros.core.structure import Joint
+from linkage_ros.mechanisms.kinematics import kinematics_of
+from linkage_ros.mechanisms.parts import Body, Piston, Slider
+from linkage_ros.mechanisms.registry import Mechanism
+from linkage_ros.mechanisms.structure import Joint
 from linkage_ros.palette import COLORS
 from linkage_ros.wire.codecs import ROOT_FRAME
 

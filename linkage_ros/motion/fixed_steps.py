@@ -12,27 +12,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass
-from typing import NoReturn, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
-from linkage_ros.core.equations import EquationsOfMotion
-from linkage_ros.core.numeric import within_two_turns
-from linkage_ros.errors import LinkageError, MotionError
-
-# Coordinates, then their rates.
-Phase: TypeAlias = tuple[float, ...]
-# The torque on the crank, N m, at a time, s, and a crank speed, rad/s.
-TorqueLaw: TypeAlias = Callable[[float, float], float]
+from linkage_ros.errors import LinkageError
+from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
+from linkage_ros.numeric import within_two_turns
 
 LONGEST_STEP = 1e-3  # s
 TOLERANCE = 1e-9
 EDGE_PART = 0.25  # longest step, of the time to the edge
 _HALVINGS = 40
 _TRIALS = 400  # of steps, within one part of at most 1 ms
-_AHEAD = 1e-3  # s, for which the time left foretells the end
-_LEAST = 1e-5  # sine of the angle of a dyad that counts as none
-_NEAR = 0.05  # sine of the angle of a dyad that counts as stretched or folded
 
 _NODES = (0.2, 0.3, 0.8, 8 / 9, 1.0)
 _STAGES = (
@@ -44,101 +34,6 @@ _STAGES = (
 )
 _WEIGHTS = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
 _ERRORS = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
-
-
-@dataclass(frozen=True)
-class DrivenMechanism:
-    """A mechanism under a torque: a system of first order, for whatever integrates it.
-
-    Attributes:
-        equations: Of the mechanism.
-        torque: On the crank, N m, over time, s, and crank speed, rad/s.
-    """
-
-    equations: EquationsOfMotion
-    torque: TorqueLaw
-
-    @property
-    def units(self) -> Phase:
-        """In which errors of coordinates and rates count: rad and crank lengths, also per s."""
-        units = 1.0, self.equations.mechanism.crank.length
-        return units[: len(self.equations.coordinates)] * 2
-
-    def slope(self, time: float, phase: Phase) -> Phase:
-        """The rates of coordinates and rates, as `look`."""
-        return self.look(time, phase)[0]
-
-    def look(self, time: float, phase: Phase) -> tuple[Phase, float]:
-        """The rates of coordinates and rates, and how long they can describe the motion.
-
-        At the edge of what the coordinates describe, where a dyad is stretched or folded, they
-        turn back while the motion goes on in another assembly: a step that is not short beside
-        the time left would take the one for the other.
-
-        Args:
-            time: s.
-            phase: Coordinates, then their rates.
-
-        Returns:
-            Rates, then accelerations; and the time to the edge, s, if nothing turns them.
-
-        Raises:
-            LinkageError: As `EquationsOfMotion.accelerations`.
-        """
-        count = len(phase) // 2
-        q, u = phase[:count], phase[count:]
-        accelerations, (sine, rate) = self.equations.forward(q, u, self.torque(time, u[0]))
-        if rate >= 0:
-            return (*u, *accelerations), math.inf
-        # Below, rounding tells no more which way it goes: the edge counts as reached.
-        return (*u, *accelerations), -sine / rate if sine > _LEAST else 0.0
-
-    def sine(self, phase: Phase) -> float:
-        """Of the angle at which coupler and third link meet, or coupler and guide's normal.
-
-        Args:
-            phase: Coordinates, then their rates.
-
-        Returns:
-            0 at the edge of what the coordinates describe.
-        """
-        return self.equations.dyad(phase[: len(phase) // 2])[0]
-
-    def fail(self, time: float, phase: Phase, cause: Exception | None) -> NoReturn:
-        """Ends a motion that cannot be followed any further.
-
-        Args:
-            time: Up to which it was followed, s; the error tells when the end itself comes.
-            phase: At that time.
-            cause: What went wrong on the way on.
-
-        Raises:
-            MotionError: With time, place and what to do.
-        """
-        q = phase[: len(phase) // 2]
-        sine, words = self.equations.dyad(q)
-        with suppress(LinkageError):  # the end itself is a little later
-            u = phase[len(q) :]
-            _, (opening, rate) = self.equations.forward(q, u, self.torque(time, u[0]))
-            left = -opening / rate if rate < 0 else math.inf
-            time += left if left < _AHEAD else 0.0
-        place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
-        if len(q) > 1:
-            place += f', slider at {q[1]:.6g} m'
-        if sine < _NEAR and self.equations.has_edge:
-            reason = (
-                f'{words}: the motion goes on in another assembly, which these coordinates do not '
-                'describe; start slower or from elsewhere, or change torque, masses or lengths'
-            )
-        else:
-            reason = (
-                'the motion is too fast for the shortest step; lower the speed, the torque or the '
-                'commands (torque_limit), or add mass'
-            )
-            if sine < _NEAR:
-                reason += '; the links are in line but for a hair: make it a change point, or no'
-        message = f'the motion ends at t = {time:.6g} s, {place}: {reason}'
-        raise MotionError(message, time=time, coordinates=q) from cause
 
 
 class Steps(Protocol):

@@ -21,11 +21,12 @@ from __future__ import annotations
 import cmath
 import math
 
-from linkage_ros.core.links import Links
-from linkage_ros.core.mechanism import OPEN, SliderCrank
-from linkage_ros.core.numeric import HALF_PI, Functions, Real, nearest_turns, short_sum, two_sum
-from linkage_ros.core.structure import Joint, Point, SlidingBody, Structure, TurningBody
-from linkage_ros.core.transmission import TransmissionMap
+from linkage_ros.mechanisms.links import Links
+from linkage_ros.mechanisms.parts import OPEN
+from linkage_ros.mechanisms.slider_crank import SliderCrank
+from linkage_ros.mechanisms.structure import Joint, Point, SlidingBody, Structure, TurningBody
+from linkage_ros.mechanisms.transmission import TransmissionMap
+from linkage_ros.numeric import HALF_PI, Functions, Real, nearest_turns, short_sum, two_sum
 
 
 class SliderCrankKinematics:

@@ -18,9 +18,9 @@ slider, whose place is the last coordinate, is coupled with no link: it adds the
 
 from __future__ import annotations
 
-from linkage_ros.core.links import Links, PerLink
-from linkage_ros.core.numeric import Real
-from linkage_ros.core.structure import Structure
+from linkage_ros.mechanisms.links import Links, PerLink
+from linkage_ros.mechanisms.structure import Structure
+from linkage_ros.numeric import Real
 
 
 class MassDistribution:

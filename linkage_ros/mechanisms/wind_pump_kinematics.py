@@ -24,11 +24,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from linkage_ros.core.links import Links, PerCoordinate
-from linkage_ros.core.mechanism import OPEN, WindPump
-from linkage_ros.core.numeric import SCALAR, Functions, Real
-from linkage_ros.core.structure import Joint, Point, SlidingBody, Structure, TurningBody
 from linkage_ros.errors import UnreachableError
+from linkage_ros.mechanisms.links import Links, PerCoordinate
+from linkage_ros.mechanisms.parts import OPEN
+from linkage_ros.mechanisms.structure import Joint, Point, SlidingBody, Structure, TurningBody
+from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.numeric import SCALAR, Functions, Real
 
 
 class WindPumpKinematics:

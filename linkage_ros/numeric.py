@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arithmetic shared by all formulas: one spelling for floats and arrays, and exact short sums."""
+"""Arithmetic of all formulas: alike for floats and arrays, exact short sums, what is finite."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+
+from linkage_ros.errors import ConfigurationError
 
 # A float, or an array of floats: the formulas are written once for both. Any, because no type
 # of today says "float gives float, array gives array" through plain arithmetic.
@@ -146,3 +148,28 @@ def rounded(length: float, *, up: bool) -> str:
         return text
     unit = 10.0 ** (math.floor(math.log10(length)) - 5)
     return f'{float(text) + (unit if up else -unit):.6g}'
+
+
+def all_finite(*values: Real) -> bool:
+    """Whether floats, and all values of arrays, are finite."""
+    # A sum is cheaper than a look at each; it may overflow where none of them is infinite.
+    return all(
+        math.isfinite(x if isinstance(x, float) else np.sum(x)) or bool(np.isfinite(x).all())
+        for x in values
+    )
+
+
+def require_finite(**named: Real) -> None:
+    """Passes if they are.
+
+    Args:
+        **named: Floats or arrays, by what they are called, words joined by _.
+
+    Raises:
+        ConfigurationError: One is not, which it names.
+    """
+    for name, values in named.items():
+        if not all_finite(values):
+            bad = np.atleast_1d(values)[~np.isfinite(np.atleast_1d(values))]
+            words = name.replace('_', ' ')
+            raise ConfigurationError(f'{words} = {bad[0]}: must be a finite number')

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from linkage_ros.core.numeric import Real
+from linkage_ros.numeric import Real
 
 # One value for each coordinate: the crank's angle and, of a wind pump, the slider's place.
 PerCoordinate: TypeAlias = tuple[Real, ...]

@@ -25,7 +25,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from linkage_ros.core.numeric import Array, Functions, Real, two_sum
+from linkage_ros.numeric import Array, Functions, Real, two_sum
 
 Arc: TypeAlias = tuple[float, float]
 

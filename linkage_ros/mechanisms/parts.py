@@ -11,7 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from linkage_ros.core.quantities import Checked, quantity
+from linkage_ros.quantities import Checked, quantity
+
+OPEN = 'open'
+CROSSED = 'crossed'
 
 # Bounds on what may be typed in. Products of up to six lengths must neither overflow nor
 # underflow; every linkage that can be built is far inside.

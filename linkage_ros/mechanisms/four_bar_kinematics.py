@@ -20,11 +20,12 @@ from __future__ import annotations
 import cmath
 import math
 
-from linkage_ros.core.links import Links
-from linkage_ros.core.mechanism import OPEN, FourBar
-from linkage_ros.core.numeric import Functions, Real, nearest_turns, short_sum
-from linkage_ros.core.structure import Joint, Point, Structure, TurningBody
-from linkage_ros.core.transmission import TransmissionMap
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.links import Links
+from linkage_ros.mechanisms.parts import OPEN
+from linkage_ros.mechanisms.structure import Joint, Point, Structure, TurningBody
+from linkage_ros.mechanisms.transmission import TransmissionMap
+from linkage_ros.numeric import Functions, Real, nearest_turns, short_sum
 
 # Where |d - r| is below this part of d + r, the rates need the careful form: the plain one has an
 # error of about an ulp over the square of this.

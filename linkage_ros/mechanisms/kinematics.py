@@ -4,21 +4,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
-from linkage_ros.core.four_bar import FourBarKinematics
-from linkage_ros.core.links import Links, PerCoordinate
-from linkage_ros.core.mechanism import FourBar, Linkage, Mechanism, SliderCrank, WindPump
-from linkage_ros.core.mobility import assess, unreachable
-from linkage_ros.core.numeric import SCALAR, Functions, Real
-from linkage_ros.core.slider_crank import SliderCrankKinematics
-from linkage_ros.core.structure import Structure
-from linkage_ros.core.transmission import TransmissionMap
-from linkage_ros.core.wind_pump import WindPumpKinematics
 from linkage_ros.errors import MechanismError, UnreachableError
+from linkage_ros.mechanisms.links import Links, PerCoordinate
+from linkage_ros.mechanisms.mobility import assess, unreachable
+from linkage_ros.mechanisms.registry import KINEMATICS, Linkage, Mechanism
+from linkage_ros.mechanisms.structure import Structure
+from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.mechanisms.wind_pump_kinematics import WindPumpKinematics
+from linkage_ros.numeric import SCALAR, Functions, Real
 
 
 class Kinematics(Protocol):
@@ -37,32 +34,6 @@ class Kinematics(Protocol):
 
     def dyad(self, q: PerCoordinate) -> tuple[float, str]:
         """The sine of the angle at which coupler and third link meet, and what they are at 0."""
-
-
-class LoopSolution(Protocol):
-    """What is written for each mechanism of one degree of freedom: its loop, solved.
-
-    Attributes:
-        map: From the crank to the transmission angle.
-        structure: How the links hang together.
-        side: 1 for the open assembly, -1 for the crossed one.
-    """
-
-    map: TransmissionMap
-    structure: Structure
-    side: float
-
-    def locate(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
-        """The coupler's direction, rad, and the output, rad or m, where the loop closes."""
-
-    def solve(self, crank: Real, functions: Functions) -> Links:
-        """The position and its derivatives by the crank angle, where the loop closes."""
-
-
-KINEMATICS: dict[type[Linkage], Callable[..., LoopSolution]] = {
-    FourBar: FourBarKinematics,
-    SliderCrank: SliderCrankKinematics,
-}
 
 
 class CrankKinematics:

@@ -7,9 +7,9 @@ from __future__ import annotations
 import cmath
 from typing import NamedTuple, TypeAlias
 
-from linkage_ros.core.links import PerLink
-from linkage_ros.core.numeric import Real, functions_of
-from linkage_ros.core.structure import Point, Structure
+from linkage_ros.mechanisms.links import PerLink
+from linkage_ros.mechanisms.structure import Point, Structure
+from linkage_ros.numeric import Real, functions_of
 
 Vector: TypeAlias = tuple[Real, Real]
 

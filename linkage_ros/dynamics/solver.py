@@ -11,15 +11,22 @@ from typing import NoReturn
 
 import numpy as np
 
-from linkage_ros.core.dynamics import MassDistribution
-from linkage_ros.core.finite import all_finite, require_finite
-from linkage_ros.core.kinematics import CrankKinematics
-from linkage_ros.core.mechanism import Linkage
-from linkage_ros.core.mobility import refusal
-from linkage_ros.core.numeric import ARRAY, SCALAR, Functions, Real, functions_of
-from linkage_ros.core.reactions import Reactions, reactions
-from linkage_ros.core.state import PointMotion, State, point_motion
+from linkage_ros.dynamics.driving_torque import MassDistribution
+from linkage_ros.dynamics.reactions import Reactions, reactions
+from linkage_ros.dynamics.state import PointMotion, State, point_motion
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
+from linkage_ros.mechanisms.kinematics import CrankKinematics
+from linkage_ros.mechanisms.mobility import refusal
+from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.numeric import (
+    ARRAY,
+    SCALAR,
+    Functions,
+    Real,
+    all_finite,
+    functions_of,
+    require_finite,
+)
 
 # Arrays are worked through in pieces whose intermediate results stay in the processor's cache.
 _CHUNK = 16384

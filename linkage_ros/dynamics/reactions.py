@@ -11,11 +11,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from linkage_ros.core.mechanism import FourBar, Linkage, SliderCrank
-from linkage_ros.core.numeric import Real, functions_of
-from linkage_ros.core.state import State, Vector, point_motion
-from linkage_ros.core.structure import Structure
+from linkage_ros.dynamics.state import State, Vector, point_motion
 from linkage_ros.errors import MechanismError
+from linkage_ros.mechanisms.four_bar import FourBar
+from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.mechanisms.slider_crank import SliderCrank
+from linkage_ros.mechanisms.structure import Structure
+from linkage_ros.numeric import Real, functions_of
 
 
 class Reactions(NamedTuple):

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from linkage_ros.core.numeric import Array
-from linkage_ros.core.simulation import EDGE_PART, DrivenMechanism, FixedSteps, Phase, wound
 from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
+from linkage_ros.motion.fixed_steps import EDGE_PART, FixedSteps, wound
+from linkage_ros.numeric import Array
 
 _TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
 _FIRST_STEP = 1e-4  # s

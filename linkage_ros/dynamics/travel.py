@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.solver import Solver
+from linkage_ros.dynamics.solver import Solver
 
 
 class Travel(NamedTuple):

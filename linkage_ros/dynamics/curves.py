@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.core.mechanism import Linkage, Mechanism
-from linkage_ros.core.numeric import Array
-from linkage_ros.core.solver import Solver
-from linkage_ros.core.state import State, point_motion
-from linkage_ros.core.structure import Structure
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.state import State, point_motion
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanisms.registry import Linkage, Mechanism
+from linkage_ros.mechanisms.structure import Structure
+from linkage_ros.numeric import Array
 
 
 class Column(NamedTuple):

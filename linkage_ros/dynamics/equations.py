@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from linkage_ros.core.dynamics import MassDistribution
-from linkage_ros.core.finite import all_finite, require_finite
-from linkage_ros.core.kinematics import kinematics_of
-from linkage_ros.core.links import Links, PerCoordinate, PerLink
-from linkage_ros.core.mechanism import Mechanism
-from linkage_ros.core.numeric import ARRAY, SCALAR, Real, functions_of
-from linkage_ros.core.state import State
+from linkage_ros.dynamics.driving_torque import MassDistribution
+from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.mechanisms.kinematics import kinematics_of
+from linkage_ros.mechanisms.links import Links, PerCoordinate, PerLink
+from linkage_ros.mechanisms.registry import Mechanism
+from linkage_ros.numeric import ARRAY, SCALAR, Real, all_finite, functions_of, require_finite
 
 
 class EquationsOfMotion:

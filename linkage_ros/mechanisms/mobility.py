@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
-from linkage_ros.core.mechanism import Linkage, equalities
-from linkage_ros.core.transmission import Arc, TransmissionMap
 from linkage_ros.errors import UnreachableError
+from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.mechanisms.transmission import Arc, TransmissionMap
+from linkage_ros.numeric import is_rounding
 
 
 class Mobility(NamedTuple):
@@ -79,3 +81,11 @@ def unreachable(mobility: Mobility, crank: float) -> UnreachableError:
     """The error for a crank angle at which no state, or no finite rate, exists."""
     purpose = f'move at {math.degrees(crank):.9g} deg'
     return UnreachableError(refusal(mobility, purpose), crank_angle=crank, arcs=mobility.arcs)
+
+
+def equalities(mechanism: Linkage) -> Iterator[str]:
+    """Sums of lengths that are not 0 in binary and count as 0, in words."""
+    for words, terms in mechanism.sums.items():
+        total = math.fsum(terms)
+        if total and is_rounding(mechanism.longest, total):
+            yield f'{words} = {total:.2g} m counts as 0'
