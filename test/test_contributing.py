@@ -92,13 +92,13 @@ def run(copy, *arguments):
 MEASURE = """
 import json
 from linkage_ros.charts.accuracy import draw_accuracy
-from linkage_ros.methods import accuracy, outcomes, table
+from linkage_ros.methods import accuracy, outcomes, registry
 from linkage_ros.methods.bench import Bench
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.parameters.configuration import load
 
-(two,) = [method for method in table.METHODS if method.name == 'two circles']
-accuracy.METHODS = (table.METHODS[0], two)  # of all, these alone
+(two,) = [method for method in registry.METHODS if method.name == 'two circles']
+accuracy.METHODS = (registry.METHODS[0], two)  # of all, these alone
 linkages = (load(name).mechanism for name in ('quadrilateral', 'slider_crank'))
 benches = {name: Bench(task, 24) for name, task in accuracy.tasks(*linkages).items()}
 plain = lambda what, _: what

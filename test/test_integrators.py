@@ -16,7 +16,7 @@ from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import EquationsOfMotion, FourBar
-from linkage_ros.methods import linkages, motion_accuracy, table
+from linkage_ros.methods import linkages, motion_accuracy, registry
 from linkage_ros.methods.bench import LIMIT
 from linkage_ros.methods.cut_loop import CutLoop, eliminate
 from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
@@ -32,7 +32,7 @@ from linkage_ros.parameters.configuration import load
 PUMP = load('wind_pump')
 QUADRILATERAL = load('quadrilateral').mechanism
 MECHANISMS = ChartMechanisms(QUADRILATERAL, PUMP.mechanism, PUMP.drive.motor)
-BY_NAME = {method.name: method for method in table.INTEGRATORS}
+BY_NAME = {method.name: method for method in registry.INTEGRATORS}
 DRIVEN, COASTING = MECHANISMS.driven(6.0), MECHANISMS.coasting(5 * math.pi)
 
 
@@ -156,8 +156,8 @@ def test_cosine_and_sine_have_all_digits():
     [
         ('RK4', MECHANISMS.driven(2.0), (0.05, 0.025, 0.0125, 0.005), 4),
         ('RK4', COASTING, (2e-3, 1e-3, 5e-4, 2.5e-4), 4),
-        (table.LIVE, MECHANISMS.driven(2.0), (0.05, 0.025, 0.0125, 0.01), 5),
-        (table.LIVE, DRIVEN, (0.025, 0.0125, 0.005, 0.0025), 5),
+        (registry.LIVE, MECHANISMS.driven(2.0), (0.05, 0.025, 0.0125, 0.01), 5),
+        (registry.LIVE, DRIVEN, (0.025, 0.0125, 0.005, 0.0025), 5),
     ],
 )
 def test_fixed_steps_are_of_their_order(name, problem, steps, order):
@@ -223,7 +223,7 @@ def counted(problem):
 
 def test_the_work_of_a_live_ms_is_bounded():
     problem = counted(DRIVEN)
-    follower = BY_NAME[table.LIVE].make(problem, BY_NAME[table.LIVE].steady)
+    follower = BY_NAME[registry.LIVE].make(problem, BY_NAME[registry.LIVE].steady)
     for i in range(200):
         counts.clear()
         follower.at((i + 1) * 1e-3)
@@ -236,7 +236,7 @@ def test_the_work_of_a_live_ms_is_bounded():
 
 def test_records_take_fewer_looks_but_many_at_once():
     problem = counted(DRIVEN)
-    follower = BY_NAME[table.RECORDS].make(problem, {})
+    follower = BY_NAME[registry.RECORDS].make(problem, {})
     numbers = []
     for i in range(1000):
         counts.clear()
@@ -246,22 +246,22 @@ def test_records_take_fewer_looks_but_many_at_once():
     assert max(numbers) > 12
 
 
-# ---------------------------------------------------------------- the table
+# ---------------------------------------------------------------- the registry
 
 
 def test_the_table_is_complete_and_its_names_differ():
-    names = [method.name for method in table.INTEGRATORS]
+    names = [method.name for method in registry.INTEGRATORS]
     assert len(set(names)) == len(names)
-    assert names[:2] == [table.LIVE, table.RECORDS]
-    for method in table.INTEGRATORS:
-        assert method.stage == table.MOTION
+    assert names[:2] == [registry.LIVE, registry.RECORDS]
+    for method in registry.INTEGRATORS:
+        assert method.stage == registry.MOTION
         assert method.needs
         assert method.source
         assert method.steady in (None, *method.settings) or method.name.startswith('multipliers')
-        assert len(method.settings) >= 5 or method.name == table.RECORDS
+        assert len(method.settings) >= 5 or method.name == registry.RECORDS
 
 
-@pytest.mark.parametrize('name', [n for n in BY_NAME if n != table.RECORDS])
+@pytest.mark.parametrize('name', [n for n in BY_NAME if n != registry.RECORDS])
 @pytest.mark.parametrize('motion', ['pump', 'four-bar'])
 def test_errors_fall_with_each_setting_down_to_a_floor(benches, motion, name):
     bench, method = benches[motion], BY_NAME[name]
@@ -275,8 +275,8 @@ def test_errors_fall_with_each_setting_down_to_a_floor(benches, motion, name):
 def test_the_defaults_are_what_live_runs_and_records_take(benches):
     bench = benches['pump']
     for name, steps in (
-        (table.LIVE, FixedSteps(DRIVEN.driven, DRIVEN.start)),
-        (table.RECORDS, AdaptiveSteps(DRIVEN.driven, DRIVEN.start)),
+        (registry.LIVE, FixedSteps(DRIVEN.driven, DRIVEN.start)),
+        (registry.RECORDS, AdaptiveSteps(DRIVEN.driven, DRIVEN.start)),
     ):
         method = BY_NAME[name]
         follower = method.make(DRIVEN, method.steady)
@@ -287,7 +287,7 @@ def test_the_defaults_are_what_live_runs_and_records_take(benches):
 
 def test_the_defaults_are_right(benches):
     for bench in benches.values():
-        for name in (table.LIVE, table.RECORDS):
+        for name in (registry.LIVE, registry.RECORDS):
             method = BY_NAME[name]
             assert worst(bench, method.make(bench.problem, method.steady)) < 1e-10
 
@@ -317,7 +317,7 @@ def test_an_unstabilised_loop_opens_with_the_square_of_time(problem):
 
 
 def test_a_loop_that_is_closed_from_coordinates_does_not_open():
-    for name in (table.LIVE, table.RECORDS, 'DOP853', 'RK4', 'Radau'):
+    for name in (registry.LIVE, registry.RECORDS, 'DOP853', 'RK4', 'Radau'):
         method = BY_NAME[name]
         follower = method.make(DRIVEN, method.steady)
         follower.at(1.0)

@@ -46,7 +46,7 @@ MCAP = {
 UNPACKING = {'log.untrusted_chunks', 'recovery.damaged_mcap'}
 RERUN = {name for name in MODULES if name.startswith('view.rerun_')} - {'view.rerun_program'}
 CHARTS = {
-    'charts.front',
+    'charts.pareto_panel',
     'charts.integration',
     'charts.motion',
     'charts.page',
@@ -59,7 +59,7 @@ CHARTS = {
     'charts.pump_load',
 }
 MOTIONS = {
-    'methods.table',
+    'methods.registry',
     'methods.integrators',
     'methods.motion_reference',
     'methods.motion_bench',

@@ -27,8 +27,8 @@ from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.methods.outcomes import OUTCOMES, Cell
+from linkage_ros.methods.registry import DEFAULT, INTEGRATORS, METHODS, label
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.table import DEFAULT, INTEGRATORS, METHODS, label
 from linkage_ros.parameters.presets import preset_path
 
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}

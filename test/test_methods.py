@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of methods: its reference, and each method's order, floor and failures."""
+"""The registry of methods: its reference, and each method's order, floor and failures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from oracle import Oracle
 from oracle_slider import SliderOracle
 
 from linkage_ros import FourBar, Solver, UnreachableError
-from linkage_ros.methods import linkages, reference, table
+from linkage_ros.methods import linkages, reference, registry
 from linkage_ros.methods.accuracy import NEAR, Measurement, mark_fronts, tasks
 from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import (
@@ -35,7 +35,7 @@ from linkage_ros.numeric import SCALAR
 from linkage_ros.parameters.configuration import load
 
 EPSILON = 2.0**-52
-BY_NAME = {method.name: method for method in table.METHODS}
+BY_NAME = {method.name: method for method in registry.METHODS}
 PRESETS = {name: load(name).mechanism for name in ('quadrilateral', 'slider_crank')}
 
 
@@ -122,7 +122,7 @@ def test_the_reference_refuses_where_no_state_exists():
 # ---------------------------------------------------------------- right where it is easy
 
 
-@pytest.mark.parametrize('method', table.METHODS, ids=lambda method: method.name)
+@pytest.mark.parametrize('method', registry.METHODS, ids=lambda method: method.name)
 @pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
 def test_every_method_is_right_on_an_easy_mechanism(benches, mechanism, method):
     limit = 1e-5 if 'float32' in method.name else 2e-6 if method.name.startswith('cent') else 1e-11
@@ -136,7 +136,7 @@ def test_every_method_is_right_on_an_easy_mechanism(benches, mechanism, method):
 
 def test_an_array_gives_what_numbers_give(benches):
     bench = benches['quadrilateral']
-    for method in table.METHODS:
+    for method in registry.METHODS:
         if method.modes != (ONE, BATCH):
             continue
         setting = method.steady
@@ -215,7 +215,7 @@ def test_newton_raphson_stops_at_its_cap():
 
 @pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
 @pytest.mark.parametrize(
-    'name', [method.name for method in table.METHODS if len(method.settings) > 1]
+    'name', [method.name for method in registry.METHODS if len(method.settings) > 1]
 )
 def test_errors_fall_with_each_setting_down_to_a_floor(benches, mechanism, name):
     method = BY_NAME[name]
@@ -242,16 +242,16 @@ def test_the_default_is_as_close_as_any_to_a_few_ulp(benches):
                         benches[name].worst_error(method, setting, mode, quantity)
                         for setting in method.settings
                     )
-                    for method in table.METHODS
+                    for method in registry.METHODS
                     if mode in method.modes
                 }
-                assert found[table.DEFAULT] <= min(found.values()) + 4 * EPSILON, found
+                assert found[registry.DEFAULT] <= min(found.values()) + 4 * EPSILON, found
 
 
 @pytest.mark.parametrize('quantity', QUANTITIES)
 def test_near_a_change_point_the_default_alone_is_right(benches, quantity):
     bench = benches[NEAR]
-    for method in table.METHODS:
+    for method in registry.METHODS:
         first = min(QUANTITIES.index(own) for own in OWN[method.stage])
         if QUANTITIES.index(quantity) < first:
             continue
@@ -260,15 +260,15 @@ def test_near_a_change_point_the_default_alone_is_right(benches, quantity):
                 if setting.get('steps', 0) > 360:
                     continue
                 error = bench.worst_error(method, setting, mode, quantity)
-                assert (error < LIMIT) == (error < 1e-12) == (method.name == table.DEFAULT)
+                assert (error < LIMIT) == (error < 1e-12) == (method.name == registry.DEFAULT)
 
 
 def test_the_table_is_complete_and_its_names_differ():
-    names = [method.name for method in table.METHODS]
+    names = [method.name for method in registry.METHODS]
     assert len(set(names)) == len(names)
-    assert names[0] == table.DEFAULT
-    assert table.METHODS[0].stage == STATE
-    for method in table.METHODS:
+    assert names[0] == registry.DEFAULT
+    assert registry.METHODS[0].stage == STATE
+    for method in registry.METHODS:
         assert method.needs
         assert method.source
         assert len(method.settings) == 1 or len(method.settings) >= 5
@@ -323,8 +323,8 @@ def test_what_fails_at_an_angle_has_no_time():
 
 
 def test_settings_in_words():
-    assert table.label({}) == ''
-    assert table.label({'tolerance': 1e-3, 'steps': 360}) == 'tolerance 0.001, steps 360'
+    assert registry.label({}) == ''
+    assert registry.label({'tolerance': 1e-3, 'steps': 360}) == 'tolerance 0.001, steps 360'
 
 
 def test_a_gap_of_zero_is_a_closed_loop():

@@ -27,13 +27,13 @@ from linkage_ros.methods.outcomes import (
 from linkage_ros.methods.positions import factored
 from linkage_ros.methods.problems import ChartMechanisms
 from linkage_ros.methods.reference import Reference
-from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.table import (
+from linkage_ros.methods.registry import (
     INTEGRATORS,
     MOTION,
     Integrator,
     Method,
 )
+from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.numeric import SCALAR
 from linkage_ros.parameters.configuration import load
 

@@ -17,8 +17,8 @@ from linkage_ros.methods.outcomes import (
     WRONG_BRANCH,
     Cell,
 )
+from linkage_ros.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.methods.situations import SITUATIONS
-from linkage_ros.methods.table import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 
 BY_NAME = {situation.name: situation for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
 UNSTABILISED = ('multipliers, unstabilised',)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from linkage_ros.charts.front import (
+from linkage_ros.charts.pareto_panel import (
     CEILING,
     Style,
     Wording,
@@ -21,7 +21,7 @@ from linkage_ros.charts.front import (
 from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.chain import BATCH, ONE, QUANTITIES
-from linkage_ros.methods.table import DEFAULT, METHODS
+from linkage_ros.methods.registry import DEFAULT, METHODS
 from linkage_ros.palette import BLACK, BLUE, DARK, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 _SPAN = (3e-15, 0.2)  # errors between which settings are written

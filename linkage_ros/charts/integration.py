@@ -11,7 +11,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linkage_ros.charts.front import (
+from linkage_ros.charts.pareto_panel import (
     CEILING,
     Style,
     Wording,
@@ -23,7 +23,7 @@ from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
-from linkage_ros.methods.table import INTEGRATORS, LIVE, RECORDS, label
+from linkage_ros.methods.registry import INTEGRATORS, LIVE, RECORDS, label
 from linkage_ros.palette import BLUE, DARK, GREEN, PURPLE, VERMILION
 
 _STYLES = {

@@ -23,8 +23,8 @@ from linkage_ros.methods.outcomes import (
     WRONG_BRANCH,
     Cell,
 )
+from linkage_ros.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.methods.situations import SITUATIONS, Situation
-from linkage_ros.methods.table import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
 # Fill and text. In grey they are still told apart, and each cell says its outcome in words.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Speed against accuracy: every method and setting of the table, measured on three mechanisms."""
+"""Speed against accuracy: every method and setting, measured on three mechanisms."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from linkage_ros.mechanisms.four_bar import FourBar
 from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task, make_task
-from linkage_ros.methods.table import METHODS, Method, label
+from linkage_ros.methods.registry import METHODS, Method, label
 from linkage_ros.numeric import Array
 
 NEAR = 'near a change point'
@@ -27,7 +27,7 @@ class Measurement:
     """Speed and error of a method with a setting: a point of the chart.
 
     Attributes:
-        method: Name from the table.
+        method: Name from the registry.
         setting: In words; empty where there is nothing to set.
         mechanism: What it was measured on.
         quantity: 'position', 'rate', 'acceleration' or 'torque'; of a motion under a torque

@@ -14,7 +14,7 @@ import numpy as np
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.methods.chain import FUNCTIONS, ONE, QUANTITIES, Function, Task
 from linkage_ros.methods.reference import Exact, Reference
-from linkage_ros.methods.table import Method, Setting
+from linkage_ros.methods.registry import Method, Setting
 from linkage_ros.numeric import Array
 
 _EVEN = 48  # angles, over a period or an arc
@@ -123,7 +123,7 @@ class Bench(Truth):
         """The largest error of a method over the period; inf where it fails.
 
         Args:
-            method: From the table.
+            method: From the registry.
             setting: Of it.
             mode: 'one at a time' or 'batch'.
             quantity: One of QUANTITIES.

@@ -22,7 +22,7 @@ from linkage_ros.methods.bench import FAILURES
 from linkage_ros.methods.integrators import Follower
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
 from linkage_ros.methods.problems import ChartMechanisms
-from linkage_ros.methods.table import INTEGRATORS, Integrator, Setting, label
+from linkage_ros.methods.registry import INTEGRATORS, Integrator, Setting, label
 from linkage_ros.motion.driven_mechanism import Phase
 
 # Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.

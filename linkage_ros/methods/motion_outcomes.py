@@ -34,7 +34,7 @@ from linkage_ros.methods.motion_situations import (
 )
 from linkage_ros.methods.outcomes import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
 from linkage_ros.methods.problems import ChartMechanisms
-from linkage_ros.methods.table import INTEGRATORS, Integrator
+from linkage_ros.methods.registry import INTEGRATORS, Integrator
 from linkage_ros.motion.driven_mechanism import Phase
 
 

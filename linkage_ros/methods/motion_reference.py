@@ -4,7 +4,7 @@
 
 The loop is cut open (`cut_loop`), so that no formula of the package's own equations of motion is
 used, and the motion is followed by extrapolation (Gragg, Bulirsch and Stoer: Hairer, Norsett and
-Wanner, Solving Ordinary Differential Equations I, II.9), which is no method of the table, in
+Wanner, Solving Ordinary Differential Equations I, II.9), which is no registered method, in
 decimals of 34 digits. Instead of angles, cosines and sines turn, cos' = -w sin and sin' = w cos:
 no trigonometry is left. A step is right to 1e-20; how close a motion comes is told by shorter
 steps of another order, by a quadrature of the energy and by an oracle of another hand

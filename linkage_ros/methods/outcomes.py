@@ -26,8 +26,8 @@ from linkage_ros.errors import LinkageError
 from linkage_ros.methods.bench import FAILURES, LIMIT, Truth, evaluate
 from linkage_ros.methods.chain import BATCH, FUNCTIONS, OWN, Function
 from linkage_ros.methods.linkages import other_assembly
+from linkage_ros.methods.registry import METHODS, Method
 from linkage_ros.methods.situations import Case, Situation
-from linkage_ros.methods.table import METHODS, Method
 
 RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
     'right', 'refused', 'diverged', 'wrong branch', 'NaN',
@@ -39,7 +39,7 @@ class Cell:
     """A cell of the chart of numerical stability.
 
     Attributes:
-        method: Name from the table.
+        method: Name from the registry.
         situation: Name of the situation.
         outcome: One of OUTCOMES: the worst.
         worst_error: The largest error of a finite value, of motions what `motion_outcomes`

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of methods: charts, tests and docs/methods.md read these.
+"""All methods: charts, tests and docs/methods.md read these.
 
 To add a method, write its function where its stage lives, and an entry here.
 """

@@ -19,7 +19,7 @@ from matplotlib.transforms import Bbox
 from linkage_ros.charts.sizes import SMALL
 from linkage_ros.methods.accuracy import Measurement
 from linkage_ros.methods.bench import LIMIT
-from linkage_ros.methods.table import Way
+from linkage_ros.methods.registry import Way
 from linkage_ros.palette import BLACK, Color, fractions
 
 _Across: TypeAlias = Literal['left', 'center', 'right']
