@@ -14,7 +14,7 @@ from pathlib import Path
 
 from linkage_ros import EquationsOfMotion
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.motion.fixed_steps import FixedSteps
+from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import record
 

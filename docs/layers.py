@@ -41,16 +41,17 @@ _PURPOSES = {
 }
 _MESSAGES = ('rcl_interfaces', '_msgs')  # come with rclpy
 # Where the columns begin and end, px from the left.
-_NAMES, _ROOMS, _LIBRARIES, _STAIRS, _END = 34, 190, 1110, 1290, 1670
+_NAMES, _ROOMS, _LIBRARIES, _STAIRS, _END = 30, 205, 1120, 1290, 1670
 # Heights of a row of rooms, of a room and of the rest of a floor; widths of a letter and a stair.
-_ROW, _ROOM, _REST, _LETTER, _STAIR = 38, 30, 58, 11.6, 24
+_ROW, _ROOM, _REST, _LETTER, _STAIR = 38, 30, 58, 11.6, 23
 # Dark enough to be read on a pale ground.
 _INKS: tuple[Color, ...] = (
     BLUE, VERMILION, mixed(GREEN, BLACK, 0.2), mixed(PURPLE, BLACK, 0.3),
     mixed(ORANGE, BLACK, 0.5), mixed(SKY, BLACK, 0.4), mixed(VERMILION, BLACK, 0.6),
     mixed(BLUE, BLACK, 0.6), mixed(GREEN, BLACK, 0.6), mixed(PURPLE, BLACK, 0.7),
     mixed(ORANGE, BLACK, 0.7), mixed(SKY, BLACK, 0.7), mixed(VERMILION, BLACK, 0.3),
-    mixed(BLUE, BLACK, 0.3), mixed(PURPLE, BLACK, 0.5), BLACK,
+    mixed(BLUE, BLACK, 0.3), mixed(PURPLE, BLACK, 0.5),
+    mixed(ORANGE, BLACK, 0.35), BLACK,
 )  # fmt: skip
 
 

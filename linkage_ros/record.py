@@ -13,7 +13,7 @@ from pathlib import Path
 from linkage_ros import cli
 from linkage_ros.errors import MotionError
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.motion.adaptive_steps import AdaptiveSteps
+from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_names

@@ -26,7 +26,7 @@ from rosbags.highlevel import AnyReader
 from solved_messages import TYPES, plain, solved_messages, time_of
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.motion.adaptive_steps import AdaptiveSteps
+from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record

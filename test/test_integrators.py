@@ -23,9 +23,9 @@ from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
 from linkage_ros.methods.motion_bench import MotionBench, even
 from linkage_ros.methods.motion_reference import Accuracy, MotionReference, unit
 from linkage_ros.methods.problems import ChartMechanisms, InitialValueProblem
-from linkage_ros.motion.adaptive_steps import AdaptiveSteps
+from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.motion.fixed_steps import FixedSteps
+from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.numeric import with_turns
 from linkage_ros.parameters.configuration import load
 

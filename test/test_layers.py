@@ -68,7 +68,7 @@ MOTIONS = {
     'methods.motion_outcomes',
 }
 MPMATH = {'methods.reference', 'methods.bench', 'methods.accuracy', 'methods.outcomes'}
-SCIPY = {'methods.integrators', 'motion.adaptive_steps', 'analysis.poincare'}
+SCIPY = {'methods.integrators', 'motion.adaptive_integrator', 'analysis.poincare'}
 ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
 TQDM = {'progress'}
 ROOMS = {

@@ -35,8 +35,8 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
 from linkage_ros.log_tool import info
 from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.parameters.as_strings import to_strings
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.logged import to_strings
 from linkage_ros.record import record
 from linkage_ros.wire.codecs import JointStateCodec, encode_float64, encode_string
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS

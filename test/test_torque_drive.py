@@ -15,13 +15,13 @@ from linkage_ros import ConfigurationError, EquationsOfMotion, LogError, MotionE
 from linkage_ros import record as recorder
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.motion.adaptive_steps import AdaptiveSteps
+from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.plant import Plant
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.numeric import within_two_turns
+from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.logged import from_strings, to_strings
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine

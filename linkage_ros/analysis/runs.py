@@ -13,7 +13,7 @@ from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.errors import MotionError
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
-from linkage_ros.motion.fixed_steps import FixedSteps
+from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.numeric import Array
 
 _TOLERANCE = 1e-7  # of a step: for pictures, a hundred times that of a live run

@@ -18,8 +18,8 @@ from linkage_ros import __version__
 from linkage_ros.errors import LogError
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
+from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.parameters.logged import from_strings, to_strings
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ways to follow a motion under a torque, each asked for one time after another.
 
-The package's own are those of live runs (motion/fixed_steps.py) and of records
-(motion/adaptive_steps.py).
+The package's own are those of live runs (motion/fixed_step_integrator.py) and of records
+(motion/adaptive_integrator.py).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from linkage_ros.dynamics.state import loop_residual
 from linkage_ros.methods.cut_loop import CutLoop, Number, Row
 from linkage_ros.methods.problems import InitialValueProblem
 from linkage_ros.motion.driven_mechanism import Phase
-from linkage_ros.motion.fixed_steps import Integrate
+from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.numeric import Array, with_turns
 
 _FIRST_STEP = 1e-4  # s
@@ -205,5 +205,5 @@ def _solve(rows: list[Row], right: Row) -> list[Number]:
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Along one slope: by the weighted sum of motion/fixed_steps.py a step costs a sixth more."""
+    """Along one slope: by the weighted sum of fixed_step_integrator.py it costs a sixth more."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])

@@ -216,7 +216,7 @@ def unit(angle: float) -> Pair:
 
 
 def _moved(state: _State, h: Decimal, slope: _State) -> _State:
-    """Of Decimals: the sums of motion/fixed_steps.py begin with a double."""
+    """Of Decimals: the sums of motion/fixed_step_integrator.py begin with a double."""
     return tuple([value + h * rate for value, rate in zip(state, slope, strict=True)])
 
 

@@ -23,8 +23,8 @@ from linkage_ros.methods.integrators import (
 from linkage_ros.methods.iteration import NewtonRaphson
 from linkage_ros.methods.loop import Loop
 from linkage_ros.methods.problems import InitialValueProblem
-from linkage_ros.motion.adaptive_steps import AdaptiveSteps
-from linkage_ros.motion.fixed_steps import LONGEST_STEP, TOLERANCE, FixedSteps
+from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
+from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE, FixedSteps
 from linkage_ros.numeric import SCALAR, Functions
 
 Setting = dict[str, float]
@@ -193,14 +193,15 @@ def _fixed(problem: InitialValueProblem, setting: Setting) -> Follower:
 INTEGRATORS = (
     Integrator(
         LIVE, MOTION, 'nothing',
-        'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; motion/fixed_steps.py',
+        'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; '
+        'motion/fixed_step_integrator.py',
         _fixed,
         # Without its tolerance a step is as long as it says, which shows the order.
         tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
     ),
     Integrator(
         RECORDS, MOTION, 'SciPy; a torque that does not leap',
-        f'{_DOP853}; motion/adaptive_steps.py',
+        f'{_DOP853}; motion/adaptive_integrator.py',
         lambda problem, _: OfPackage(problem, AdaptiveSteps),
     ),
     Integrator(

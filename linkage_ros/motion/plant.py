@@ -8,7 +8,7 @@ from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.mechanisms.structure import Structure
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_steps import FixedSteps, Integrate
+from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.units import radians_per_second

@@ -17,7 +17,7 @@ from linkage_ros.dynamics.state import State, loop_residual, point_motion
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
-from linkage_ros.motion.fixed_steps import FixedSteps, Integrate
+from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
 from linkage_ros.motion.joints import JointValues, joint_values
 from linkage_ros.motion.plant import Plant
 from linkage_ros.motion.speed_driven import CrankMotion, CrankState

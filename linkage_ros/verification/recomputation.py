@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_steps import FixedSteps
+from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.motion.plant import start
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.motion.torque_driven import CATCH_UP, RunMotion

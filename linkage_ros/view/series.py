@@ -11,7 +11,7 @@ import numpy as np
 from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.errors import LinkageError
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_steps import wound
+from linkage_ros.motion.fixed_step_integrator import wound
 from linkage_ros.motion.plant import start
 from linkage_ros.numeric import Array
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 from typing import cast
 
-from linkage_ros.chart_output import folder, libraries, progress, save_table
+from linkage_ros.chart_commands.output import folder, libraries, progress, save_table
 from linkage_ros.dynamics.curves import Curves, Period
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_output import folder, libraries, progress, save_records
+from linkage_ros.chart_commands.output import folder, libraries, progress, save_records
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_output import about, folder, libraries, progress, save_records
-from linkage_ros.chart_presets import moving_presets, preset
+from linkage_ros.chart_commands.output import about, folder, libraries, progress, save_records
+from linkage_ros.chart_commands.presets import moving_presets, preset
 from linkage_ros.mechanisms.four_bar import FourBar
 from linkage_ros.mechanisms.slider_crank import SliderCrank
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_output import folder, libraries, progress, save_records
-from linkage_ros.chart_presets import moving_presets
+from linkage_ros.chart_commands.output import folder, libraries, progress, save_records
+from linkage_ros.chart_commands.presets import moving_presets
 
 
 def stability(options: argparse.Namespace) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
-from linkage_ros.motion.fixed_steps import EDGE_PART, FixedSteps, wound
+from linkage_ros.motion.fixed_step_integrator import EDGE_PART, FixedSteps, wound
 from linkage_ros.numeric import Array
 
 _TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths

@@ -26,9 +26,9 @@ from linkage_ros import (
     UnreachableError,
 )
 from linkage_ros.mechanisms.parts import Guide, Slider
-from linkage_ros.motion.adaptive_steps import AdaptiveSteps
+from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.motion.fixed_steps import FixedSteps
+from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.parameters.configuration import load
 
