@@ -34,7 +34,7 @@ class AdaptiveSteps:
     Attributes:
         driven: What moves.
         time: Up to which it is followed, s.
-        phase: At that time: coordinates, then their rates; the crank within a few turns of 0.
+        phase: At that time: coordinates, then their rates; the crank within two turns of 0.
         pairs: Pairs of whole turns that belong to it.
     """
 
@@ -59,12 +59,13 @@ class AdaptiveSteps:
         self.phase, self.pairs = wound(phase)
         # Next to the edge of what the coordinates describe, equal steps are followed instead.
         self._fixed: FixedSteps | None = None
-        self._solver, self._pairs_ahead = DOP853, 0
-        self._restart(0.0, self.phase)
+        self._method = DOP853
+        self._restart()
 
-    def _restart(self, time: float, phase: Phase) -> None:
-        self._steps = self._solver(
-            self._slope, time, np.array(phase), _END,
+    def _restart(self) -> None:
+        """Begins to step from where the motion is."""
+        self._steps = self._method(
+            self._slope, self.time, np.array(self.phase), _END,
             rtol=_TOLERANCE, atol=_TOLERANCE * np.array(self.driven.units), first_step=_FIRST_STEP,
         )  # fmt: skip
         # The continuous solution of the last step, and the pairs of turns left out of it.
@@ -110,7 +111,7 @@ class AdaptiveSteps:
         self.time, self.phase = time, fixed.phase
         if self.driven.sine(fixed.phase) > 2 * _EDGE:
             self._fixed = None
-            self._restart(time, fixed.phase)
+            self._restart()
 
     def _slope(self, time: float, phase: Array) -> Array:
         return np.array(self.driven.slope(time, tuple(phase.tolist())))
