@@ -21,18 +21,18 @@ from linkage_ros.view.drawing import Drawing
 _HALO = withStroke(linewidth=2.5, foreground='white')
 
 
-def draw_linkage(axes: Axes, curves: Period, crank: float) -> None:
+def draw_linkage(axes: Axes, period: Period, crank: float) -> None:
     """Draws the mechanism with its pins, what they trace out over the period, and a scale.
 
     Args:
         axes: To draw in.
-        curves: The period.
+        period: To draw.
         crank: The crank angle at which it is drawn, rad.
     """
-    drawing = Drawing(curves.mechanism)
-    columns = [curves.columns[f'{joint}.position'].values for joint in drawing.joints]
+    drawing = Drawing(period.mechanism)
+    columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
     tracks = drawing.place(np.stack(columns, axis=-1))
-    now = int(np.argmin(np.abs(curves.crank - crank)))
+    now = int(np.argmin(np.abs(period.crank - crank)))
     for line in drawing.ground:
         axes.plot(*line.T, color=fractions(GREY), linewidth=0.9)
     owners = {'B': drawing.joints[2], 'C': 'coupler', 'D': 'slider'}

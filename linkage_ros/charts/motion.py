@@ -46,19 +46,19 @@ class _Panel(NamedTuple):
     curves: dict[str, Array]
 
 
-def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
+def draw_motion(period: Period, title: Sequence[str], path: Path) -> None:
     """Draws a period: position, rate, acceleration, torque, and reactions if there are any.
 
     Args:
-        curves: The period.
+        period: To draw.
         title: What it is: a name, and lines that say more.
         path: The PNG file; replaced if there is one.
     """
-    rows = [*_motion_rows(curves), *_reaction_rows(curves)]
+    rows = [*_motion_rows(period), *_reaction_rows(period)]
     page = Page(_HEADER + _ROW * len(rows) + _FOOT)
     width = WIDTH - MARGIN - _LEFT
     drawn_at = math.radians(_DRAWN_AT)
-    draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), curves, drawn_at)
+    draw_linkage(page.axes(_LEFT, 0.1, width, _HEADER - 0.2), period, drawn_at)
     first, *others = title
     others = [*others, f'drawn at crank angle {_DRAWN_AT:g} deg']
     words = [Words(line) for text in others for line in _wrapped(text)]
@@ -70,8 +70,8 @@ def draw_motion(curves: Period, title: Sequence[str], path: Path) -> None:
             axes = page.axes(_LEFT + place * share, top, share - _LEFT, _ROW - _GAP)
             # Numbers where the panel below has another width, or there is none.
             below = rows[number + 1] if number + 1 < len(rows) else []
-            _draw(axes, curves, panel, numbered=len(below) != len(row))
-        page.write(top, NUMBERS, [line for panel in row for line in _margin(curves, panel)])
+            _draw(axes, period, panel, numbered=len(below) != len(row))
+        page.write(top, NUMBERS, [line for panel in row for line in _margin(period, panel)])
     page.figure.savefig(path)
 
 
@@ -81,18 +81,18 @@ def _wrapped(text: str) -> list[str]:
     return [line.replace('\N{NO-BREAK SPACE}', ' ') for line in textwrap.wrap(bound, 48)]
 
 
-def _motion_rows(curves: Period) -> list[list[_Panel]]:
+def _motion_rows(period: Period) -> list[list[_Panel]]:
     rows = []
-    _, *joints = curves.structure.joints
-    speed = curves.columns['crank.velocity'].values
+    _, *joints = period.structure.joints
+    speed = period.columns['crank.velocity'].values
     for quantity, title in (
         ('position', 'Direction'), ('velocity', 'Rate'), ('acceleration', 'Accel.'),
     ):  # fmt: skip
         row = []
         for slides in (False, True):
-            found = [curves.columns[f'{j.name}.{quantity}'] for j in joints if j.slides == slides]
+            found = [period.columns[f'{j.name}.{quantity}'] for j in joints if j.slides == slides]
             if not slides and quantity != 'position' and np.ptp(speed):
-                found.insert(0, curves.columns[f'crank.{quantity}'])
+                found.insert(0, period.columns[f'crank.{quantity}'])
             if found:
                 in_degrees = not slides and quantity == 'position'
                 unit = 'deg' if in_degrees else found[0].unit
@@ -101,33 +101,33 @@ def _motion_rows(curves: Period) -> list[list[_Panel]]:
                     if in_degrees else column.values
                     for column in found
                 }  # fmt: skip
-                size = np.abs(curves.columns['slider.position'].values).max() if slides else 1.0
-                values = {n: _quieted(curves, quantity, size, v) for n, v in values.items()}
+                size = np.abs(period.columns['slider.position'].values).max() if slides else 1.0
+                values = {n: _quieted(period, quantity, size, v) for n, v in values.items()}
                 row.append(_Panel(f'Slider {_SHORT[quantity]}' if slides else title, unit, values))
         rows.append(row)
-    torque = curves.columns['driving_torque']
+    torque = period.columns['driving_torque']
     rows.append([_Panel(_TORQUE, torque.unit, {'crank': torque.values})])
     return rows
 
 
-def _quieted(curves: Period, quantity: str, size: float, values: Array) -> Array:
+def _quieted(period: Period, quantity: str, size: float, values: Array) -> Array:
     """0 for what rounding alone keeps from 0, as the rate of a parallelogram's coupler."""
-    acceleration = curves.columns['crank.acceleration'].values
+    acceleration = period.columns['crank.acceleration'].values
     natural = (
         size
         * {
             'position': 1.0,
-            'velocity': abs(curves.speed),
-            'acceleration': curves.speed**2 + np.abs(acceleration).max(),
+            'velocity': abs(period.speed),
+            'acceleration': period.speed**2 + np.abs(acceleration).max(),
         }[quantity]
     )
     return values if np.abs(values).max() > 1e-12 * natural else np.zeros_like(values)
 
 
-def _reaction_rows(curves: Period) -> list[list[_Panel]]:
-    if 'shaking_moment' not in curves.columns:
+def _reaction_rows(period: Period) -> list[list[_Panel]]:
+    if 'shaking_moment' not in period.columns:
         return []
-    columns = {name: column.values for name, column in curves.columns.items()}
+    columns = {name: column.values for name, column in period.columns.items()}
     pins = [name[4:-2] for name in columns if name.startswith('pin_') and name.endswith('.x')]
     forces = {pin: np.hypot(columns[f'pin_{pin}.x'], columns[f'pin_{pin}.y']) for pin in pins}
     if 'guide_force' in columns:
@@ -140,8 +140,8 @@ def _reaction_rows(curves: Period) -> list[list[_Panel]]:
     ]
 
 
-def _draw(axes: Axes, curves: Period, panel: _Panel, *, numbered: bool) -> None:
-    degrees = np.degrees(curves.crank)
+def _draw(axes: Axes, period: Period, panel: _Panel, *, numbered: bool) -> None:
+    degrees = np.degrees(period.crank)
     for (name, values), style in zip(panel.curves.items(), _styles(panel), strict=False):
         axes.plot(degrees, values, linestyle=style, color=_color(name), linewidth=1.6)
     axes.set_xlim(0, degrees[-1])
@@ -166,7 +166,7 @@ def _spans_zero(panel: _Panel) -> bool:
     return any(values.min() < 0 < values.max() for values in panel.curves.values())
 
 
-def _margin(curves: Period, panel: _Panel) -> list[Words]:
+def _margin(period: Period, panel: _Panel) -> list[Words]:
     """Peaks, where they are, and rms of every curve of a panel, in the curve's colour."""
     heading = f'{panel.unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     lines = [Words(heading, '0.4', family='monospace')]
@@ -175,10 +175,10 @@ def _margin(curves: Period, panel: _Panel) -> list[Words]:
         for (name, values), style in zip(panel.curves.items(), _styles(panel), strict=False)
     ]
     if panel.title == _TORQUE:
-        power = curves.columns['driving_power'].values
+        power = period.columns['driving_power'].values
         rows = [('torque', *rows[0][1:]), ('power, W', power, _color('power, W'), None)]
     for name, values, color, style in rows:
-        found = extent(curves.crank, values)
+        found = extent(period.crank, values)
         low_at, high_at = math.degrees(found.low_at), math.degrees(found.high_at)
         words = (
             f'{name:<8}{found.low:>11.4g}{low_at:>7.1f}{found.high:>11.4g}{high_at:>7.1f}'
@@ -186,7 +186,7 @@ def _margin(curves: Period, panel: _Panel) -> list[Words]:
         )
         lines.append(Words(words, color, family='monospace', style=style))
     if panel.title == _TORQUE:
-        lines.append(Words(f'mean power {curves.mean_power:.4g} W', family='monospace'))
+        lines.append(Words(f'mean power {period.mean_power:.4g} W', family='monospace'))
     return [*lines, Words('')]
 
 
