@@ -167,10 +167,8 @@ class CrankMotion:
     def words(self) -> str:
         """From where to which speed it moves."""
         crank = self.at(self.stamp)
-        at_once = f' at {self.acceleration:g} rad/s^2' if self.acceleration else ''
-        return (
-            f'from {crank.unwrapped:.6f} rad, {crank.speed:.6f} rad/s to {self.rpm:g} rpm{at_once}'
-        )
+        ramp = f' at {self.acceleration:g} rad/s^2' if self.acceleration else ''
+        return f'from {crank.unwrapped:.6f} rad, {crank.speed:.6f} rad/s to {self.rpm:g} rpm{ramp}'
 
     def _ramp_turned(self, elapsed: int) -> int:
         """Turns while the speed changes, in units of 1 / (_RAMP grid)."""

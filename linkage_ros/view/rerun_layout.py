@@ -73,12 +73,12 @@ def _curves_of_speed(solver: Solver, rpm: float, drawing: Drawing) -> rrb.Contai
     """Directions, rates, and the torque that the speed takes."""
     import rerun.blueprint as rrb
 
-    turns = solver.kinematics.map.samples()
-    state = solver.state(turns, radians_per_second(rpm))
+    crank = solver.kinematics.map.samples()
+    state = solver.state(crank, radians_per_second(rpm))
 
     def span(values: Array) -> str:
         # In a small window an axis may show no number but 0.
-        found = extent(turns, values)
+        found = extent(crank, values)
         return f' ({found.low:.3g} to {found.high:.3g}'
 
     sliding = f'{span(state.position[-1])})', f'{span(state.velocity[-1])} at {rpm:g} rpm)'
