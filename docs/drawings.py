@@ -65,8 +65,8 @@ class Picture(Sheet):
         slider = structure.free_slider
         position, *_ = kinematics.links((crank, *(slider.start[:1] if slider else ())), SCALAR)
         drawing = Drawing(mechanism, crank)
-        turned = [cmath.rect(1, angle) for angle in position[:3]]
-        self.directions = position
+        self.directions = [position[joint.link] for joint in structure.joints if not joint.slides]
+        turned = [cmath.rect(1, angle) for angle in self.directions]
 
         def place_of(point: Point) -> complex:
             return point.fixed + sum(w * t for w, t in zip(point.weights, turned, strict=False))
@@ -161,7 +161,7 @@ def slider_crank() -> Picture:
         mechanism, delta + math.radians(72), (1060, 460, 340, 380 + 335j),
         {'A0': 32 - 16j, 'A': -24 + 16j},
     )  # fmt: skip
-    at, (crank_angle, beta) = sheet.at, sheet.directions[:2]
+    at, (crank_angle, beta) = sheet.at, sheet.directions
     crank, coupler, slider = (COLORS[name] for name in ('crank', 'coupler', 'slider'))
     guide = cmath.rect(1, delta)
     foot = 1j * e * guide
@@ -213,7 +213,7 @@ def wind_pump() -> Picture:
         mechanism, math.radians(60), (960, 620, 400, 200 + 400j),
         {'A0': -30 - 4j, 'A': -4 + 24j, 'D': 24 - 40j},
     )  # fmt: skip
-    at, (phi1, phi2, phi3) = sheet.at, sheet.directions[:3]
+    at, (phi1, phi2, phi3) = sheet.at, sheet.directions
     crank, coupler, rod, slider = (COLORS[n] for n in ('crank', 'coupler', 'rod', 'slider'))
     sheet.arrow(0j, 1.4 + 0j, slider)
     sheet.text(0.8 + 0j, 'slider.position xD', slider, shift=15j)

@@ -38,10 +38,10 @@ class Sheet:
         self._parts = [head, f'<rect width="{width}" height="{height}" fill="white"/>']
 
     def line(
-        self, places: Iterable[complex], color: Color = BLACK, width: float = 1.5, look: str = ''
+        self, places: Iterable[complex], color: Color, width: float = 1.5, look: str = ''
     ) -> None:
         """A line through places; `look` holds more attributes."""
-        points = ' '.join(self._words(place) for place in places)
+        points = ' '.join(self._point(place) for place in places)
         self._parts.append(
             f'<polyline points="{points}" fill="none" stroke="rgb{color}" '
             f'stroke-width="{width:g}" {look}/>'
@@ -53,7 +53,7 @@ class Sheet:
 
     def dot(self, place: complex, radius: float, color: Color) -> None:
         """A pin."""
-        x, y = self._words(place).split(',')
+        x, y = self._point(place).split(',')
         self._parts.append(
             f'<circle cx="{x}" cy="{y}" r="{radius:g}" fill="white" stroke="rgb{color}" '
             'stroke-width="2"/>'
@@ -91,7 +91,7 @@ class Sheet:
         anchor: str = 'middle', turn: float = 0.0,
     ) -> None:  # fmt: skip
         """Words at a place, moved by `shift` px to the right and up, turned by `turn` rad."""
-        x, y = self._words(place + shift / self.scale).split(',')
+        x, y = self._point(place + shift / self.scale).split(',')
         turned = f' transform="rotate({-math.degrees(turn):.1f} {x} {y})"' if turn else ''
         self._parts.append(
             f'<text x="{x}" y="{y}" fill="rgb{color}" text-anchor="{anchor}" '
@@ -114,7 +114,8 @@ class Sheet:
         back = [tip - cmath.rect(12 / self.scale, direction + t) for t in (0.3, -0.3)]
         self.line([tip, *back, tip], color, 1, f'style="fill:rgb{color}"')
 
-    def _words(self, place: complex) -> str:
+    def _point(self, place: complex) -> str:
+        """As SVG writes a place: px to the right and down."""
         at = self._origin + self.scale * place.conjugate()
         # + 0.0: no -0.0, whose sign is an accident of rounding.
         return f'{round(at.real, 1) + 0.0},{round(at.imag, 1) + 0.0}'
