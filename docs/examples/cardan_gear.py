@@ -91,8 +91,8 @@ class CardanGearKinematics:
 def structure(mechanism: CardanGear) -> Structure:
     """How the links hang together: the loop is cut at B."""
     crank, coupler, slider = mechanism.crank, mechanism.coupler, mechanism.slider
-    r, none = complex(crank.length), Point((0j, 0j, 0j))
-    points = {'A0': none, 'A': Point((r, 0j, 0j)), 'B': Point((r, r, 0j))}
+    r = complex(crank.length)
+    points = {'A0': Point((0j, 0j, 0j)), 'A': Point((r, 0j, 0j)), 'B': Point((r, r, 0j))}
     if coupler.point is not None:
         points['C'] = Point((r, complex(*coupler.point), 0j))
     centers = Point((complex(*crank.center), 0j, 0j)), Point((r, complex(*coupler.center), 0j))
