@@ -28,7 +28,12 @@ _HEADER, _ROW, _FOOT = 2.6, 1.85, 0.2
 _LEFT, _GAP = 0.8, 0.5  # for the labels of each diagram, and for those below it
 _TORQUE = 'Driving torque'
 _DRAWN_AT = 45.0  # deg, of the crank: links of most mechanisms stand apart there
-_SHORT = {'position': 'position', 'velocity': 'velocity', 'acceleration': 'accel.'}
+# What is drawn, and its title for what turns and for a slider.
+_MOTION = (
+    ('position', 'Direction', 'Slider position'),
+    ('velocity', 'Rate', 'Slider velocity'),
+    ('acceleration', 'Accel.', 'Slider accel.'),
+)
 _STYLES: tuple[Line, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 # That of the link on which the pin's force acts; B0's has the ground's, so that B and B0 differ.
 # What belongs to no link has none's.
@@ -85,11 +90,9 @@ def _motion_rows(period: Period) -> list[list[_Panel]]:
     rows = []
     _, *joints = period.structure.joints
     speed = period.columns['crank.velocity'].values
-    for quantity, title in (
-        ('position', 'Direction'), ('velocity', 'Rate'), ('acceleration', 'Accel.'),
-    ):  # fmt: skip
+    for quantity, turning, sliding in _MOTION:
         row = []
-        for slides in (False, True):
+        for slides, title in ((False, turning), (True, sliding)):
             found = [period.columns[f'{j.name}.{quantity}'] for j in joints if j.slides == slides]
             if not slides and quantity != 'position' and np.ptp(speed):
                 found.insert(0, period.columns[f'crank.{quantity}'])
@@ -103,7 +106,7 @@ def _motion_rows(period: Period) -> list[list[_Panel]]:
                 }  # fmt: skip
                 size = np.abs(period.columns['slider.position'].values).max() if slides else 1.0
                 values = {n: _quieted(period, quantity, size, v) for n, v in values.items()}
-                row.append(_Panel(f'Slider {_SHORT[quantity]}' if slides else title, unit, values))
+                row.append(_Panel(title, unit, values))
         rows.append(row)
     torque = period.columns['driving_torque']
     rows.append([_Panel(_TORQUE, torque.unit, {'crank': torque.values})])
@@ -113,15 +116,12 @@ def _motion_rows(period: Period) -> list[list[_Panel]]:
 def _quieted(period: Period, quantity: str, size: float, values: Array) -> Array:
     """0 for what rounding alone keeps from 0, as the rate of a parallelogram's coupler."""
     acceleration = period.columns['crank.acceleration'].values
-    natural = (
-        size
-        * {
-            'position': 1.0,
-            'velocity': abs(period.speed),
-            'acceleration': period.speed**2 + np.abs(acceleration).max(),
-        }[quantity]
-    )
-    return values if np.abs(values).max() > 1e-12 * natural else np.zeros_like(values)
+    natural = {
+        'position': 1.0,
+        'velocity': abs(period.speed),
+        'acceleration': period.speed**2 + np.abs(acceleration).max(),
+    }[quantity]
+    return values if np.abs(values).max() > 1e-12 * (size * natural) else np.zeros_like(values)
 
 
 def _reaction_rows(period: Period) -> list[list[_Panel]]:
@@ -148,7 +148,8 @@ def _draw(axes: Axes, period: Period, panel: _Panel, *, numbered: bool) -> None:
     axes.set_xticks(np.linspace(0, degrees[-1], 9), minor=True)
     axes.set_xticks(np.linspace(0, degrees[-1], 5))
     axes.grid(color='0.88', linewidth=0.6)
-    axes.axhline(0, color='0.6', linewidth=0.8, zorder=0) if _spans_zero(panel) else None
+    if any(values.min() < 0 < values.max() for values in panel.curves.values()):
+        axes.axhline(0, color='0.6', linewidth=0.8, zorder=0)
     axes.set_ylabel(f'{panel.title}, {panel.unit}', fontsize=SMALL)
     axes.tick_params(labelsize=NUMBERS, labelbottom=numbered)
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
@@ -160,10 +161,6 @@ def _draw(axes: Axes, period: Period, panel: _Panel, *, numbered: bool) -> None:
 def _styles(panel: _Panel) -> Iterator[Line]:
     # Forces may coincide: dashed, they show what lies below.
     return itertools.cycle(_STYLES if panel.unit == 'N' else _STYLES[:1])
-
-
-def _spans_zero(panel: _Panel) -> bool:
-    return any(values.min() < 0 < values.max() for values in panel.curves.values())
 
 
 def _margin(period: Period, panel: _Panel) -> list[Words]:
