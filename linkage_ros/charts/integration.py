@@ -56,7 +56,7 @@ def draw_integration(points: Sequence[Measurement], title: str, path: Path) -> N
     names = list(dict.fromkeys(point.mechanism for point in points))
     figure = Figure(figsize=(WIDTH, 2.6 + 2.6 * len(names)), dpi=DPI, layout='constrained')
     figure.suptitle(title, fontsize=TITLE)
-    defaults = {(method.name, label(method.steady)) for method in INTEGRATORS[:2]}
+    default = LIVE, label(INTEGRATORS[0].steady)
     # The settings stand in the legend: written at the points they would hide each other.
     wording = Wording(
         lambda point: point.method, lambda point: _STYLES[point.method], lambda _: '', (0.0, 0.0)
@@ -69,7 +69,7 @@ def draw_integration(points: Sequence[Measurement], title: str, path: Path) -> N
             ]
             draw_panel(axes, chosen, wording)
             for point in chosen:
-                if point.method == LIVE and (point.method, point.setting) in defaults:
+                if (point.method, point.setting) == default:
                     axes.plot([point.us_per_state], [point.max_error], zorder=6, **_STAR.look)
             axes.set_title(f'{name.replace("_", " ")}, {caption}', fontsize=TEXT)
             axes.set_ylim(2e-16, 2 * CEILING)
