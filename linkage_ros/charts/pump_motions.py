@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -47,7 +48,7 @@ def draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[Shade]) -> Non
         )  # fmt: skip
     label_axes(axes, 'Slider position xD, m', "Slider velocity xD', m/s")
     if analysis.states:
-        legend_below(axes, 2)
+        legend_below(axes)
     else:
         words = 'no settled motion found'
         axes.text(0.5, 0.5, words, ha='center', transform=axes.transAxes, fontsize=TEXT)
@@ -55,7 +56,9 @@ def draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[Shade]) -> Non
 
 def draw_section(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None:
     """The passages of single runs through crank angle 0."""
-    for (run, color), marker in zip(_runs(analysis, colors), _MARKERS * 9, strict=False):
+    for (run, color), marker in zip(
+        _runs(analysis, colors), itertools.cycle(_MARKERS), strict=False
+    ):
         x, w = run.passages[:, 1], run.passages[:, 3]
         axes.plot(x, w, '-', color=color, linewidth=0.5, alpha=0.6)
         axes.plot(x, w, marker, color=color, markersize=4.5, alpha=0.8, label=run.name)
@@ -63,7 +66,7 @@ def draw_section(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None:
     for state, color in zip(analysis.states, colors, strict=True):
         axes.plot(state.point[0], state.point[2], **state_style(state, color))
     label_axes(axes, 'Slider position xD, m', "Crank speed phi1', rad/s")
-    legend_below(axes, 2, title='from, with the larger hollow mark:')
+    legend_below(axes, title='from, with the larger hollow mark:')
 
 
 def draw_basins(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None:
@@ -90,7 +93,7 @@ def draw_basins(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None:
         _, position, velocity, speed = run.passages[0]
         if position == basins.position:
             axes.plot(speed, velocity, 'o', color='black', markerfacecolor='white', markersize=8)
-    legend_below(axes, 2, handles=handles)
+    legend_below(axes, handles=handles)
     axes.grid(visible=False)
     label_axes(
         axes, "Crank speed phi1' at the start, rad/s", "Slider velocity xD' at the start, m/s"

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -25,7 +26,7 @@ UNSTABLE, AVERAGED, REST = map(fractions, (DARK, BLACK, GREY))
 
 def state_colors(analysis: Analysis) -> list[Shade]:
     """One for each state."""
-    stable = iter(_STABLE * len(analysis.states))
+    stable = itertools.cycle(_STABLE)
     return [next(stable) if state.stable else UNSTABLE for state in analysis.states]
 
 
@@ -58,9 +59,9 @@ def label_axes(axes: Axes, x: str, y: str) -> None:
     axes.set_ylabel(y, fontsize=TEXT)
 
 
-def legend_below(axes: Axes, columns: int, **options: Any) -> None:
+def legend_below(axes: Axes, **options: Any) -> None:
     """A legend below the panel, where it hides nothing."""
     axes.legend(
-        fontsize=SMALL, title_fontsize=SMALL, ncols=columns, frameon=False, columnspacing=1.2,
+        fontsize=SMALL, title_fontsize=SMALL, ncols=2, frameon=False, columnspacing=1.2,
         loc='upper center', bbox_to_anchor=(0.5, -0.16), borderpad=0, **options,
     )  # fmt: skip
