@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from linkage_ros.charts.sizes import DPI, NUMBERS, SMALL, TITLE, WIDTH
-from linkage_ros.methods.motion_situations import MOTION_SITUATIONS, MotionSituation
+from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.methods.outcomes import (
     DIVERGED,
     NAN,
@@ -24,7 +24,7 @@ from linkage_ros.methods.outcomes import (
     Cell,
 )
 from linkage_ros.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
-from linkage_ros.methods.situations import SITUATIONS, Situation
+from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
 # Fill and text. In grey they are still told apart, and each cell says its outcome in words.
@@ -71,12 +71,7 @@ class _Grid(NamedTuple):
         return _ABOVE + _HIGH * len(self.rows)
 
 
-def draw_stability(
-    cells: Sequence[Cell],
-    motions: Sequence[Cell],
-    title: str,
-    path: Path,
-) -> None:
+def draw_stability(cells: Sequence[Cell], motions: Sequence[Cell], title: str, path: Path) -> None:
     """Draws both grids.
 
     Args:
@@ -89,8 +84,8 @@ def draw_stability(
         OSError: The picture cannot be written.
     """
     grids = [
-        (_of_linkages(SITUATIONS), cells),
-        (_of_motions(MOTION_SITUATIONS), motions),
+        (_of_linkages(), cells),
+        (_of_motions(), motions),
     ]
     height = _TOP + sum(grid.height for grid, _ in grids) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
@@ -111,24 +106,23 @@ def draw_stability(
     figure.savefig(path)
 
 
-def _of_linkages(situations: Sequence[Situation]) -> _Grid:
-    names = [situation.name for situation in situations]
-    exists = {situation.name: situation.exists for situation in situations}
+def _of_linkages() -> _Grid:
+    exists = {situation.name: situation.exists for situation in SITUATIONS}
     return _Grid(
         [method.name for method in METHODS],
-        {name: name if exists[name] else f'{name}, no state exists' for name in names},
-        {name: (RIGHT,) if exists[name] else (REFUSED,) for name in names},
+        {name: name if exists[name] else f'{name}, no state exists' for name in exists},
+        {name: (RIGHT,) if exists[name] else (REFUSED,) for name in exists},
         {},
     )
 
 
-def _of_motions(situations: Sequence[MotionSituation]) -> _Grid:
+def _of_motions() -> _Grid:
     return _Grid(
         [method.name for method in INTEGRATORS],
-        {situation.name: situation.name for situation in situations},
+        {situation.name: situation.name for situation in MOTION_SITUATIONS},
         # Beyond the end of the coordinates another assembly goes on: who follows it is right too.
-        {s.name: (RIGHT,) if s.exists else (RIGHT, REFUSED) for s in situations},
-        {situation.name: situation.words for situation in situations},
+        {s.name: (RIGHT,) if s.exists else (RIGHT, REFUSED) for s in MOTION_SITUATIONS},
+        {situation.name: situation.words for situation in MOTION_SITUATIONS},
     )
 
 
