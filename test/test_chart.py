@@ -182,7 +182,7 @@ def test_a_wind_pump_is_drawn_as_it_settles(tmp_path, monkeypatch, capsys, optio
 
 def test_mean_power_of_a_settled_pump_is_what_its_slider_takes():
     pump = load('wind_pump')
-    turn = SettledTurn(pump.mechanism, pump.drive.motor, 2.0)
+    turn = SettledTurn(pump.mechanism, pump.drive.motor, 2.0, lambda items, _: items)
     rate, slide = (turn.columns[f'{name}.velocity'].values for name in ('crank', 'slider'))
     steps = np.diff(turn.crank) * (1 / rate[1:] + 1 / rate[:-1]) / 2
     taken = 60.0 * (slide[1:] ** 2 + slide[:-1] ** 2) / 2

@@ -113,7 +113,7 @@ def test_the_reference_has_a_hundred_digits_left(name, monkeypatch):
 def test_the_reference_refuses_where_no_state_exists():
     mechanism = linkages.limited(np.random.default_rng(1))
     start, end = Solver(mechanism).mobility.arcs[0]
-    reference = Reference(Task(mechanism, (0.0, 0.0), 1.0, 0.0))
+    reference = Reference(Task(mechanism, (0.0, 0.0), 1.0, 0.0), None)
     reference.state((start + end) / 2)
     with pytest.raises(UnreachableError):
         reference.state(end + 0.01)

@@ -63,7 +63,7 @@ def followed(mechanism, low, high, count, damping=MOTOR.damping):
 
 @pytest.fixture(scope='module')
 def analysis():
-    return analyse(PUMP, MOTOR, quick=True)
+    return analyse(PUMP, MOTOR, speeds=(2.0, 6.0), quick=True, progress=plain)
 
 
 # ---------------------------------------------------------------- document 3's figure 3
@@ -244,7 +244,7 @@ def test_without_resistance_nothing_settles():
 
 
 def test_a_pump_with_one_state_is_drawn_and_recorded(tmp_path):
-    found = analyse(PUMP, Motor(5.0, 1.2), speeds=(2.0,), quick=True)
+    found = analyse(PUMP, Motor(5.0, 1.2), speeds=(2.0,), quick=True, progress=plain)
     (state,) = found.states
     assert state.stable
     draw_pump(found, 'one state', tmp_path / 'one.png')
@@ -281,7 +281,7 @@ def test_too_weak_a_motor_has_no_state(analysis):
 )
 def test_what_cannot_turn_is_refused_at_once(changes, torque, speeds, error, message):
     with pytest.raises(error, match=message):
-        analyse(slid(**changes), Motor(torque, 1.2), speeds=speeds)
+        analyse(slid(**changes), Motor(torque, 1.2), speeds=speeds, quick=True, progress=plain)
 
 
 def test_a_run_that_leaves_says_where(analysis):

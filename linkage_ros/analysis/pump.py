@@ -105,9 +105,9 @@ def analyse(
     mechanism: WindPump,
     motor: Motor,
     *,
-    speeds: Sequence[float] = (2.0, 6.0),
-    quick: bool = False,
-    progress: Callable[[Iterable[Any], str], Any] = lambda items, _: items,
+    speeds: Sequence[float],
+    quick: bool,
+    progress: Callable[[Iterable[Any], str], Any],
 ) -> Analysis:
     """Finds what a pump settles at, from where, and for which torques.
 

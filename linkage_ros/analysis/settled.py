@@ -35,7 +35,7 @@ class SettledTurn(Period):
         mechanism: WindPump,
         motor: Motor,
         speed: float,
-        progress: Callable[[Iterable[int], str], Iterable[int]] = lambda items, _: items,
+        progress: Callable[[Iterable[int], str], Iterable[int]],
     ) -> None:
         """Lets a pump settle and takes a turn of it, 0.5 deg by 0.5 deg.
 

@@ -92,7 +92,7 @@ class Bench(Truth):
         cranks: Angles of one period, rad; close together wherever the motion is fast.
     """
 
-    def __init__(self, task: Task, angles: int = 360) -> None:
+    def __init__(self, task: Task, angles: int) -> None:
         """Prepares it.
 
         Args:

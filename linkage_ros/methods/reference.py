@@ -51,7 +51,7 @@ class Exact(NamedTuple):
 class Reference:
     """States of one mechanism, right to 100 digits."""
 
-    def __init__(self, task: Task, lengths: Sequence[str] | None = None) -> None:
+    def __init__(self, task: Task, lengths: Sequence[str] | None) -> None:
         """Takes the mechanism's doubles as they are.
 
         Args:
