@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -31,8 +31,7 @@ FUNCTIONS = {ONE: SCALAR, BATCH: ARRAY}
 # What a method of a stage itself computes.
 OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3], TORQUE: QUANTITIES[3:]}
 
-
-Function = Callable[[Real], tuple[Real, ...]]
+Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,13 @@ B(x) = (x + i e) e^(i guide) of a slider (document 4, eq. 2, where e = 0).
 from __future__ import annotations
 
 import cmath
+from typing import TypeAlias
 
 from linkage_ros.mechanisms.four_bar import FourBar
 from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.numeric import Functions, Real
 
-Pair = tuple[Real, Real]
+Pair: TypeAlias = tuple[Real, Real]
 
 
 class Loop:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class MotionCase(NamedTuple):
     formula: Callable[[float], Phase] | None = None
 
 
-Generate = Callable[[ChartMechanisms, Random, int], Iterator[MotionCase]]
+Generate: TypeAlias = Callable[[ChartMechanisms, Random, int], Iterator[MotionCase]]
 
 
 @dataclass(frozen=True)

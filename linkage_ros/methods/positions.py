@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from linkage_ros.mechanisms.parts import OPEN
 from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.numeric import SCALAR, Functions, Real
 
-Locate = Callable[[Real], tuple[Real, Real]]
+Locate: TypeAlias = Callable[[Real], tuple[Real, Real]]
 
 
 def factored(mechanism: Linkage, f: Functions) -> Locate:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from mpmath import mp
 
@@ -28,8 +28,8 @@ _ASIDE = '1e-60'
 # Where the sine of the transmission angle is smaller, the mean of two states is taken.
 _STRAIGHT = '1e-25'
 _MANY_TURNS = 1e30  # rad; no angle
-_Number = Any  # an mpf or mpc; mpmath has no types
-_Values = tuple[_Number, ...]
+_Number: TypeAlias = Any  # an mpf or mpc; mpmath has no types
+_Values: TypeAlias = tuple[_Number, ...]
 
 
 class Exact(NamedTuple):

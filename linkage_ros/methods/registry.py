@@ -27,7 +27,7 @@ from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE, FixedSteps
 from linkage_ros.numeric import SCALAR, Functions
 
-Setting = dict[str, float]
+Setting: TypeAlias = dict[str, float]
 Make = TypeVar('Make')
 
 

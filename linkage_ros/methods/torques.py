@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.mechanisms.slider_crank import SliderCrank
 from linkage_ros.numeric import Functions, Real
 
-Torque = Callable[[PerLink, PerLink, PerLink, PerLink], Real]
+Torque: TypeAlias = Callable[[PerLink, PerLink, PerLink, PerLink], Real]
 
 
 def virtual_power(mechanism: Linkage, f: Functions) -> Torque:
