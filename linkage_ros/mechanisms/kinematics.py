@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from linkage_ros.errors import MechanismError, UnreachableError
+from linkage_ros.errors import MechanismError
 from linkage_ros.mechanisms.links import Links, PerCoordinate
-from linkage_ros.mechanisms.mobility import assess, unreachable
+from linkage_ros.mechanisms.mobility import assess, refuse
 from linkage_ros.mechanisms.registry import KINEMATICS, Linkage, Mechanism
 from linkage_ros.mechanisms.structure import Structure
 from linkage_ros.mechanisms.wind_pump import WindPump
@@ -98,8 +98,7 @@ class CrankKinematics:
         for margin in self.map.margins(crank, functions):
             if not functions.lowest(margin) > 0:
                 worst = np.atleast_1d(crank)[np.atleast_1d(margin) <= 0][0]
-                error: UnreachableError = unreachable(self.mobility, float(worst))
-                raise error
+                refuse(self.mobility, float(worst))
 
     def dyad(self, q: PerCoordinate) -> tuple[float, str]:
         """How near coupler and output link are to one line, or the coupler to across its guide.

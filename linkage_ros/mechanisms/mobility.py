@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanisms.registry import Linkage
@@ -77,10 +77,18 @@ def refusal(mobility: Mobility, purpose: str) -> str:
     )
 
 
-def unreachable(mobility: Mobility, crank: float) -> UnreachableError:
-    """The error for a crank angle at which no state, or no finite rate, exists."""
+def refuse(mobility: Mobility, crank: float) -> NoReturn:
+    """Refuses a crank angle at which no state, or no finite rate, exists.
+
+    Args:
+        mobility: Of the mechanism.
+        crank: rad.
+
+    Raises:
+        UnreachableError: With the class, the cause, the cures and the reachable arcs.
+    """
     purpose = f'move at {math.degrees(crank):.9g} deg'
-    return UnreachableError(refusal(mobility, purpose), crank_angle=crank, arcs=mobility.arcs)
+    raise UnreachableError(refusal(mobility, purpose), crank_angle=crank, arcs=mobility.arcs)
 
 
 def equalities(mechanism: Linkage) -> Iterator[str]:
