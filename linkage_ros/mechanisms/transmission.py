@@ -128,7 +128,7 @@ class TransmissionMap:
         all_angles: Array = np.unique(angles[(angles >= 0) & (angles <= even[-1])])
         return all_angles
 
-    def half_angle(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
+    def _half_angle(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
         """Half of crank - reference, with the rounding error of that difference carried along.
 
         Args:
@@ -156,7 +156,7 @@ class TransmissionMap:
             Positive inside the reach, 0 at its ends, negative where the loop cannot close;
             empty where the crank turns fully.
         """
-        sin_h, cos_h = self.half_angle(crank, functions)
+        sin_h, cos_h = self._half_angle(crank, functions)
         sine, cosine = self.kappa * sin_h, self.kappa * cos_h
         return [
             square
@@ -200,7 +200,7 @@ class TransmissionMap:
         """
         kappa, p, q = self.kappa, self.p, self.q
         if not self.turns_fully:
-            sin_h, cos_h = self.half_angle(crank, functions)
+            sin_h, cos_h = self._half_angle(crank, functions)
             cos_square, sin_square = self._squares(kappa * sin_h, kappa * cos_h)
             return (
                 sin_h,
@@ -208,7 +208,7 @@ class TransmissionMap:
                 functions.sqrt(sin_square) if q else kappa * sin_h,
                 functions.sqrt(cos_square) if p else kappa * cos_h,
             )
-        # `half_angle` and `two_sum` written out: two calls less are a fifth of a position.
+        # `_half_angle` and `two_sum` written out: two calls less are a fifth of a position.
         high, low = self.reference
         angle = crank - high
         part = angle - crank

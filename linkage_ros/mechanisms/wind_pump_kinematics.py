@@ -146,12 +146,12 @@ class WindPumpKinematics:
         words = 'do not reach or are stretched' if not far > 0 else 'do not fit in or are folded'
         raise UnreachableError(
             f'coupler and rod {words} at crank angle {math.degrees(angle):.9g} deg and slider '
-            f'position {place:.9g} m; {self.reach(angle)}',
+            f'position {place:.9g} m; {self._reach(angle)}',
             crank_angle=angle,
             arcs=(),
         )
 
-    def reach(self, crank: float) -> str:
+    def _reach(self, crank: float) -> str:
         """Where the slider can be at a crank angle, in words.
 
         Args:

@@ -14,7 +14,7 @@ from linkage_ros.methods.problems import InitialValueProblem
 from linkage_ros.motion.driven_mechanism import Phase
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
-ASKED = 0.05  # s between two states that are compared
+_ASKED = 0.05  # s between two states that are compared
 
 
 class MotionBench:
@@ -94,4 +94,4 @@ def even(seconds: float) -> list[float]:
     Returns:
         Times, s.
     """
-    return [(i + 1) * ASKED for i in range(round(seconds / ASKED))]
+    return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]
