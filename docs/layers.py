@@ -34,6 +34,7 @@ from linkage_ros.palette import (
 sys.path.append(str(Path(__file__).parents[1] / 'test'))
 import house
 
+_GRAPH = house.graph()
 _DOORS, _GROUND = 'executables', 'ground'
 _PURPOSES = {
     _DOORS: 'What a shell starts, in thick frames, and what these share.',
@@ -78,9 +79,6 @@ class Floor:
         self.libraries = sorted(lib for lib in known if not lib.endswith(_MESSAGES))
         found = {storey(other) for m in modules for other in _GRAPH[m] - {'__init__'}}
         self.below = found - {name, _GROUND}
-
-
-_GRAPH = house.graph()
 
 
 def _first_line(path: Path) -> str:

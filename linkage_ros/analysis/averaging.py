@@ -33,7 +33,7 @@ _PARTS = 128  # of a turn: the mean over them is exact to rounding, for a smooth
 _ITERATIONS = 30
 _DIFFERENCE = 1e-5  # in crank lengths and speeds, for derivatives by central differences
 _STEP = 1e-11  # likewise: the last step of Newton's method
-_GUESSES = 7
+_GUESSES = 7  # of where the slider may be in the middle
 _NEIGHBOURS = np.concatenate((np.zeros((4, 1)), np.eye(4), -np.eye(4)), axis=1)
 
 

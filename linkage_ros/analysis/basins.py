@@ -24,6 +24,7 @@ _NEAR = 0.05  # of a state, in crank lengths and of its speed, is settled
 _PARTS = 256  # of a turn, between which the course of a state is taken to be straight
 _OFTEN = 5  # steps after which is looked where a motion is
 _SHORTEST = 1e-7  # s: a step of a motion that cannot be followed on
+_FIRST = _SHORTEST**0.5  # s: a step that is short of most, and far from the shortest
 _MOST = 20_000  # steps
 _BEYOND = 1.25  # of the speed that a grid is made for, its largest
 _PULL = 8.0  # of the crank pin's speed then, the largest slider velocity
@@ -176,7 +177,7 @@ def find_basins(
     speeds, velocities = (values.ravel() for values in np.meshgrid(*grid))
     phases = np.array((0 * speeds, 0 * speeds + position, speeds, velocities))
     outcomes, going = np.full(len(speeds), ELSEWHERE), np.arange(len(speeds))
-    times, spans = 0 * speeds, np.full(len(speeds), _SHORTEST**0.5)
+    times, spans = 0 * speeds, np.full(len(speeds), _FIRST)
     for number in progress(range(_MOST), 'starts'):
         phases, made, spans = ensemble.advance(phases, spans)
         times += made

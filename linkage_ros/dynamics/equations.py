@@ -18,6 +18,8 @@ from linkage_ros.mechanisms.links import Links, PerCoordinate, PerLink
 from linkage_ros.mechanisms.registry import Mechanism
 from linkage_ros.numeric import ARRAY, SCALAR, Real, all_finite, functions_of, require_finite
 
+_KINDS = ('angle', 'position')  # of the coordinates, as errors name them
+
 
 class EquationsOfMotion:
     """The equations of motion of one mechanism.
@@ -211,9 +213,6 @@ class EquationsOfMotion:
                 require_finite(**{f'{name}_speed': value})
         scalar = all(isinstance(value, float) for value in q)
         return self._locate(q, SCALAR if scalar else ARRAY)
-
-
-_KINDS = ('angle', 'position')
 
 
 def _rates(links: Links, u: Sequence[Real]) -> PerLink:

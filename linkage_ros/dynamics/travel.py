@@ -61,11 +61,11 @@ def travel(solver: Solver) -> Travel:
         MechanismError: The crank does not turn fully.
     """
     solver.require_full_turn()
-    turns = solver.mobility.period_turns
+    period = solver.mobility.period_turns * 2 * math.pi
     # Beside the symmetric angles, at which a rate may vanish exactly.
     crank = solver.kinematics.map.samples()
     crank = 0.5 * (crank[1:] + crank[:-1])
-    crank = np.append(crank, crank[0] + turns * 2 * math.pi)
+    crank = np.append(crank, crank[0] + period)
     state = solver.state(crank, 1.0)
     position, rate = state.position[2], state.velocity[2]
     slides = solver.structure.joints[2].slides
@@ -84,7 +84,6 @@ def travel(solver: Solver) -> Travel:
         low, high = min(ends), max(ends)
         seam = 0.0 if slides else _whole_turns(0.5 * (low + high))
         extremes = low - seam, high - seam
-    period = turns * 2 * math.pi
     ratio = None
     if len(at) == 2:
         way = at[1] - at[0]
