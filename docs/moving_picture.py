@@ -27,6 +27,7 @@ from linkage_ros.errors import ViewerError
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.run.machine import Machine
+from linkage_ros.units import NS_PER_S
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_layout import layout
 from linkage_ros.view.rerun_program import Program, find_viewer
@@ -57,7 +58,7 @@ def _samples(configuration: Configuration) -> list[Sample]:
     machine = Machine(configuration)
     motion = machine.begin(0)
     samples = []
-    for stamp in map(machine.elapsed, range(machine.tick_at(round(_TURN * 1e9)) + 1)):
+    for stamp in map(machine.elapsed, range(machine.tick_at(round(_TURN * NS_PER_S)) + 1)):
         position, velocity, _, effort = machine.snapshot_at(motion, stamp).values
         samples.append(Sample(stamp, position, velocity, effort))
     return samples
