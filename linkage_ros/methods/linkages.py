@@ -19,22 +19,42 @@ Random: TypeAlias = np.random.Generator
 
 
 def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.0) -> FourBar:
-    """Bodies of even rods of 2 kg; crank, coupler, rocker, frame."""
+    """A four-bar of even rods.
+
+    Args:
+        lengths: Of crank, coupler, rocker and frame, m.
+        assembly: Of the two.
+        angle: Of the frame, rad.
+
+    Returns:
+        The linkage.
+    """
     r, b, c, d = lengths
-    rods = [(x, 2.0, x * x / 6, (x / 2, 0.0)) for x in (r, b, c)]
-    return FourBar(Frame(d, angle), Body(*rods[0]), Coupler(*rods[1]), Body(*rods[2]), assembly)
+    return FourBar(Frame(d, angle), Body(*_rod(r)), Coupler(*_rod(b)), Body(*_rod(c)), assembly)
 
 
 def slider_crank(
     r: float, b: float, offset: float, assembly: str = OPEN, angle: float = 0.0
 ) -> SliderCrank:
-    """Even rods of 2 kg, a slider of 1 kg; `angle` is the guide's."""
-    rods = [(x, 2.0, x * x / 6, (x / 2, 0.0)) for x in (r, b)]
+    """A slider-crank of even rods and a slider of 1 kg.
+
+    Args:
+        r: Length of the crank, m.
+        b: Length of the coupler, m.
+        offset: Of the slider, m.
+        assembly: Of the two.
+        angle: Of the guide, rad.
+
+    Returns:
+        The linkage.
+    """
     slider = Slider(offset, 1.0)
-    return SliderCrank(
-        crank=Body(*rods[0]), coupler=Coupler(*rods[1]), slider=slider, frame=Guide(angle),
-        assembly=assembly,
-    )  # fmt: skip
+    return SliderCrank(Body(*_rod(r)), Coupler(*_rod(b)), slider, Guide(angle), assembly)
+
+
+def _rod(length: float) -> tuple[float, float, float, tuple[float, float]]:
+    """What describes an even rod of 2 kg."""
+    return length, 2.0, length * length / 6, (length / 2, 0.0)
 
 
 def other_assembly(mechanism: Linkage) -> Linkage:
