@@ -57,8 +57,8 @@ def slid(**changes):
 def followed(mechanism, low, high, count, damping=MOTOR.damping):
     """The branch between two speeds."""
     averaged = Averaging(mechanism).follow(np.linspace(low, high, count).tolist())
-    section = PoincareMap(mechanism, damping)
-    return section, follow_branch(section, averaged, plain)
+    poincare = PoincareMap(mechanism, damping)
+    return poincare, follow_branch(poincare, averaged, plain)
 
 
 @pytest.fixture(scope='module')
@@ -99,9 +99,9 @@ def test_a_settled_motion_comes_back_where_every_body_moves_by_itself(analysis, 
 def test_the_multipliers_shrink_phase_space_as_resistance_does(analysis, number):
     # Liouville: the volume of phases (q, M q') shrinks by tr(M^-1 D), D the resistances.
     state = analysis.states[number]
-    x, _, w, _ = analysis.section.orbit(np.array([state.point]).T, state.torque, 512)[..., 0]
+    x, _, w, _ = analysis.poincare.orbit(np.array([state.point]).T, state.torque, 512)[..., 0]
     crank = np.linspace(0, 2 * math.pi, 513)
-    (m11, m12), (_, m22) = analysis.section.equations.matrix((crank, x))
+    (m11, m12), (_, m22) = analysis.poincare.equations.matrix((crank, x))
     shrink = (MOTOR.damping * m22 + PUMP.slider.damping * m11) / (m11 * m22 - m12 * m12)
     expected = math.exp(-2 * math.pi * np.mean((shrink / w)[:-1]))
     assert math.prod(state.multipliers) == pytest.approx(expected, rel=1e-7)
@@ -112,7 +112,7 @@ def test_the_multipliers_are_what_deviations_are_multiplied_with(analysis):
     point = np.array([state.point]).T
     moved, sizes = point + 1e-7, []
     for _ in range(9):
-        moved = analysis.section.image(moved, MOTOR.torque)[:3]
+        moved = analysis.poincare.image(moved, MOTOR.torque)[:3]
         sizes.append(np.linalg.norm(moved - point))
     assert sizes[-1] / sizes[-2] == pytest.approx(state.radius, rel=1e-4)
 
@@ -134,7 +134,7 @@ def test_two_stable_states_exist_between_two_folds(analysis):
 
 @pytest.mark.parametrize(('torque', 'stable'), [(7.27, 1), (7.29, 2), (12.64, 2), (12.66, 1)])
 def test_next_to_the_folds_states_appear_and_vanish(analysis, torque, stable):
-    found = find_states(analysis.section, analysis.branch, torque)
+    found = find_states(analysis.poincare, analysis.branch, torque)
     assert [state.motion.stable for state in found].count(True) == stable
     assert len(found) == 2 * stable - 1
 
@@ -212,17 +212,17 @@ def test_a_flow_of_many_follows_each_as_the_map_does(analysis):
     # This one comes to the edge, where coupler and rod are in one line.
     assert spans[2] < 1e-7
     assert times[2] < 0.3
-    sine, words = analysis.section.equations.dyad(phases[:2, 2].tolist())
+    sine, words = analysis.poincare.equations.dyad(phases[:2, 2].tolist())
     assert sine < 1e-3
     assert words.endswith('stretched')
 
 
 def test_a_turn_that_is_none_is_refused():
-    section = PoincareMap(PUMP, MOTOR.damping)
+    poincare = PoincareMap(PUMP, MOTOR.damping)
     with pytest.raises(MotionError, match='cannot be followed for a turn'):
-        section.image(np.array([[1.5], [0.0], [0.05]]), 0.0)
+        poincare.image(np.array([[1.5], [0.0], [0.05]]), 0.0)
     with pytest.raises(UnreachableError, match='do not reach'):
-        section.image(np.array([[1.5, 2.6], [0.0, 0.0], [2.0, 2.0]]), MOTOR.torque)
+        poincare.image(np.array([[1.5, 2.6], [0.0, 0.0], [2.0, 2.0]]), MOTOR.torque)
 
 
 # ---------------------------------------------------------------- pumps of other kinds
@@ -236,8 +236,8 @@ def test_a_speed_at_which_a_period_doubles_is_told_from_a_fold():
 
 
 def test_without_resistance_nothing_settles():
-    section, branch = followed(slid(damping=0.0), 6.5, 7.5, 4)
-    states = find_states(section, branch, MOTOR.torque)
+    poincare, branch = followed(slid(damping=0.0), 6.5, 7.5, 4)
+    states = find_states(poincare, branch, MOTOR.torque)
     # The pump takes no power: the motor turns at its own speed, about which a motion wavers.
     assert all(state.motion.speed == pytest.approx(7, abs=0.01) for state in states)
     assert not any(state.motion.stable for state in states)
@@ -266,7 +266,7 @@ def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
 
 
 def test_too_weak_a_motor_has_no_state(analysis):
-    assert find_states(analysis.section, analysis.branch, 0.3) == []
+    assert find_states(analysis.poincare, analysis.branch, 0.3) == []
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_what_cannot_turn_is_refused_at_once(changes, torque, speeds, error, mes
 
 
 def test_a_run_that_leaves_says_where(analysis):
-    found = follow_run(analysis.section.equations, MOTOR, (1.5, 6.0, 2.0), 9.0, 'fast')
+    found = follow_run(analysis.poincare.equations, MOTOR, (1.5, 6.0, 2.0), 9.0, 'fast')
     assert 'the motion ends at t = 0.2' in found.ended
     assert found.record()['ended'] == found.ended
 

@@ -35,19 +35,19 @@ _UNKNOWN = 60  # turns where there is no state
 class Neighbourhoods:
     """Tells which of the settled motions others are near to."""
 
-    def __init__(self, section: PoincareMap, states: Sequence[PeriodicMotion]) -> None:
+    def __init__(self, poincare: PoincareMap, states: Sequence[PeriodicMotion]) -> None:
         """Takes up their courses.
 
         Args:
-            section: The Poincare map.
+            poincare: The Poincare map.
             states: All of them; motions come to the stable ones.
         """
-        self._length = section.equations.mechanism.crank.length
+        self._length = poincare.equations.mechanism.crank.length
         self._angles = np.linspace(0, 2 * math.pi, _PARTS + 1)
         self._courses = []
         for number, state in enumerate(states):
             if state.stable:
-                course = section.orbit(np.array([state.point]).T, state.torque, _PARTS)[:3, :, 0]
+                course = poincare.orbit(np.array([state.point]).T, state.torque, _PARTS)[:3, :, 0]
                 # A state next to the edge of its basin counts only when it is really reached.
                 gaps = [
                     abs(other.speed / state.speed - 1) / 4

@@ -48,13 +48,13 @@ class Boundary(NamedTuple):
     motion: PeriodicMotion
 
 
-def boundaries(section: PoincareMap, motions: Sequence[PeriodicMotion]) -> Iterable[Boundary]:
+def boundaries(poincare: PoincareMap, motions: Sequence[PeriodicMotion]) -> Iterable[Boundary]:
     """Where neighbours differ in stability, by a polynomial through a test function there."""
     shares = (1 - np.cos(np.pi * np.arange(1, _NODES) / _NODES)) / 2
     for pair in itertools.pairwise(motions):
         if pair[0].stable == pair[1].stable:
             continue
-        known = [pair[0], *filter(None, _between(section, pair, shares)), pair[1]]
+        known = [pair[0], *filter(None, _between(poincare, pair, shares)), pair[1]]
         places = [
             (motion.speed - known[0].speed) / (pair[1].speed - known[0].speed) for motion in known
         ]
@@ -63,17 +63,17 @@ def boundaries(section: PoincareMap, motions: Sequence[PeriodicMotion]) -> Itera
             if values[0] * values[-1] < 0:
                 roots = np.polynomial.Polynomial.fit(places, values, len(known) - 1).roots()
                 real = roots.real[(abs(roots.imag) < 1e-9) & (abs(roots.real - 0.5) <= 0.5)]
-                (motion,) = _between(section, pair, real[:1])
+                (motion,) = _between(poincare, pair, real[:1])
                 if motion:
                     yield Boundary(kind, motion)
                 break
 
 
 def _between(
-    section: PoincareMap, pair: tuple[PeriodicMotion, PeriodicMotion], shares: Array
+    poincare: PoincareMap, pair: tuple[PeriodicMotion, PeriodicMotion], shares: Array
 ) -> list[PeriodicMotion | None]:
     """The motions at speeds between those of two others, from one (0) to the other (1)."""
     low, high = pair
     guesses = low.unknowns[:, None] + shares * (high.unknowns - low.unknowns)[:, None]
     speeds = low.speed + shares * (high.speed - low.speed)
-    return find_motions(section, guesses, Wanted(speeds, is_speed=True))
+    return find_motions(poincare, guesses, Wanted(speeds, is_speed=True))

@@ -114,28 +114,28 @@ class Branch:
 
 
 def follow_branch(
-    section: PoincareMap,
+    poincare: PoincareMap,
     averaged: Sequence[Sequence[Averaged]],
     progress: Callable[[Iterable[Any], str], Any],
 ) -> Branch:
     """Finds the settled motions at the speeds of averaged ones, and the boundaries.
 
     Args:
-        section: The Poincare map.
+        poincare: The Poincare map.
         averaged: By growing speed, in stretches; Newton's method begins with them.
         progress: Wraps what is gone through, with a word for it.
 
     Returns:
         The branch; without the motions that are not found.
     """
-    flat = [one.unknowns(section.damping) for one in itertools.chain(*averaged)]
+    flat = [one.unknowns(poincare.damping) for one in itertools.chain(*averaged)]
     owners = [number for number, stretch in enumerate(averaged) for _ in stretch]
     guesses = np.array(flat).reshape(-1, 4).T
     found: list[PeriodicMotion | None] = []
     for first in progress(range(0, len(flat), _TOGETHER), 'load curve'):
         part = guesses[:, first : first + _TOGETHER]
-        found += find_motions(section, part, Wanted(part[2], is_speed=True))
-    _extend(section, guesses, owners, found)
+        found += find_motions(poincare, part, Wanted(part[2], is_speed=True))
+    _extend(poincare, guesses, owners, found)
     stretches = [
         tuple(motion for motion, _ in group if motion)
         for (is_found, _), group in itertools.groupby(
@@ -143,12 +143,12 @@ def follow_branch(
         )
         if is_found
     ]
-    losses = itertools.chain(*(boundaries(section, stretch) for stretch in stretches))
+    losses = itertools.chain(*(boundaries(poincare, stretch) for stretch in stretches))
     return Branch(tuple(stretches), tuple(losses))
 
 
 def _extend(
-    section: PoincareMap,
+    poincare: PoincareMap,
     guesses: Array,
     owners: Sequence[int],
     found: list[PeriodicMotion | None],
@@ -162,14 +162,14 @@ def _extend(
             if neighbour := found[last]:
                 guess = guesses[:, i] + neighbour.unknowns - guesses[:, last]
                 wanted = Wanted(guesses[2:3, i], is_speed=True)
-                found[i : i + 1] = find_motions(section, guess[:, None], wanted)
+                found[i : i + 1] = find_motions(poincare, guess[:, None], wanted)
 
 
-def find_states(section: PoincareMap, branch: Branch, torque: float) -> list[SettledState]:
+def find_states(poincare: PoincareMap, branch: Branch, torque: float) -> list[SettledState]:
     """The settled motions under a motor.
 
     Args:
-        section: The Poincare map.
+        poincare: The Poincare map.
         branch: Where to look for them.
         torque: Of the motor at rest, N m.
 
@@ -186,7 +186,7 @@ def find_states(section: PoincareMap, branch: Branch, torque: float) -> list[Set
     if not guesses:
         return []
     wanted = Wanted(np.full(len(guesses), torque), is_speed=False)
-    found = find_motions(section, np.array(guesses).T, wanted)
+    found = find_motions(poincare, np.array(guesses).T, wanted)
     return [
         SettledState(motion, piece)
         for motion, (low, high, piece) in zip(found, spans, strict=True)

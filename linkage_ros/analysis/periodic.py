@@ -108,12 +108,12 @@ class Wanted(NamedTuple):
 
 
 def find_motions(
-    section: PoincareMap, guesses: Array, wanted: Wanted
+    poincare: PoincareMap, guesses: Array, wanted: Wanted
 ) -> list[PeriodicMotion | None]:
     """Finds settled motions.
 
     Args:
-        section: The map.
+        poincare: The map.
         guesses: Rows slider position, its velocity, crank speed (at crank angle 0) and torque;
             a column for each motion.
         wanted: A value for each motion.
@@ -123,7 +123,7 @@ def find_motions(
     """
     count = guesses.shape[1]
     try:
-        return _newton(section, guesses, wanted)
+        return _newton(poincare, guesses, wanted)
     except (LinkageError, np.linalg.LinAlgError):
         # One of them cannot be followed: the others are found without it.
         if count == 1:
@@ -131,16 +131,16 @@ def find_motions(
     found: list[PeriodicMotion | None] = []
     for part in (slice(count // 2), slice(count // 2, None)):
         found += find_motions(
-            section, guesses[:, part], wanted._replace(values=wanted.values[part])
+            poincare, guesses[:, part], wanted._replace(values=wanted.values[part])
         )
     return found
 
 
-def _newton(section: PoincareMap, guesses: Array, wanted: Wanted) -> list[PeriodicMotion | None]:
+def _newton(poincare: PoincareMap, guesses: Array, wanted: Wanted) -> list[PeriodicMotion | None]:
     z = guesses.copy()
-    length = section.equations.mechanism.crank.length
+    length = poincare.equations.mechanism.crank.length
     for _ in range(_ITERATIONS):
-        ends, slopes = _linearised(section, z, length)
+        ends, slopes = _linearised(poincare, z, length)
         residual, jacobian = ends - z, slopes - np.eye(4)
         if wanted.is_speed:
             residual[3] = wanted.values * ends[3] - 2 * math.pi
@@ -158,7 +158,7 @@ def _newton(section: PoincareMap, guesses: Array, wanted: Wanted) -> list[Period
     if not done.any():
         return [None] * len(done)
     ends, slopes, z = ends[:, done], slopes[done], z[:, done]
-    courses = section.orbit(z[:3], z[3], _PARTS)[0, :-1]
+    courses = poincare.orbit(z[:3], z[3], _PARTS)[0, :-1]
     found = iter(
         PeriodicMotion(
             float(torque),
@@ -180,12 +180,12 @@ def _sizes(z: Array, length: float) -> Array:
     return np.array((length + 0 * z[2], length * np.abs(z[2]), np.abs(z[2]), np.abs(z[3])))
 
 
-def _linearised(section: PoincareMap, z: Array, length: float) -> tuple[Array, Array]:
+def _linearised(poincare: PoincareMap, z: Array, length: float) -> tuple[Array, Array]:
     """Point and time after a turn, (4, n), and their derivatives by the unknowns, (n, 4, 4)."""
     steps = _DIFFERENCE * _sizes(z, length)
     moves = np.concatenate((np.zeros((4, 1)), np.eye(4), -np.eye(4)), axis=1)
     starts = z[:, None] + moves[..., None] * steps[:, None]
-    ends = section.image(starts[:3].reshape(3, -1), starts[3].ravel()).reshape(starts.shape)
+    ends = poincare.image(starts[:3].reshape(3, -1), starts[3].ravel()).reshape(starts.shape)
     slopes = (ends[:, 1:5] - ends[:, 5:]) / (2 * steps)
     return ends[:, 0], slopes.transpose(2, 0, 1)
 

@@ -42,7 +42,7 @@ class Analysis(NamedTuple):
     """All that is found of one pump under one motor.
 
     Attributes:
-        section: The Poincare map.
+        poincare: The Poincare map.
         motor: Of the pump.
         states: Settled motions by growing speed, stable or not.
         averaged_states: What averaging predicts instead.
@@ -54,7 +54,7 @@ class Analysis(NamedTuple):
         ends: The number of the state at which each run ends, or ELSEWHERE.
     """
 
-    section: PoincareMap
+    poincare: PoincareMap
     motor: Motor
     states: list[PeriodicMotion]
     averaged_states: list[Averaged]
@@ -126,24 +126,24 @@ def analyse(
         UnreachableError: The pump cannot start from where its slider is.
     """
     require_forwards(mechanism, motor, speeds)
-    section, averaging = PoincareMap(mechanism, motor.damping), Averaging(mechanism)
+    poincare, averaging = PoincareMap(mechanism, motor.damping), Averaging(mechanism)
     averaged = _scan(averaging, motor, speeds, 40 if quick else 90)
-    branch = follow_branch(section, averaged, progress)
-    found = find_states(section, branch, motor.torque)
+    branch = follow_branch(poincare, averaged, progress)
+    found = find_states(poincare, branch, motor.torque)
     states = [state.motion for state in found]
 
-    near, top = Neighbourhoods(section, states), max(*speeds, _top(motor, 2 * max(speeds)))
+    near, top = Neighbourhoods(poincare, states), max(*speeds, _top(motor, 2 * max(speeds)))
     grid = make_grid(top, mechanism.crank.length, 28 if quick else 80)
     basins = find_basins(mechanism, motor, near, grid, settling_time(states, _NEAR, top), progress)
     duration = settling_time(states, 10 * _SETTLED if quick else _SETTLED, top)
     runs = [
-        follow_run(section.equations, motor, point, duration, name)
+        follow_run(poincare.equations, motor, point, duration, name)
         for name, point in progress(_starts(mechanism, speeds, states), 'runs')
     ]
     ends = near.locate(np.array([run.phase for run in runs]).T).tolist()
     return Analysis(
-        section, motor, states, averaging.states(averaged, motor), branch, averaged,
-        sensitivities(section, branch, motor.torque, found), basins, runs, ends,
+        poincare, motor, states, averaging.states(averaged, motor), branch, averaged,
+        sensitivities(poincare, branch, motor.torque, found), basins, runs, ends,
     )  # fmt: skip
 
 

@@ -36,12 +36,12 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivities(
-    section: PoincareMap, branch: Branch, torque: float, found: Sequence[SettledState]
+    poincare: PoincareMap, branch: Branch, torque: float, found: Sequence[SettledState]
 ) -> list[Sensitivity]:
     """Finds the stable states again at changed torques.
 
     Args:
-        section: The Poincare map.
+        poincare: The Poincare map.
         branch: Where to look for them.
         torque: Of the motor at rest, N m, that is changed.
         found: All states at that torque.
@@ -51,7 +51,7 @@ def sensitivities(
     """
     changed = []
     for change in CHANGES:
-        others = {one.piece: one.motion for one in find_states(section, branch, torque * change)}
+        others = {one.piece: one.motion for one in find_states(poincare, branch, torque * change)}
         for number, (nominal, piece) in enumerate(found):
             if nominal.stable:
                 motion = others.get(piece)

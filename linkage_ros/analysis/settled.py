@@ -49,10 +49,10 @@ class SettledTurn(Period):
             ConfigurationError: Motor or speed turn nothing forwards, or it does not settle.
             LinkageError: The motion leaves what the coordinates describe, or the crank stops.
         """
-        section, self.motion = _settle(mechanism, motor, speed, progress)
-        equations = section.equations
+        poincare, self.motion = _settle(mechanism, motor, speed, progress)
+        equations = poincare.equations
         points = np.array([self.motion.point]).T
-        x, v, w, _ = section.orbit(points, motor.torque, _PARTS)[..., 0]
+        x, v, w, _ = poincare.orbit(points, motor.torque, _PARTS)[..., 0]
         crank = np.linspace(0, 2 * math.pi, _PARTS + 1)
         applied = motor.torque - motor.damping * w
         q, u = (crank, x), (w, v)
@@ -84,19 +84,19 @@ def _settle(
         ConfigurationError: As `SettledTurn`.
     """
     require_forwards(mechanism, motor, [speed])
-    section, slider = PoincareMap(mechanism, motor.damping), mechanism.slider
+    poincare, slider = PoincareMap(mechanism, motor.damping), mechanism.slider
     point = np.array([[slider.position], [slider.velocity], [speed]])
     for turn in progress(range(1, _LONGEST + 1), 'turns'):
-        point = section.image(point, motor.torque)[:3]
+        point = poincare.image(point, motor.torque)[:3]
         if turn % _LOOK:
             continue
         guess = np.vstack((point, [[motor.torque]]))
-        (found,) = find_motions(section, guess, Wanted(np.array([motor.torque]), is_speed=False))
+        (found,) = find_motions(poincare, guess, Wanted(np.array([motor.torque]), is_speed=False))
         if found and found.stable:
             length, (_, _, now) = mechanism.crank.length, point[:, 0]
             sizes = np.array((length, length * now, now))
             if (np.abs(point[:, 0] - found.point) < _NEAR * sizes).all():
-                return section, found
+                return poincare, found
     raise ConfigurationError(
         f'from {speed:g} rad/s the pump does not settle within {_LONGEST} turns: '
         'linkage_chart pump draws what it does'

@@ -35,7 +35,7 @@ _PARTS = 256  # of a turn
 def draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None:
     """The slider's settled motions, exact and averaged."""
     for state, color in zip(analysis.states, colors, strict=True):
-        course = analysis.section.orbit(np.array([state.point]).T, state.torque, _PARTS)[..., 0]
+        course = analysis.poincare.orbit(np.array([state.point]).T, state.torque, _PARTS)[..., 0]
         line = '-' if state.stable else '--'
         axes.plot(course[0], course[1], line, color=color, linewidth=2.2, label=state_name(state))
         axes.plot(*state.point[:2], **state_style(state, color))
