@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the crank to the transmission angle: the one map behind every dyad with a crank.
+"""From the crank to the transmission angle: one map behind four-bar and slider-crank.
 
 Let h be half the crank angle, counted from the line of the fixed pivots, and m half the angle
 at which coupler and rocker meet. By the factored closed form (docs/mechanisms.md)

@@ -116,8 +116,8 @@ def _stretched(mechanisms: ChartMechanisms, random: Random, count: int) -> Itera
                 mechanism, ((start + end) / 2, float(random.uniform(3, 6)) * (end - start))
             )
         else:
-            own = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
-            problem = mechanisms.driven(2.0, velocities[found] if found < 3 else own)
+            drawn = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
+            problem = mechanisms.driven(2.0, velocities[found] if found < 3 else drawn)
         end_time = MotionReference(problem).end(0.5)
         if end_time is not None:
             found += 1
@@ -128,7 +128,7 @@ def _stretched(mechanisms: ChartMechanisms, random: Random, count: int) -> Itera
 
 def _long(mechanisms: ChartMechanisms, _: Random, count: int) -> Iterator[MotionCase]:
     yield MotionCase(mechanisms.coasting(5 * math.pi), even(30.0))
-    if count >= 10:
+    if count >= 10:  # a minute of the pump is too long for a chart that is to be quick
         yield MotionCase(mechanisms.freed(9.0), even(60.0))
 
 
