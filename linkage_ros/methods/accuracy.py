@@ -13,6 +13,7 @@ import numpy as np
 
 from linkage_ros.mechanisms.four_bar import FourBar
 from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.mechanisms.slider_crank import SliderCrank
 from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task, make_task
 from linkage_ros.methods.registry import METHODS, Method, label
@@ -63,7 +64,7 @@ class _Timed(NamedTuple):
     cranks: list[float] | Array  # for the time
 
 
-def tasks(quadrilateral: Linkage, slider_crank: Linkage) -> dict[str, Task]:
+def tasks(quadrilateral: FourBar, slider_crank: SliderCrank) -> dict[str, Task]:
     """The three mechanisms of the chart.
 
     Args:
@@ -73,13 +74,8 @@ def tasks(quadrilateral: Linkage, slider_crank: Linkage) -> dict[str, Task]:
     Returns:
         Tasks by name; the third is nearly a kite: its crank pin passes the rocker pivot at
         1e-12 m, with the bodies of the first.
-
-    Raises:
-        TypeError: The first is no four-bar.
     """
     q = quadrilateral
-    if not isinstance(q, FourBar):
-        raise TypeError('the quadrilateral is a four-bar')
     kite = replace(
         q,
         crank=replace(q.crank, length=0.3),
@@ -87,7 +83,7 @@ def tasks(quadrilateral: Linkage, slider_crank: Linkage) -> dict[str, Task]:
         coupler=replace(q.coupler, length=0.5),
         rocker=replace(q.rocker, length=0.5),
     )
-    named = {'quadrilateral': q, 'slider_crank': slider_crank, NEAR: kite}
+    named: dict[str, Linkage] = {'quadrilateral': q, 'slider_crank': slider_crank, NEAR: kite}
     return {name: make_task(mechanism, 0.1) for name, mechanism in named.items()}
 
 
