@@ -1,6 +1,0 @@
-# Copyright 2026 The linkage_ros authors
-# SPDX-License-Identifier: Apache-2.0
-"""The mechanics: descriptions, exact states, torque and forces, with NumPy alone.
-
-Documents 1 to 4, which formulas refer to, are the sources in docs/mechanisms.md.
-"""
