@@ -11,11 +11,13 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from linkage_ros.parameters.configuration import VIEWERS
+
 _ARGUMENTS = (
     ('rpm', float, '150.0', 'speed to keep'),
     ('feed_forward', bool, 'true', 'add the exact torque'),
     ('log', str, '', '.mcap file to write'),
-    ('viewer', str, '', 'spawn, web, URL or .rrd'),
+    ('viewer', str, '', VIEWERS),
 )
 
 

@@ -12,7 +12,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.configuration import VIEWERS, load
 from linkage_ros.parameters.presets import find_file
 from linkage_ros.wire.urdf import make_urdf
 
@@ -50,9 +50,7 @@ def generate_launch_description() -> LaunchDescription:
                 'params', default_value='quadrilateral', description='parameter file or preset'
             ),
             DeclareLaunchArgument('log', default_value='', description='.mcap file to write'),
-            DeclareLaunchArgument(
-                'viewer', default_value='', description='spawn, web, URL or .rrd'
-            ),
+            DeclareLaunchArgument('viewer', default_value='', description=VIEWERS),
             DeclareLaunchArgument('rviz', default_value='false', description='open RViz as well'),
             OpaqueFunction(function=start),
             Node(
