@@ -155,4 +155,4 @@ def _run() -> None:
 
 
 if __name__ == '__main__':
-    sys.exit(cli.run(_NAME, _run))
+    sys.exit(cli.leave(cli.run(_NAME, _run)))
