@@ -54,6 +54,6 @@ def mixed(color: Color, other: Color, share: float) -> Color:
 
 
 def fractions(color: Color) -> tuple[float, float, float]:
-    """A colour as matplotlib has it, each part from 0 to 1."""
+    """A colour as matplotlib and URDF have it, each part from 0 to 1."""
     red, green, blue = color
     return red / 255, green / 255, blue / 255

@@ -11,7 +11,7 @@ from linkage_ros.mechanisms.kinematics import kinematics_of
 from linkage_ros.mechanisms.parts import Body, Piston, Slider
 from linkage_ros.mechanisms.registry import Mechanism
 from linkage_ros.mechanisms.structure import Joint
-from linkage_ros.palette import COLORS
+from linkage_ros.palette import COLORS, fractions
 from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF demands limits of force and speed for a prismatic joint; the model has none.
@@ -72,7 +72,7 @@ def _add_link(
         _add_origin(visual, 0.0, 0.0, layer * width)
     box = ET.SubElement(ET.SubElement(visual, 'geometry'), 'box')
     box.set('size', f'{length!r} {height!r} {width!r}')
-    color = ' '.join(f'{part / 255:.3f}' for part in COLORS[name])
+    color = ' '.join(f'{part:.3f}' for part in fractions(COLORS[name]))
     ET.SubElement(ET.SubElement(visual, 'material', name=name), 'color', rgba=f'{color} 1')
     if body.mass or inertia:
         inertial = ET.SubElement(link, 'inertial')
