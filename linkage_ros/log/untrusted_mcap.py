@@ -102,11 +102,11 @@ def read_summary(file: BinaryIO) -> Summary | None:
             summary.chunks.append(ChunkIndex.read(stream(body)))
         elif opcode == Opcode.METADATA_INDEX:
             summary.metadata.append(MetadataIndex.read(stream(body)))
-    _check_sum(file, footer, end)
+    _compare_checksum(file, footer, end)
     return summary if statistics else None
 
 
-def _check_sum(file: BinaryIO, footer: Footer, end: int) -> None:
+def _compare_checksum(file: BinaryIO, footer: Footer, end: int) -> None:
     """Compares the summary's checksum.
 
     Raises:
