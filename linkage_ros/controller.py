@@ -21,8 +21,7 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanisms.registry import Linkage, Mechanism
 from linkage_ros.parameters.configuration import load, unknown_name, without_ros_own
-from linkage_ros.parameters.help import in_words
-from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
+from linkage_ros.parameters.help import help_on
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
 from linkage_ros.ros.parameters import declare_values, given_values
@@ -159,7 +158,7 @@ def _run(arguments: list[str]) -> int:
         _NAME,
         'Keep a torque-driven crank at a speed.',
         ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
-        'parameters:\n' + in_words(PARAMETERS),
+        'parameters:\n' + help_on(PARAMETERS),
     )
     with never_waited_for(), on_ros(arguments) as others:
         cli.refuse_arguments(parser, others)

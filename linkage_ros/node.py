@@ -18,7 +18,7 @@ from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
-from linkage_ros.parameters.help import of_every_kind
+from linkage_ros.parameters.help import help_on_every_kind
 from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
@@ -242,7 +242,7 @@ def _run(arguments: list[str]) -> int:
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
          '--ros-args -p drive:=torque -p motor.torque:=9.0 -p motor.damping:=0.5',
          '--ros-args --params-file linkage.yaml'),
-        of_every_kind(),
+        help_on_every_kind(),
     )  # fmt: skip
     check_parameter_files(arguments, _NAME)
     with never_waited_for(), on_ros(arguments) as others:

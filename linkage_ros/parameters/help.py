@@ -14,7 +14,7 @@ from linkage_ros.quantities import Leaf, Quantity
 _LARGE = 1e6  # beyond which zeros are not counted by eye
 
 
-def in_words(parameters: Iterable[Leaf]) -> str:
+def help_on(parameters: Iterable[Leaf]) -> str:
     """Parameters, a line each: name, valid values, meaning, default or that there is none.
 
     Args:
@@ -51,15 +51,15 @@ def _default(value: object) -> str:
     return f' (default {value if isinstance(value, str) else json.dumps(value)})'
 
 
-def of_every_kind() -> str:
-    """Those of a four_bar at a given speed, and what other mechanisms and drives have besides."""
+def help_on_every_kind() -> str:
+    """What a four_bar at a given speed takes, and what other kinds take besides."""
     usual = Kind('four_bar', 'speed')
     leaves = parameter_leaves(usual)
-    parts = ['parameters of a four_bar:', in_words(leaves)]
+    parts = ['parameters of a four_bar:', help_on(leaves)]
     known = {leaf.name for leaf in leaves}
     others = ('drive', 'torque'), ('mechanism', 'slider_crank'), ('mechanism', 'wind_pump')
     for name, value in others:
         found = parameter_leaves(replace(usual, **{name: value}))
         parts.append(f'with {name}:={value}, beside some of these:')
-        parts.append(in_words(leaf for leaf in found if leaf.name not in known))
+        parts.append(help_on(leaf for leaf in found if leaf.name not in known))
     return '\n'.join(parts)
