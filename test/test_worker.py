@@ -297,7 +297,7 @@ def test_a_healthy_consumer_reports_nothing():
     worker, errors = start(consumer)
     worker.offer(0)
     assert worker.close(PATIENCE)
-    assert (errors, worker.error, worker.name) == ([], None, 'test')
+    assert (errors, worker.error) == ([], None)
 
 
 # ---------------------------------------------------------------- a consumer that hangs

@@ -31,7 +31,6 @@ class Worker(Generic[_T]):
     reported once, and what comes later is counted as dropped.
 
     Attributes:
-        name: For people.
         error: What the consumer failed with, or None.
     """
 
@@ -47,13 +46,12 @@ class Worker(Generic[_T]):
         """Starts the thread.
 
         Args:
-            name: For people.
+            name: Of the thread.
             consumer: Is used by the thread alone from here on.
             capacity: Items that the queue holds.
             period: Time between batches, s.
             on_error: Called from the thread, once, where the consumer fails.
         """
-        self.name = name
         self.error: Exception | None = None
         self._consumer, self._on_error, self._period = consumer, on_error, period
         self._queue: deque[_T] = deque(maxlen=capacity)
