@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TypeAlias
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.wire.topics import Topic
 
-Pairing = tuple[str, Topic]  # a channel's name, and its topic
+Pairing: TypeAlias = tuple[str, Topic]  # a channel's name, and its topic
 
 
 def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
+from typing import TypeAlias
 
 from linkage_ros.wire.cdr import CdrReader
 from linkage_ros.wire.interfaces import Interface
@@ -17,8 +18,8 @@ _FORMATS = {
 }  # fmt: skip
 _NAMES = ('name', 'joint_names')  # of the joints that the other arrays of the message belong to
 
-Value = float | int | str
-_Types = dict[str, list[tuple[str, str]]]
+Value: TypeAlias = float | int | str
+_Types: TypeAlias = dict[str, list[tuple[str, str]]]
 
 
 def read_fields(interface: Interface, data: bytes) -> dict[str, Value]:
