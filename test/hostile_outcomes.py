@@ -11,6 +11,7 @@ import io
 from contextlib import redirect_stderr, redirect_stdout
 
 from linkage_ros import LinkageError, replay
+from linkage_ros.log.channels import paired
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log_tool import info, saved, verdict
 from linkage_ros.parameters.configuration import load
@@ -81,10 +82,11 @@ def play(path, words=()):
         replay._check(options, log)
         piece = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
         codec = JointStateCodec(Machine(log.configuration).joints)
+        shown = {name for name, _ in paired(log, [JOINT_STATES])}
         with feed(log, piece, loop=False) as items:
             for item in items:
                 assert 0 <= item.time < 2**31 * 10**9  # what /clock can tell
-                if item.message.type == JOINT_STATES.interface.name:
+                if item.message.topic in shown:
                     try:
                         codec.decode(item.message.data)
                     except ValueError:

@@ -38,14 +38,12 @@ class LoggedMessage(NamedTuple):
 
     Attributes:
         topic: Fully qualified name.
-        type: Message type, such as 'std_msgs/msg/Float64'.
         time: Log time, ns.
         data: CDR bytes.
         published: Publish time, ns.
     """
 
     topic: str
-    type: str
     time: int
     data: bytes
     published: int
@@ -56,7 +54,7 @@ class LoggedTopic(NamedTuple):
 
     Attributes:
         name: Fully qualified.
-        type: Of its messages.
+        type: Of its messages, such as 'std_msgs/msg/Float64'.
         messages: Their number.
         latched: Whether late subscribers get the last one.
         layout: Encodings of message and schema, and the schema's text.
@@ -182,7 +180,7 @@ class LogReader(AbstractContextManager['LogReader']):
             for message in untrusted_mcap.in_order(
                 self._stream, summary, set(wanted), start or 0, last
             ):
-                yield _logged(summary.schemas, wanted[message.channel_id], message)
+                yield _logged(wanted[message.channel_id], message)
 
     def written(self) -> Iterator[LoggedMessage]:
         """Reads all messages in the order of writing, whatever their log times.
@@ -198,7 +196,6 @@ class LogReader(AbstractContextManager['LogReader']):
         expected = {number: counts.get(number, 0) for number in self._summary.channels}
         found = dict.fromkeys(expected, 0)
         with _damage_reported(self.path), open_file(self.path) as stream:
-            schemas: dict[int, Schema] = {}
             channels: dict[int, Channel] = {}
             for record in untrusted_mcap.read_data(stream):
                 if isinstance(record, Message):
@@ -206,11 +203,9 @@ class LogReader(AbstractContextManager['LogReader']):
                     found[number] = count = found.get(number, 0) + 1
                     if count > expected.get(number, 0):
                         break
-                    yield _logged(schemas, channels[number], record)
+                    yield _logged(channels[number], record)
                 elif isinstance(record, Channel):
                     channels[record.id] = record
-                else:
-                    schemas[record.id] = record
             # A damaged opcode hides its record: no checksum covers it.
             if found != expected:
                 raise LogError('it is damaged: its messages are not as many as its summary says')
@@ -223,9 +218,8 @@ class LogReader(AbstractContextManager['LogReader']):
         self.close()
 
 
-def _logged(schemas: dict[int, Schema], channel: Channel, message: Message) -> LoggedMessage:
-    kind = schemas[channel.schema_id].name if channel.schema_id else ''
-    return LoggedMessage(channel.topic, kind, message.log_time, message.data, message.publish_time)
+def _logged(channel: Channel, message: Message) -> LoggedMessage:
+    return LoggedMessage(channel.topic, message.log_time, message.data, message.publish_time)
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
