@@ -34,7 +34,9 @@ from linkage_ros.progress import progress_bar
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import radians_per_second
 from linkage_ros.verification.verify import verify
+from linkage_ros.wire.cdr import stamp_of
 from linkage_ros.wire.codecs import JointStateCodec
+from linkage_ros.wire.untrusted_command import decode_command
 
 RATE, SECONDS = 1000.0, 6.0
 TICK = 1 / RATE
@@ -154,14 +156,10 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
 
 def respond(rows, commands) -> dict[str, float]:
     """How long the loop takes: from the stamp of a state to its command, and until it acts."""
-    from rclpy.serialization import deserialize_message
-    from sensor_msgs.msg import JointState
-
     answers, ages = {}, []
     for command in commands:
-        message = deserialize_message(command.data, JointState)
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        answers[message.effort[0]] = stamp
+        stamp, (_, (effort,)) = stamp_of(command.data), decode_command(command.data)
+        answers[effort] = stamp
         ages.append((command.time - stamp) * 1e-6)
     efforts = np.array(sorted(answers))
     ticks = []

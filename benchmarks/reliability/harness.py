@@ -8,7 +8,6 @@ import argparse
 import json
 import os
 import signal
-import struct
 import subprocess
 import sys
 import threading
@@ -25,8 +24,6 @@ from linkage_ros.ros.shared_memory import remove_half_made
 DOMAIN = 10 + os.getpid() % 90  # so that two runs beside each other hardly meet
 LISTENER = Path(__file__).with_name('listener.py')
 NOT_HERE = 77  # exit code where this system or this user cannot make what is needed
-# In the bytes of a JointState, whose first member is its header: s and ns.
-STAMP = struct.Struct('<4xiI')
 
 
 def environment(domain: int) -> dict[str, str]:
@@ -180,12 +177,6 @@ class Diagnostics:
     def __exit__(self, *error: object) -> None:
         self._executor.shutdown()
         self._context.shutdown()
-
-
-def stamp_of(data: bytes) -> int:
-    """The stamp of an encoded JointState, ns."""
-    seconds, nanoseconds = STAMP.unpack_from(data)
-    return int(seconds * 10**9 + nanoseconds)
 
 
 def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> float:

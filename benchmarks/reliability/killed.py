@@ -21,9 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import DOMAIN, finish, listening, node, options, stamp_of, tool, wait_for
+from harness import DOMAIN, finish, listening, node, options, tool, wait_for
 
 from linkage_ros.log.reader import LogReader
+from linkage_ros.wire.cdr import stamp_of
 
 RATE = 1000.0
 EARLIEST, LATEST = 1.0, 5.0  # s of the run in which it is killed

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import stamp_of
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.verification.verify import verify
+from linkage_ros.wire.cdr import stamp_of
 
 RATE = 200.0
 TIMED_OUT = b'no command within command_timeout'

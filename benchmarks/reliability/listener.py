@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A subscriber in a process of its own: leaves stamps and times of arrival of joint_states.
 
-Usage: python listener.py OUT.npy [TOPIC]; ends at SIGINT. Rows: stamp and
-arrival, ns on the wall clock. Prints 'heard' at the first message, and at each that comes after a
-silence of a second.
+Usage: python listener.py OUT.npy [TOPIC]; ends at SIGINT. Rows: stamp and arrival, ns on the wall
+clock. Prints 'heard' at the first message, and at each that comes after a silence of a second.
 """
 
 from __future__ import annotations
@@ -18,19 +17,19 @@ import time
 
 import numpy as np
 import rclpy
-from harness import stamp_of
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
+from linkage_ros.wire.cdr import stamp_of
+
 
 def main() -> None:
-    """Listens until SIGINT or SIGTERM."""
+    """Listens until SIGINT."""
     path, topic = sys.argv[1], (sys.argv[2:] or ['joint_states'])[0]
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    signal.signal(signal.SIGINT, lambda *_: stop.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('listener')
     times = array.array('q')

@@ -36,6 +36,7 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.verification.verify import verify
 from linkage_ros.view.rerun_program import find_viewer
 from linkage_ros.view.targets import free_address
+from linkage_ros.wire.cdr import stamp_of
 from linkage_ros.wire.codecs import JointStateCodec
 
 RATE = 1000.0
@@ -141,10 +142,7 @@ def account(path: Path, heard: Path, output: str) -> dict[str, Any]:
     with LogReader(path) as log:
         report = verify(log)
         topics = Counter(message.topic for message in log.messages())
-        stamps = [
-            JointStateCodec(('crank', 'coupler', 'rocker')).decode(m.data)[0]
-            for m in log.messages(['/joint_states'])
-        ]
+        stamps = [stamp_of(m.data) for m in log.messages(['/joint_states'])]
         machine = Machine(log.configuration)
         ends = errors(log, machine, {*stamps[:1000], *stamps[-1000:]})
     received = np.load(heard)[:, 0]
