@@ -40,7 +40,7 @@ def run(path: Path, heard: Path, seconds: float) -> None:
         wait_for(lambda: 'heard' in listener.output)
         time.sleep(seconds)
         process.end(signal.SIGKILL)
-        listener.end(signal.SIGINT)
+        listener.end()
 
 
 def last_state(path: Path) -> int:

@@ -16,7 +16,6 @@ The figures go to DIR/realtime.json; exit code 1 where a promise does not hold a
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 import tempfile
 import time
@@ -93,7 +92,7 @@ def listened(start: Callable[[], Any], rate: float, seconds: float) -> dict[str,
                 figures = watch(process, seconds)
                 code = process.end()
             assert code == 0, process.output
-            listener.end(signal.SIGINT)
+            listener.end()
         return {**figures, **heard(path, rate, seconds), 'output': process.output}
 
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import os
 import random
 import re
-import signal
 import subprocess
 import sys
 import tempfile
@@ -28,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import DOMAIN, Process, finish, listening, node, options, wait_for
+from harness import DOMAIN, Process, environment, finish, listening, node, options, wait_for
 from mpmath import mp, mpf
 
 from linkage_ros.log.reader import LogReader
@@ -57,7 +56,6 @@ class Speeds:
         self._node = rclpy.create_node('operator')
         self._client = self._node.create_client(SetParameters, '/linkage_node/set_parameters')
         self._random = random.Random(1)
-        self.set = 0
 
     def change(self) -> None:
         """Another speed."""
@@ -71,7 +69,6 @@ class Speeds:
         future = self._client.call_async(request)
         self._rclpy.spin_until_future_complete(self._node, future, timeout_sec=10.0)
         assert future.result().results[0].successful
-        self.set += 1
 
 
 def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float, float]]:
@@ -179,14 +176,14 @@ def broken(figures: dict[str, Any]) -> list[str]:
 def main() -> int:
     """Prints the figures."""
     given = options(__doc__, minutes=20.0)
-    os.environ.update(ROS_DOMAIN_ID=str(DOMAIN), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+    os.environ.update(environment(DOMAIN))
     with tempfile.TemporaryDirectory() as folder:
         log, heard = Path(folder, 'run.mcap'), Path(folder, 'heard.npy')
         with listening(DOMAIN, heard) as subscriber:
             with server() as url, node(DOMAIN, rate_hz=RATE, log=log, viewer=url) as process:
                 samples = watch(process, Speeds(), given.minutes)
                 assert process.end() == 0, process.output
-            subscriber.end(signal.SIGINT)
+            subscriber.end()
         figures = account(log, heard, process.output)
     later = [memory for passed, memory in samples if passed >= 60.0] or [samples[-1][1]]
     figures |= {'memory_MiB': samples, 'growth_MiB': max(later) - later[0]}
