@@ -50,10 +50,10 @@ def record(opcode, body, length=None):
     return struct.pack('<BQ', opcode, len(body) if length is None else length) + body
 
 
-def chunk(packing, data, size, length=None):
+def chunk(packing, data, size):
     """A chunk record that claims to unpack to a size."""
     head = struct.pack('<QQQII', 0, 2**62, size, 0, len(packing)) + packing
-    return record(6, head + struct.pack('<Q', len(data)) + data, length)
+    return record(6, head + struct.pack('<Q', len(data)) + data)
 
 
 def tight(data):

@@ -30,13 +30,13 @@ class Case:
     lengths: tuple | None = None
 
 
-def four_bar(r, b, c, d, assembly='open'):
+def four_bar(r, b, c, d):
     """Slender links of 0.1 kg."""
 
     def link(kind, length):
         return kind(length, 0.1, 0.1 * length**2 / 12, (length / 2, 0.0))
 
-    return FourBar(Frame(d), link(Body, r), link(Coupler, b), link(Body, c), assembly)
+    return FourBar(Frame(d), link(Body, r), link(Coupler, b), link(Body, c))
 
 
 def degrees(start, stop):

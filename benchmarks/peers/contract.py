@@ -40,7 +40,7 @@ class Peer:
             first: Crank angle of the first state, rad. It tells which assembly is meant to peers
                 that stay on one side, or begin at a guess and follow the motion.
         """
-        self.mechanism, self.speed, self.first = mechanism, speed, first
+        self.mechanism, self.speed = mechanism, speed
         self._memory = np.empty((0, 0))
         _, self.beta, self.gamma = Solver(mechanism).state(first).position
         self.lengths = (

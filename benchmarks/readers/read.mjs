@@ -111,18 +111,13 @@ const plain = (types, fields, value) => {
 };
 
 const decoders = new Map();
-let trailing = 0;
 for (const [id, channel] of reader.channelsById) {
   const schema = reader.schemasById.get(channel.schemaId);
   demand(schema.encoding === 'ros2msg' && channel.messageEncoding === 'cdr', channel.topic);
   const types = parse(new TextDecoder().decode(schema.data), { ros2: true });
   const message = new MessageReader(types);
   const byName = new Map(types.map(({ name, definitions }) => [name ?? '', definitions]));
-  decoders.set(id, (data) => {
-    const value = message.readMessage(data);
-    trailing += message.lastReadHadTrailingBytes() ? 1 : 0;
-    return plain(byName, byName.get(''), value);
-  });
+  decoders.set(id, (data) => plain(byName, byName.get(''), message.readMessage(data)));
 }
 const lines = [];
 for await (const message of reader.readMessages({ validateCrcs: true })) {
@@ -132,6 +127,6 @@ for await (const message of reader.readMessages({ validateCrcs: true })) {
   lines.push(JSON.stringify(row));
 }
 demand(lines.length === found.Message, 'the index does not lead to every message');
-console.log(JSON.stringify({ faults, trailing, metadata: metadata.map(({ name }) => name) }));
+console.log(JSON.stringify({ faults, metadata: metadata.map(({ name }) => name) }));
 console.log(lines.join('\n'));
 await file.close();
