@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Opens files that a user names, whatever is there under the name."""
+"""Files that a user names: opened, and asked about, whatever is there under the name."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def record(
     """
     machine = Machine(configuration)
     motion = machine.begin(0, AdaptiveSteps)
-    last = End(machine, motion, duration, revolutions)
+    end = End(machine, motion, duration, revolutions)
     tick = 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         *channels, description = (
@@ -67,12 +67,12 @@ def record(
         log.write(description, 0, machine.description)
         try:
             ticks: Iterable[int] = progress_bar(
-                last.ticks, wanted=progress, unit=' states', unit_scale=True
+                end.ticks, wanted=progress, unit=' states', unit_scale=True
             )
             for tick in ticks:
                 stamp = machine.elapsed(tick)
                 snapshot = machine.snapshot_at(motion, stamp)
-                if stopped() or last.reached(stamp, snapshot):
+                if stopped() or end.reached(stamp, snapshot):
                     return tick
                 for channel, message in zip(channels, snapshot.messages, strict=True):
                     log.write(channel, stamp, message)

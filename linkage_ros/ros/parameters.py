@@ -85,6 +85,7 @@ def declare(node: Node, configuration: Configuration, set_live: Callable[[float]
             has but one that may be.
     """
     parameters = parameter_leaves(configuration.kind)
+    # Where it was left out the speed at the start is rpm; shown is what is in force.
     values = {**configuration.parameters(), 'start_rpm': configuration.drive.initial_rpm}
     declare_values(node, parameters, values)
     live = [leaf.name for leaf in parameters if leaf.quantity.live]
