@@ -18,8 +18,8 @@ class Adapter(Peer):
     name = 'C, scalar libm'
     flags = ()
     how = (
-        'benchmarks/plain.c compiled with cc -O3, a loop over an array: one side, and the same '
-        'ten rows as ours.'
+        'benchmarks/peers/plain.c compiled with cc -O3, a loop over an array: one side, and the '
+        'same ten rows as ours.'
     )
 
     def __init__(self, mechanism, speed, first):

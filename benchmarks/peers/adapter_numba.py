@@ -14,8 +14,8 @@ class Adapter(Peer):
     name = 'Numba'
     distribution = 'numba'
     how = (
-        'njit of the textbook closed form of benchmarks/plain.py, each state by itself on one '
-        'side; for arrays a compiled loop around it. Compiled before timing.'
+        'njit of the textbook closed form of benchmarks/peers/plain.py, each state by itself on '
+        'one side; for arrays a compiled loop around it. Compiled before timing.'
     )
 
     def __init__(self, mechanism, speed, first):

@@ -62,7 +62,7 @@ def measured(python, script, folder, *options):
         SystemExit: It failed; it has said why.
     """
     out = Path(folder, f'{script}.json')
-    paths = os.pathsep.join(map(str, (ROOT, ROOT / 'test', ROOT / 'benchmarks')))
+    paths = os.pathsep.join(map(str, (ROOT, ROOT / 'test')))
     # One thread each: what is compared is the work on one core.
     threads = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS'), '1')
     process = subprocess.Popen(

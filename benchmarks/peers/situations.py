@@ -4,7 +4,7 @@
 
 Each peer has a process of its own, which may hang or crash; it is then started again for the
 situations that are left. Run by itself:
-PYTHONPATH=.:test:benchmarks python benchmarks/peers/situations.py OUT.json
+PYTHONPATH=.:test python benchmarks/peers/situations.py OUT.json
 """
 
 import argparse

@@ -4,7 +4,7 @@
 
 A peer and ours take turns, round by round, on the same crank angles; the ratio is the median
 over the rounds of the ratio within each, so that a busy machine slows both. Run by itself:
-PYTHONPATH=.:test:benchmarks python benchmarks/peers/speed.py OUT.json
+PYTHONPATH=.:test python benchmarks/peers/speed.py OUT.json
 """
 
 import argparse
