@@ -6,12 +6,12 @@
    without that it would not use vectors. */
 #include <math.h>
 
-/* r b c dx dy, mass, inertia and distance of centre of coupler and rocker, crank inertia, g,
-   side of the coupler-rocker pin */
+/* k: r b c dx dy, mass, inertia and distance of centre of coupler and rocker, g, side of the
+   coupler-rocker pin */
 void four_bar(long n, const double *k, const double *alpha, double w, double *out)
 {
     double r = k[0], b = k[1], c = k[2], dx = k[3], dy = k[4], m2 = k[5], j2 = k[6], s2 = k[7];
-    double m3 = k[8], j3 = k[9], s3 = k[10], g = k[12], side = k[13];
+    double m3 = k[8], j3 = k[9], s3 = k[10], g = k[11], side = k[12];
 #pragma GCC ivdep
     for (long i = 0; i < n; i++) {
         double ca = cos(alpha[i]), sa = sin(alpha[i]);

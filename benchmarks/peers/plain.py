@@ -71,7 +71,7 @@ def constants(mechanism, side):
         *(crank.length, coupler.length, rocker.length, *pivot),
         *(coupler.mass, coupler.inertia, coupler.center[0]),
         *(rocker.mass, rocker.inertia, rocker.center[0]),
-        *(crank.inertia, -mechanism.gravity[1], side),
+        *(-mechanism.gravity[1], side),
     ]
 
 
