@@ -40,10 +40,10 @@ from harness import (
 )
 
 from linkage_ros.log.reader import LogReader
+from linkage_ros.wire.diagnostics import ERROR
 
 RATE = 1000.0
 SIZE = '3m'
-ERROR = 2
 SILENCE = 0.1  # s between two states that a subscriber notices
 INSIDE = 'LINKAGE_DISK_BENCHMARK'
 

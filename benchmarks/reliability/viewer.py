@@ -28,10 +28,11 @@ import numpy as np
 from harness import DOMAIN, Diagnostics, Process, finish, node, options, wait_for
 from headless_viewer import Viewer, addresses, children, shown, windows
 
+from linkage_ros.wire.diagnostics import OK, WARN
+
 RATE = 1000.0
 SETTLED = 4.0  # s before and after a fault
 MEMORY = 100.0  # MiB by which a node may grow in a fault, 64 of them what it serves
-WARN = 1
 
 Act = Callable[[Process, Viewer], object]
 
@@ -151,7 +152,7 @@ def broken(figures: dict[str, Any]) -> list[str]:
             'the run ends well': one['exit_code'] == 0,
             'what it missed is said': not one['left_out']
                 or (one['during'][0] == WARN and bool(one['lines'])),
-            'it catches up': one['after'][0] == 0,
+            'it catches up': one['after'][0] == OK,
         }  # fmt: skip
         # What a killed viewer was sent and had not saved yet, nobody can know of.
         if name != 'killed':
