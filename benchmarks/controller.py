@@ -6,7 +6,7 @@ linkage_node turns the quadrilateral under a torque at 1 kHz in one process, lin
 commands it from another. Each case runs without and with feed-forward; the second half of each
 log tells the ripple of the crank speed. Leaves logs, picture and JSON.
 
-    python benchmarks/controller.py --out DIR    all cases, in a minute and a half
+    python benchmarks/controller.py --out DIR    all cases, in two minutes
     python benchmarks/controller.py --out DIR --quick   one speed, as it is
 """
 

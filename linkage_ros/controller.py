@@ -22,6 +22,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanisms.registry import Linkage, Mechanism
 from linkage_ros.parameters.configuration import load, unknown_name, without_ros_own
 from linkage_ros.parameters.help import help_on
+from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
 from linkage_ros.ros.parameters import declare_values, given_values

@@ -8,7 +8,7 @@ linkage_controller answers each with a command. The cable is pulled for a short 
 while, longer than the 20 s after which DDS forgets a host; then the other host is gone while the
 link stays up. Exit code 1 if a promise is broken, 77 if no hosts can be made here.
 
-    python benchmarks/reliability/hosts.py --out DIR             in three minutes
+    python benchmarks/reliability/hosts.py --out DIR             in two minutes
     python benchmarks/reliability/hosts.py --out DIR --long 0    the short cut alone
 """
 
