@@ -14,9 +14,13 @@ from linkage_ros import cli
 from linkage_ros.errors import MotionError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
-from linkage_ros.parameters.configuration import Configuration, configure, preset_note
-from linkage_ros.parameters.parameter_file import read_parameter_file
-from linkage_ros.parameters.presets import find_file, preset_names
+from linkage_ros.parameters.configuration import (
+    Configuration,
+    configure,
+    preset_note,
+    read_values,
+)
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.progress import progress_bar
 from linkage_ros.record_end import DEFAULT_DURATION, DURATION, REVOLUTIONS, End
 from linkage_ros.run.machine import Machine
@@ -111,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _record(options: argparse.Namespace) -> int:
     stop = cli.Stop()
-    values = read_parameter_file(find_file(options.params))
+    values = read_values(options.params)
     configuration = configure(values)
     if options.rate is not None:
         session = replace(configuration.session, rate_hz=options.rate)

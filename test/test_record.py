@@ -566,17 +566,20 @@ def test_a_degenerate_but_possible_file_is_recorded(main, tmp_path, text):
 
 @pytest.mark.parametrize(
     'text',
-    [
-        '',
-        '# nothing\n',
-        layout().replace('/**', 'linkage_mode'),
-        '/**:\n  ros__parameters:\n    rpm: 60.0\n',
-    ],
-    ids=['empty', 'comment', 'section of another node', 'rpm alone'],
+    ['', '# nothing\n', layout().replace('/**', 'linkage_mode')],
+    ids=['empty', 'comment', 'section of another node'],
 )
-def test_a_file_without_a_mechanism_runs_the_preset_and_says_so(main, tmp_path, text):
-    """As the node does: or a slip in the node's name would record another linkage in silence."""
+def test_a_file_that_sets_nothing_is_refused(main, tmp_path, text):
+    """Or a slip in the node's name would record another linkage."""
     (tmp_path / 'params.yaml').write_text(text)
+    code, _, errors = main(tmp_path / 'params.yaml', tmp_path / 'run.mcap')
+    assert (code, len(errors)) == (2, 1)
+    assert 'has no parameters of linkage_node: above ros__parameters write /**' in errors[0]
+    assert not (tmp_path / 'run.mcap').exists()
+
+
+def test_a_file_without_a_mechanism_runs_the_preset_and_says_so(main, tmp_path):
+    (tmp_path / 'params.yaml').write_text('/**:\n  ros__parameters:\n    rpm: 60.0\n')
     code, lines, errors = main(tmp_path / 'params.yaml', tmp_path / 'run.mcap', '--duration', 0.1)
     assert code == 0
     assert content(tmp_path / 'run.mcap')[0].mechanism == load('quadrilateral').mechanism

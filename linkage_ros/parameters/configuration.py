@@ -231,6 +231,28 @@ def unknown_name(name: str, owner: str, valid: Iterable[str], where: str) -> str
     return f'{shown(name)} is not a parameter of {owner}{question} {where} lists all'
 
 
+def read_values(source: str) -> Mapping[str, object]:
+    """Reads what a parameter file or a preset sets.
+
+    Args:
+        source: Path of a ROS 2 parameter file, or the name of a preset.
+
+    Returns:
+        Values by dotted parameter name.
+
+    Raises:
+        ConfigurationError: There is no such file or preset, it cannot be read, or it sets nothing
+            of linkage_node: another linkage than was meant would run in silence.
+    """
+    values = read_parameter_file(find_file(source))
+    if not values:
+        raise ConfigurationError(
+            f'{shown(source)} has no parameters of linkage_node: above ros__parameters write /** '
+            'or linkage_node'
+        )
+    return values
+
+
 def load(source: str) -> Configuration:
     """Reads the configuration of a parameter file or a preset.
 
@@ -244,10 +266,4 @@ def load(source: str) -> Configuration:
         ConfigurationError: There is no such file or preset, it cannot be used, or it is of other
             nodes alone.
     """
-    values = read_parameter_file(find_file(source))
-    if not values:
-        raise ConfigurationError(
-            f'{shown(source)} has no parameters of linkage_node: above ros__parameters write /** '
-            'or linkage_node'
-        )
-    return configure(values)
+    return configure(read_values(source))
