@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from linkage_ros.dynamics.curves import extent
+from linkage_ros.dynamics.period import extent
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.motion.drives import SpeedDrive
@@ -17,7 +17,18 @@ from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.units import radians_per_second
 from linkage_ros.view.axes import ASPECT
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.scene import DIRECTIONS, PHASE_PLANE, RATES, TIMELINE, TURNING, angles_of
+from linkage_ros.view.scene import (
+    DIRECTIONS,
+    ENERGY,
+    FLOW,
+    JOINT_STATES,
+    LINKAGE,
+    PHASE_PLANE,
+    RATES,
+    TIMELINE,
+    TURNING,
+    angles_of,
+)
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
@@ -51,7 +62,7 @@ def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
     (left, low), (right, high) = drawing.bounds.tolist()
     linkage = rrb.Spatial2DView(
         name='Linkage, m',
-        contents='/linkage/**',
+        contents=f'/{LINKAGE}/**',
         visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
     )
     mechanism, drive = configuration.mechanism, configuration.drive
@@ -110,12 +121,12 @@ def _curves_of_torque(drawing: Drawing) -> rrb.Container:
     causes = [joints.plot('Torque, N m', 'effort', ['crank'])]
     if drawing.structure.free_slider:
         title = 'Flow (stroke x speed), m/s'
-        causes.insert(0, _plot(title, 'flow', {'flow': COLORS['slider']}, _DRIVEN_SECONDS))
+        causes.insert(0, _plot(title, FLOW, {FLOW: COLORS['slider']}, _DRIVEN_SECONDS))
     title = 'Energies, J (potential: from the start)'
     # High plots: in low ones Rerun leaves out the numbers.
     return rrb.Grid(
         rrb.Tabs(*speeds),
-        _plot(title, 'energies', energies, _DRIVEN_SECONDS),
+        _plot(title, ENERGY, energies, _DRIVEN_SECONDS),
         rrb.Tabs(*causes),
         rrb.Tabs(*joints.places()),
         grid_columns=2,
@@ -137,7 +148,7 @@ class _JointPlots:
 
     def plot(self, title: str, quantity: str, joints: Collection[str]) -> rrb.TimeSeriesView:
         """One quantity of some joints."""
-        return _plot(title, f'joint_states/{quantity}', self._colors, self._seconds, joints)
+        return _plot(title, f'{JOINT_STATES}/{quantity}', self._colors, self._seconds, joints)
 
     def places(self) -> list[rrb.TimeSeriesView]:
         """Where the links are: what goes round and round beside nothing that does not."""

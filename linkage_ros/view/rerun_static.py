@@ -14,7 +14,16 @@ from linkage_ros.palette import BLACK, COLORS, GREY, mixed
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import ASPECT, MARKS
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.scene import JOINT_FIELDS, PHASE_PLANE, RATES, angles_of
+from linkage_ros.view.scene import (
+    ENERGY,
+    FLOW,
+    JOINT_FIELDS,
+    JOINT_STATES,
+    LINKAGE,
+    PHASE_PLANE,
+    RATES,
+    angles_of,
+)
 from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
@@ -39,37 +48,39 @@ def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str
 
     lines = rr.LineStrips2D
     fixed: dict[str, rr.AsComponents] = {
-        'linkage': rr.Transform3D(scale=[1, -1, 1]),  # y is down in Rerun's 2-D views
-        'linkage/ground': lines(drawing.ground, colors=GREY, radii=_THIN),
-        'linkage/pivots': rr.Points2D(drawing.pivots, colors=GREY, radii=_PIN, draw_order=_FRONT),
-        'linkage/pivots/names': _texts(drawing.footings.tolist(), *drawing.pivot_names),
-        'linkage/pins': rr.Points2D.from_fields(colors=GREY, radii=_PIN, draw_order=_FRONT),
-        'linkage/pins/names': rr.Points2D.from_fields(
+        LINKAGE: rr.Transform3D(scale=[1, -1, 1]),  # y is down in Rerun's 2-D views
+        f'{LINKAGE}/ground': lines(drawing.ground, colors=GREY, radii=_THIN),
+        f'{LINKAGE}/pivots': rr.Points2D(
+            drawing.pivots, colors=GREY, radii=_PIN, draw_order=_FRONT
+        ),
+        f'{LINKAGE}/pivots/names': _texts(drawing.footings.tolist(), *drawing.pivot_names),
+        f'{LINKAGE}/pins': rr.Points2D.from_fields(colors=GREY, radii=_PIN, draw_order=_FRONT),
+        f'{LINKAGE}/pins/names': rr.Points2D.from_fields(
             colors=GREY, radii=0.0, labels=drawing.pins, show_labels=True
         ),
-        'linkage/scale': lines([drawing.scale], colors=GREY, radii=_THIN),
-        'linkage/scale/length': _texts(
+        f'{LINKAGE}/scale': lines([drawing.scale], colors=GREY, radii=_THIN),
+        f'{LINKAGE}/scale/length': _texts(
             [drawing.scale.mean(axis=0).tolist()], f'{drawing.scale_length:g} m'
         ),
     }
     for link, path in drawing.paths.items():
         strip = path.astype(np.float32)
-        fixed[f'linkage/paths/{link}'] = lines(strip, colors=COLORS[link], radii=_THIN)
+        fixed[f'{LINKAGE}/paths/{link}'] = lines(strip, colors=COLORS[link], radii=_THIN)
     for joint in drawing.joints:
         # The crank above the others: a coupler's triangle would hide it.
         order = _FRONT - 1 if joint == 'crank' else _FRONT - 2
-        fixed[f'linkage/{joint}'] = lines.from_fields(
+        fixed[f'{LINKAGE}/{joint}'] = lines.from_fields(
             colors=COLORS[joint], radii=_THICK, draw_order=order
         )
     for field in JOINT_FIELDS:
-        fixed[f'joint_states/{field}'] = rr.SeriesLines(names=list(drawing.joints))
+        fixed[f'{JOINT_STATES}/{field}'] = rr.SeriesLines(names=list(drawing.joints))
     fixed[RATES] = rr.SeriesLines(names=list(drawing.turning))
     for entity, names in angles_of(drawing).items():
         fixed[entity] = rr.SeriesLines(names=names)
     if isinstance(configuration.drive, TorqueDrive):
-        fixed['energies'] = rr.SeriesLines(names=list(ENERGIES))
+        fixed[ENERGY] = rr.SeriesLines(names=list(ENERGIES))
     if drawing.structure.free_slider:
-        fixed['flow'] = rr.SeriesLines(names='flow')
+        fixed[FLOW] = rr.SeriesLines(names='flow')
         fixed.update(_phase_plane())
     return fixed
 

@@ -29,6 +29,8 @@ JOINT_FIELDS = ('position', 'velocity', 'effort')
 # round (the crank's is unwrapped), and how fast all turn. Those of joints, which a log has, count
 # from the link before, and jump at pi.
 DIRECTIONS, TURNING, RATES = 'directions', 'turning', 'rates'
+ENERGY, FLOW = 'energies', 'flow'
+JOINT_STATES, LINKAGE = 'joint_states', 'linkage'  # with entities below them
 PHASE_PLANE = 'phase_plane'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
@@ -116,7 +118,7 @@ class Scene:
             Rows of all entities that have any.
         """
         for field, row in zip(JOINT_FIELDS, (position, velocity, effort), strict=True):
-            yield Rows(f'joint_states/{field}', Form.SCALARS, stamps, row)
+            yield Rows(f'{JOINT_STATES}/{field}', Form.SCALARS, stamps, row)
         links = self.drawing.of_links(position)
         count = len(self.drawing.turning)
         others = self._directions.follow(links[:, 1:count])
@@ -126,10 +128,10 @@ class Scene:
         rates = self.drawing.of_links(velocity)[:, :count]
         yield Rows(RATES, Form.SCALARS, stamps, rates)
         if self._energies:
-            yield Rows('energies', Form.SCALARS, stamps, self._energies.at(position, velocity))
+            yield Rows(ENERGY, Form.SCALARS, stamps, self._energies.at(position, velocity))
         if self._flow:
             flow = self._flow.follow(position[:, 0], velocity[:, 0], position[:, -1])
-            yield Rows('flow', Form.SCALARS, stamps, flow[:, np.newaxis])
+            yield Rows(FLOW, Form.SCALARS, stamps, flow[:, np.newaxis])
         frames = stamps // _DRAWING_NS
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
@@ -141,10 +143,10 @@ class Scene:
 
     def _draw(self, stamps: Stamps, links: Array) -> Iterator[Rows]:
         points = self.drawing.place(links)
-        yield Rows('linkage/pins', Form.POINTS, stamps, points)
-        yield Rows('linkage/pins/names', Form.POINTS, stamps, self.drawing.beside(points))
+        yield Rows(f'{LINKAGE}/pins', Form.POINTS, stamps, points)
+        yield Rows(f'{LINKAGE}/pins/names', Form.POINTS, stamps, self.drawing.beside(points))
         for link, lines in self.drawing.links(points).items():
-            yield Rows(f'linkage/{link}', Form.LINES, stamps, lines)
+            yield Rows(f'{LINKAGE}/{link}', Form.LINES, stamps, lines)
 
     def _trace(self, axes: GrowingAxes, stamps: Stamps, points: Array) -> Iterator[Rows]:
         shown = (np.abs(points) < _SHOWN).all(axis=1)  # nan is not
