@@ -10,7 +10,7 @@ import re
 import pytest
 from pages import ROOT
 
-FILES = sorted((ROOT / 'linkage_ros').rglob('*.py'))
+FILES = sorted([*(ROOT / 'linkage_ros').rglob('*.py'), *(ROOT / 'docs').rglob('*.py')])
 
 
 def classes(source):

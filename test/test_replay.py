@@ -129,7 +129,8 @@ def test_a_loop_goes_on_with_the_same_bytes_and_its_clock_never_goes_back(log):
         wait_for(lambda: len(listener.received[STATES]) > 250)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=10)
-        assert (process.returncode, err) == (0, '')
+        assert process.returncode == 0
+        assert not err or 'nobody listens so far' in err  # where discovery takes its time
     heard = listener.received[STATES]
     assert heard == (20 * stored(log, STATES, 10**9, 1_500_000_000))[: len(heard)]
     assert len(listener.received[DESCRIPTION]) == 1
