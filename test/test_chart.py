@@ -28,7 +28,7 @@ from linkage_ros import (
 )
 from linkage_ros.analysis.settled import SettledTurn
 from linkage_ros.charts.motion import _wrapped
-from linkage_ros.dynamics.curves import Curves, extent
+from linkage_ros.dynamics.period import SpeedDrivenPeriod, extent
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_names, preset_path
 
@@ -190,9 +190,9 @@ def test_mean_power_of_a_settled_pump_is_what_its_slider_takes():
 
 
 def test_document_4_stands_in_the_table():
-    curves = Curves(load('slider_crank').mechanism, 0.5, 1.0)
-    at = int(np.argmin(np.abs(curves.crank - math.pi / 4)))
-    row = {name: column.values[at] for name, column in curves.columns.items()}
+    period = SpeedDrivenPeriod(load('slider_crank').mechanism, 0.5, 1.0)
+    at = int(np.argmin(np.abs(period.crank - math.pi / 4)))
+    row = {name: column.values[at] for name, column in period.columns.items()}
     assert math.degrees(row['coupler.position']) == pytest.approx(-30, rel=1e-14)
     assert row['slider.position'] == pytest.approx(1.93185165258, abs=6e-12)
     assert row['slider.velocity'] == pytest.approx(-0.557677535825, abs=6e-13)
@@ -202,28 +202,28 @@ def test_document_4_stands_in_the_table():
 
 
 def test_extents_are_those_of_the_motion():
-    curves = Curves(load('quadrilateral').mechanism, 5 * math.pi)
-    torque = extent(curves.crank, curves.columns['driving_torque'].values)
+    period = SpeedDrivenPeriod(load('quadrilateral').mechanism, 5 * math.pi)
+    torque = extent(period.crank, period.columns['driving_torque'].values)
     # Between 0.5 deg samples, of which the largest is at 294 and the smallest at 348 deg.
     assert 8.475284394410188 < torque.high < 8.4755
     assert math.degrees(torque.high_at) == pytest.approx(294.0, abs=0.25)
     assert -8.5475 < torque.low < -8.54729141947143
     assert math.degrees(torque.low_at) == pytest.approx(348.0, abs=0.25)
     assert abs(torque.mean) < 1e-14  # all the work comes back
-    assert curves.mean_power == 0.0
-    wave = extent(curves.crank, 3 * np.sin(curves.crank - 1))
+    assert period.mean_power == 0.0
+    wave = extent(period.crank, 3 * np.sin(period.crank - 1))
     assert wave.rms == pytest.approx(3 / math.sqrt(2), rel=1e-12)
     assert (wave.high, wave.high_at) == pytest.approx((3.0, math.pi / 2 + 1), rel=1e-6)
-    constant = extent(curves.crank, np.full_like(curves.crank, -2.0))
+    constant = extent(period.crank, np.full_like(period.crank, -2.0))
     assert (constant.mean, constant.rms) == pytest.approx((-2.0, 2.0), rel=1e-14)
 
 
 @pytest.mark.parametrize('preset', PRESETS)
 @pytest.mark.parametrize('acceleration', [0.0, 3.0])
 def test_mean_power_is_the_mean_of_the_power(preset, acceleration):
-    curves = Curves(load(preset).mechanism, 4 * math.pi, acceleration)
-    power = extent(curves.crank, curves.columns['driving_power'].values)
-    assert curves.mean_power == pytest.approx(power.mean, rel=1e-6, abs=1e-12 * power.rms)
+    period = SpeedDrivenPeriod(load(preset).mechanism, 4 * math.pi, acceleration)
+    power = extent(period.crank, period.columns['driving_power'].values)
+    assert period.mean_power == pytest.approx(power.mean, rel=1e-6, abs=1e-12 * power.rms)
 
 
 @pytest.mark.parametrize('gap', [1e-3, 1e-5, 1e-7, 1e-9, 1e-12])
@@ -231,14 +231,14 @@ def test_no_spike_next_to_a_change_point_is_missed(gap):
     """The faster the motion, the finer the angles; a grid of 0.5 deg sees nothing of it."""
     crank, body = Body(0.1), {'mass': 1.0, 'inertia': 0.01}
     coupler, rocker = Coupler(0.2, center=(0.1, 0.0), **body), Body(0.3 + gap, **body)
-    curves = Curves(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
-    found = extent(curves.crank, curves.columns['coupler.acceleration'].values)
+    period = SpeedDrivenPeriod(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
+    found = extent(period.crank, period.columns['coupler.acceleration'].values)
     # At theta = pi itself the acceleration is at its peak, to first order in the gap.
-    at_pi = curves.solver.state(0.3 + math.pi, 2 * math.pi)
+    at_pi = period.solver.state(0.3 + math.pi, 2 * math.pi)
     assert found.high == pytest.approx(at_pi.acceleration[1], rel=max(1e-3, 10 * gap))
-    power = extent(curves.crank, curves.columns['driving_power'].values)
+    power = extent(period.crank, period.columns['driving_power'].values)
     assert abs(power.mean) < 0.02 * power.rms
-    assert curves.mean_power == 0.0
+    assert period.mean_power == 0.0
 
 
 def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, monkeypatch, capsys):
@@ -312,9 +312,9 @@ def test_a_pump_that_starts_at_rest_says_which_parameter_to_set(tmp_path, monkey
 def test_the_library_refuses_reactions_at_change_points_too(tmp_path):
     (tmp_path / 'folding.yaml').write_text(CHANGE_POINT)
     mechanism = load(str(tmp_path / 'folding.yaml')).mechanism
-    Curves(mechanism, 1.0)
+    SpeedDrivenPeriod(mechanism, 1.0)
     with pytest.raises(ConfigurationError, match='change point'):
-        Curves(mechanism, 1.0, reactions=True)
+        SpeedDrivenPeriod(mechanism, 1.0, reactions=True)
 
 
 def test_without_matplotlib_the_package_to_install_is_named(tmp_path):

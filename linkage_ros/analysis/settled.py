@@ -12,7 +12,7 @@ import numpy as np
 from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.pump import require_forwards
-from linkage_ros.dynamics.curves import Period, mean
+from linkage_ros.dynamics.period import Period, mean
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor

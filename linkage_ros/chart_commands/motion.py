@@ -8,7 +8,7 @@ import argparse
 from typing import cast
 
 from linkage_ros.chart_commands.output import folder, libraries, progress, save_table
-from linkage_ros.dynamics.curves import Curves, Period
+from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanisms.registry import Linkage
@@ -68,12 +68,12 @@ def _driven(
             f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
         )
     rpm = drive.target if options.rpm is None else options.rpm
-    curves = Curves(
+    period = SpeedDrivenPeriod(
         mechanism, radians_per_second(rpm), options.acceleration, reactions=options.reactions
     )
     accelerated = f', {options.acceleration:g} rad/s^2' if options.acceleration else ''
-    grashof = curves.solver.mobility.grashof
-    return curves, [grashof, f'{rpm:g} rpm{accelerated}', *travel(curves.solver).words()]
+    grashof = period.solver.mobility.grashof
+    return period, [grashof, f'{rpm:g} rpm{accelerated}', *travel(period.solver).words()]
 
 
 def _settled(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from linkage_ros import __version__
-from linkage_ros.dynamics.curves import Column
+from linkage_ros.dynamics.period import Column
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.progress import progress_bar
 

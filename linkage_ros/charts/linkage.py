@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
 from linkage_ros.charts.sizes import SMALL
-from linkage_ros.dynamics.curves import Period
+from linkage_ros.dynamics.period import Period
 from linkage_ros.numeric import Array
 from linkage_ros.palette import COLORS, DARK, GREY, fractions
 from linkage_ros.view.drawing import Drawing

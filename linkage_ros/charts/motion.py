@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 from linkage_ros.charts.linkage import draw_linkage
 from linkage_ros.charts.page import MARGIN, Line, Page, Shade, Words
 from linkage_ros.charts.sizes import NUMBERS, SMALL, TEXT, WIDTH
-from linkage_ros.dynamics.curves import Period, extent
+from linkage_ros.dynamics.period import Period, extent
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, fractions
 

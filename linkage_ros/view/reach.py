@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.curves import Curves
+from linkage_ros.dynamics.period import SpeedDrivenPeriod
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.mechanisms.registry import Linkage, Mechanism
 from linkage_ros.mechanisms.transmission import Arc
@@ -63,9 +63,9 @@ def going_round(mechanism: Mechanism) -> set[str]:
     """
     if not isinstance(mechanism, Linkage) or not Solver(mechanism).mobility.turns_fully:
         return {'crank'}
-    curves = Curves(mechanism, 0.0)
-    joints = curves.structure.joints
-    turned = {j.name: np.ptp(curves.columns[f'{j.name}.position'].values[[0, -1]]) for j in joints}
+    period = SpeedDrivenPeriod(mechanism, 0.0)
+    joints = period.structure.joints
+    turned = {j.name: np.ptp(period.columns[f'{j.name}.position'].values[[0, -1]]) for j in joints}
     return {joint.name for joint in joints if not joint.slides and turned[joint.name] > math.pi}
 
 

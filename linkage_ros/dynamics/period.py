@@ -120,7 +120,7 @@ class Period:
         ]
 
 
-class Curves(Period):
+class SpeedDrivenPeriod(Period):
     """One period of a mechanism, at a speed and an acceleration that hold at every angle.
 
     The crank angles are 0.5 deg apart, and as fine as it takes next to change points.
