@@ -212,7 +212,9 @@ def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--out', type=Path, default=Path('controller'), metavar='DIR')
+    parser.add_argument(
+        '--out', type=Path, default=Path('controller'), metavar='DIR', help='for results'
+    )
     parser.add_argument('--quick', action='store_true', help='one speed, as it is')
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)

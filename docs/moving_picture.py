@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
     from rerun.experimental import ViewerClient
 
-_NAME = 'moving_picture'
+_NAME = 'python docs/moving_picture.py'
 _OUT = Path(__file__).with_name('quadrilateral.gif')
 _RPM, _TURN = 60.0, 1.0  # s
 _FRAMES = 50  # a turn: as many as a View draws, so that each shows another state

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import time
@@ -26,7 +27,7 @@ STATES = {'/joint_states': 'sensor_msgs/msg/JointState'}
 
 def test_way_1_the_subscriber_turns_the_crank(tmp_path):
     script = tmp_path / 'prototype.py'
-    script.write_text(block(PAGE, 'import rclpy'))
+    script.write_text(block(PAGE, 'from contextlib'))
     assert len(script.read_text().splitlines()) <= 15
     (plant,) = re.findall(r'`linkage_node (--ros-args [^`]+)`', PAGE)
     domain = fresh_domain()
@@ -34,7 +35,9 @@ def test_way_1_the_subscriber_turns_the_crank(tmp_path):
         Listener(domain, STATES) as listener,
         running('node', *shlex.split(plant), domain=domain) as node,
     ):
-        prototype = subprocess.Popen([sys.executable, script], env=environment(domain))
+        prototype = subprocess.Popen(
+            [sys.executable, script], env=environment(domain), stderr=subprocess.PIPE, text=True
+        )
         try:
 
             def speed():
@@ -44,6 +47,9 @@ def test_way_1_the_subscriber_turns_the_crank(tmp_path):
             # It asks for 15.7 rad/s; gravity makes a proportional law swing about it.
             wait_for(lambda: speed() > 10.0)
             assert speed() < 20.0
+            prototype.send_signal(signal.SIGINT)
+            _, said = prototype.communicate(timeout=60)
+            assert (prototype.returncode, said) == (0, '')
         finally:
             prototype.kill()
             prototype.wait()

@@ -106,10 +106,11 @@ def main():
     """Runs all of it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     default = Path(tempfile.gettempdir(), '.peers')
-    parser.add_argument('--venv', type=Path, default=default, help='default: %(default)s')
-    parser.add_argument('--json', type=Path)
-    parser.add_argument('--markdown', type=Path)
-    parser.add_argument('--rounds', type=int, default=21)
+    add = parser.add_argument
+    add('--venv', type=Path, default=default, help='of the peers (default: %(default)s)')
+    add('--json', type=Path, metavar='FILE', help='where to write the figures')
+    add('--markdown', type=Path, metavar='FILE', help='where to write the tables')
+    add('--rounds', type=int, default=21, help='of each timing (default: %(default)s)')
     options = parser.parse_args()
     python, left_out = environment(options.venv)
     with tempfile.TemporaryDirectory() as folder:

@@ -181,7 +181,7 @@ def broken(name: str, one: dict[str, Any]) -> list[str]:
 
 
 def main() -> int:
-    given = options(__doc__, after=2.0)
+    given = options(__doc__, after=(2.0, 's before each trouble'))
     enter_namespace()
     figures, wrong = {}, 0
     with tempfile.TemporaryDirectory() as name:

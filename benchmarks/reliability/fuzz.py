@@ -45,7 +45,11 @@ def run_covered(seconds, out):
 
 def main():
     """Runs what was asked for and leaves DIR/fuzz.json."""
-    options = harness.options(__doc__, cases=10_000, processes=120, seed=0, coverage=0)
+    options = harness.options(
+        __doc__,
+        cases=(10_000, 'seeded cases'), processes=(120, 'executables started'),
+        seed=(0, 'of the first case'), coverage=(0, 's under coverage instead of cases'),
+    )  # fmt: skip
     out = options.out / 'fuzz'
     out.mkdir(parents=True, exist_ok=True)
     if options.coverage:

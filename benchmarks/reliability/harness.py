@@ -206,10 +206,15 @@ def finish(name: str, out: Path, figures: object) -> None:
     (out / f'{name}.json').write_text(json.dumps(figures, indent=1) + '\n')
 
 
-def options(doc: str, **numbers: float) -> argparse.Namespace:
-    """The options that all of them have: --out, and a number or two of their own."""
-    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
-    parser.add_argument('--out', type=Path, default=Path('reliability'), metavar='DIR')
-    for name, value in numbers.items():
-        parser.add_argument(f'--{name}', type=type(value), default=value)
+def options(doc: str, **numbers: tuple[float, str]) -> argparse.Namespace:
+    """The options that all of them have: --out, and numbers of their own, with what they are."""
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add = parser.add_argument
+    out = Path('reliability')
+    add('--out', type=Path, default=out, metavar='DIR', help=f'for figures (default {out})')
+    for name, (value, words) in numbers.items():
+        words = f'{words} (default {value:g})'
+        add(f'--{name}', type=type(value), default=value, metavar='N', help=words)
     return parser.parse_args()

@@ -160,7 +160,7 @@ def show(figures: dict[str, Any]) -> None:
 
 
 def main() -> int:
-    given = options(__doc__, short=5.0, long=30.0)
+    given = options(__doc__, short=(5.0, 's of the short cut'), long=(30.0, 's of the long cut'))
     kinds = [('cable', given.short)]
     if given.long:
         kinds += [('cable', given.long), ('silent', given.long)]

@@ -78,7 +78,7 @@ def is_kept(figures: dict[str, Any]) -> bool:
 
 
 def main() -> int:
-    given = options(__doc__, kills=20, seed=1)
+    given = options(__doc__, kills=(20, 'runs killed'), seed=(1, 'of the moments'))
     rng, kills = random.Random(given.seed), []
     for number in range(given.kills):
         seconds = rng.uniform(EARLIEST, LATEST)

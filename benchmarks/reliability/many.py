@@ -189,7 +189,9 @@ def show(one: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    given = options(__doc__, seconds=8.0, most=max(NUMBERS))
+    given = options(
+        __doc__, seconds=(8.0, 's for each number of nodes'), most=(max(NUMBERS), 'nodes at most')
+    )
     rows = []
     for number in (n for n in NUMBERS if n <= given.most):
         rows.append(measure(number, [FIRST_DOMAIN], given.seconds))

@@ -97,7 +97,7 @@ def cut(folder: Path, seconds: float) -> dict[str, Any]:
 
 
 def main() -> int:
-    given = options(__doc__, cuts=10, seed=1)
+    given = options(__doc__, cuts=(10, 'cuts of the power'), seed=(1, 'of the moments'))
     rng, cuts = random.Random(given.seed), []
     for number in range(given.cuts):
         seconds = rng.uniform(EARLIEST, LATEST)

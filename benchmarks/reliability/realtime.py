@@ -182,9 +182,13 @@ def broken(found: dict[str, Any]) -> list[str]:
 def main() -> int:
     """Prints the figures."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--out', type=Path, default=Path('reliability'), metavar='DIR')
-    parser.add_argument('--seconds', type=float, default=60.0, help='of each contender and rate')
-    parser.add_argument('--rates', type=float, nargs='+', default=[200.0, 1000.0, 2000.0])
+    parser.add_argument(
+        '--out', type=Path, default=Path('reliability'), metavar='DIR', help='for figures'
+    )
+    parser.add_argument('--seconds', type=float, default=60.0, help='s of each contender and rate')
+    parser.add_argument(
+        '--rates', type=float, nargs='+', default=[200.0, 1000.0, 2000.0], help='Hz'
+    )
     options = parser.parse_args()
     found, fallen = {}, []
     for rate in options.rates:

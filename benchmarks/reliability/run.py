@@ -43,7 +43,9 @@ def main() -> int:
     """Runs them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('names', nargs='*', metavar='NAME', help=', '.join(SCRIPTS))
-    parser.add_argument('--out', type=Path, default=Path('reliability'), metavar='DIR')
+    parser.add_argument(
+        '--out', type=Path, default=Path('reliability'), metavar='DIR', help='for figures'
+    )
     options = parser.parse_args()
     if unknown := set(options.names) - set(SCRIPTS):
         parser.error(f'{", ".join(sorted(unknown))}: choose from {", ".join(SCRIPTS)}')

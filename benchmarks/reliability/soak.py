@@ -175,7 +175,7 @@ def broken(figures: dict[str, Any]) -> list[str]:
 
 def main() -> int:
     """Prints the figures."""
-    given = options(__doc__, minutes=20.0)
+    given = options(__doc__, minutes=(20.0, 'of the run'))
     os.environ.update(environment(DOMAIN))
     with tempfile.TemporaryDirectory() as folder:
         log, heard = Path(folder, 'run.mcap'), Path(folder, 'heard.npy')

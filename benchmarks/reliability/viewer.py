@@ -167,7 +167,7 @@ def broken(figures: dict[str, Any]) -> list[str]:
 
 
 def main() -> int:
-    given = options(__doc__, seconds=60.0)
+    given = options(__doc__, seconds=(60.0, 's of each trouble'))
     figures: dict[str, Any] = {}
     for name, (target, *_) in FAULTS.items():
         with tempfile.TemporaryDirectory() as folder, windows(Path(folder)):

@@ -80,7 +80,7 @@ def draw_torques(
         axes.tick_params(labelbottom=number == len(labels) - 1)
         axes.set_ylabel(words, fontsize=SMALL)
     two = ', '.join(
-        f'{one.low:.4g} to {one.high:.4g}' for one in analysis.branch.bistable_ranges()
+        f'{one.low:.4g} to {one.high:.4g} N m' for one in analysis.branch.bistable_ranges()
     )
     axes.set_xlabel(
         f"Motor's torque at rest M0, N m\n(two stable states: {two or 'nowhere here'})",
