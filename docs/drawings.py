@@ -187,7 +187,7 @@ def slider_crank() -> Picture:
     middle = left + foot / 2 - 0.03 * guide
     sheet.along((middle - 0.4 * guide, middle), 'slider.offset e', slider, 0)
     sheet.dashes(0j, foot, color=slider)
-    sheet.arrow(foot, at['B'] - 0.1 * guide, slider)
+    sheet.arrow(foot, at['B'], slider)
     sheet.along((foot, foot + 1.2 * guide), 'slider position x', slider, 15)
     sheet.text(at['B'], 'B of assembly: open', shift=-10 - 66j)
     sheet.text(sheet.other['B'], 'B of assembly: crossed', shift=-36 - 60j, anchor='start')
@@ -215,7 +215,7 @@ def wind_pump() -> Picture:
     )  # fmt: skip
     at, (phi1, phi2, phi3) = sheet.at, sheet.directions
     crank, coupler, rod, slider = (COLORS[n] for n in ('crank', 'coupler', 'rod', 'slider'))
-    sheet.arrow(0j, 1.4 + 0j, slider)
+    sheet.arrow(0j, at['D'], slider)
     sheet.text(0.8 + 0j, 'slider.position xD', slider, shift=15j)
     sheet.along((0j, at['A']), 'crank.length l1', crank, 18)
     sheet.along((at['A'], at['B']), 'coupler.length l2', coupler, 18)

@@ -27,9 +27,9 @@ _ENDS = {
 # Parts of the width of all that moves: the margin around it, the marks of the fixed link, and how
 # long a scale may be.
 _MARGIN, _MARK, _BAR = 0.04, 0.04, 0.25
-# In marks: how far that of a pivot reaches below it, how far names are beside their pins, and how
-# high a name is in a small window.
-_FOOT, _ASIDE, _NAME = 1.4, 1.4, 1.5
+# In marks: how far that of a pivot reaches below it, how far names are beside their pins, beyond a
+# slider's block too, and how high a name is in a small window.
+_FOOT, _ASIDE, _BEYOND, _NAME = 1.4, 1.4, 1.9, 1.5
 
 
 class Drawing:
@@ -88,8 +88,10 @@ class Drawing:
         mark = _MARK * np.ptp(everything, axis=0).max()
         self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
         self._block: npt.NDArray[np.complex128] | None = None
+        self._axis: Array | None = None
         if output.slides:
             axis = complex(math.cos(output.angle), math.sin(output.angle))
+            self._axis = np.array([axis.real, axis.imag])
             self._block = mark * axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j])
             self.ground += _rail(swept[:, self._output_pin], axis, mark)
         self._mark, down = mark, np.array([0.0, mark])
@@ -131,9 +133,16 @@ class Drawing:
         away = points - middle[:, np.newaxis]
         length = np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-12 * self._mark)
         away = away / length
+        far = np.full((points.shape[1], 1), _ASIDE)
+        if (
+            self._axis is not None
+        ):  # on the guide, beside the block: below it the ground is hatched
+            side = np.copysign(1.0, away[:, self._output_pin] @ self._axis)
+            away[:, self._output_pin] = np.outer(side, self._axis)
+            far[self._output_pin] = _BEYOND
         # A name hangs down from its place: above a pin it needs room for its height.
         away[..., 1] += 0.5 * (1 + away[..., 1])
-        aside: Array = points + _ASIDE * self._mark * away
+        aside: Array = points + far * self._mark * away
         return aside
 
     def of_links(self, position: Array) -> Array:
