@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -25,7 +28,19 @@ def progress_bar(
         The bar, which gives the items.
     """
     disable = None if wanted else True  # None: where stderr is no terminal
-    return tqdm(items, disable=disable, leave=False, mininterval=1.0, **look)
+    look = {'leave': False, 'mininterval': 1.0, **_size(), **look}
+    return tqdm(items, disable=disable, **look)
+
+
+def _size() -> dict[str, int]:
+    """What tqdm is told of a terminal that has no size, as one of `script` where there is none."""
+    try:
+        if all(os.get_terminal_size(sys.stderr.fileno())):
+            return {}  # it looks itself
+    except (AttributeError, OSError, ValueError):  # stderr is none, a pipe, or in memory
+        return {}
+    columns, rows = shutil.get_terminal_size()  # 80 x 24, or what the environment says
+    return {'ncols': columns - 1, 'nrows': rows - 1}  # the last are left free, as elsewhere
 
 
 @contextmanager

@@ -12,19 +12,26 @@ import termios
 from contextlib import contextmanager
 from pathlib import Path
 
-from linkage_ros.progress import waiting
+from linkage_ros.progress import progress_bar, waiting
 
 
 @contextmanager
-def terminal():
+def terminal(rows=24, columns=80):
     """While stderr is a terminal: what is written on it."""
     master, slave = os.openpty()
-    os.set_blocking(master, False)
-    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack('4H', 24, 80, 0, 0))
+
+    def said():
+        os.write(slave, b'\0')  # what is written comes through a while later, in order
+        text = b''
+        while not text.endswith(b'\0'):
+            text += os.read(master, 10_000)
+        return text[:-1].decode()
+
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack('4H', rows, columns, 0, 0))
     before = sys.stderr
     try:
         with Path(f'/dev/fd/{slave}').open('w', buffering=1) as sys.stderr:
-            yield lambda: os.read(master, 10_000).decode()
+            yield said
     finally:
         sys.stderr = before
         os.close(master)
@@ -55,6 +62,22 @@ def test_what_others_say_meanwhile_stands_alone():
         with waiting('looks'):
             print('nobody listens so far', file=sys.stderr)
         assert lines(said()) == ['nobody listens so far', '']
+
+
+def test_a_terminal_without_a_size_has_80_columns(monkeypatch):
+    monkeypatch.delenv('COLUMNS', raising=False)
+    with terminal(0, 0) as said:
+        with progress_bar(total=4, desc='runs'):
+            during = said()
+        assert [len(line) for line in lines(during)] == [79]  # the last stays free
+        assert lines(during + said()) == ['']
+        with waiting('looks for listeners'):
+            assert lines(said()) == ['looks for listeners']
+
+
+def test_a_bar_is_as_wide_as_its_terminal():
+    with terminal(24, 120) as said, progress_bar(total=4, desc='runs'):
+        assert [len(line) for line in lines(said())] == [119]
 
 
 def test_without_a_terminal_nothing_is_said(capsys):
