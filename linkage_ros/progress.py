@@ -28,7 +28,8 @@ def progress_bar(
         The bar, which gives the items.
     """
     disable = None if wanted else True  # None: where stderr is no terminal
-    look = {'leave': False, 'mininterval': 1.0, **_size(), **look}
+    # Every item may be shown (miniters): tqdm would learn from quick ones to skip slow ones.
+    look = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **_size(), **look}
     return tqdm(items, disable=disable, **look)
 
 
