@@ -24,6 +24,7 @@ from linkage_ros.analysis.fourier import extremum
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.pump import analyse
 from linkage_ros.analysis.runs import follow_run
+from linkage_ros.analysis.settled import SettledTurn
 from linkage_ros.analysis.states_table import states_table
 from linkage_ros.charts.pump import draw_pump
 from linkage_ros.errors import MotionError
@@ -61,9 +62,24 @@ def followed(mechanism, low, high, count, damping=MOTOR.damping):
     return poincare, follow_branch(poincare, averaged, plain)
 
 
+class Bars(dict):
+    """How many of the items that a bar promised have not come, by its words."""
+
+    def __call__(self, items, words):
+        self[words] = len(items) if hasattr(items, '__len__') else 0
+        for item in items:
+            self[words] = max(0, self[words] - 1)
+            yield item
+
+
 @pytest.fixture(scope='module')
-def analysis():
-    return analyse(PUMP, MOTOR, speeds=(2.0, 6.0), quick=True, progress=plain)
+def bars():
+    return Bars()
+
+
+@pytest.fixture(scope='module')
+def analysis(bars):
+    return analyse(PUMP, MOTOR, speeds=(2.0, 6.0), quick=True, progress=bars)
 
 
 # ---------------------------------------------------------------- document 3's figure 3
@@ -282,6 +298,11 @@ def test_too_weak_a_motor_has_no_state(analysis):
 def test_what_cannot_turn_is_refused_at_once(changes, torque, speeds, error, message):
     with pytest.raises(error, match=message):
         analyse(slid(**changes), Motor(torque, 1.2), speeds=speeds, quick=True, progress=plain)
+
+
+def test_every_bar_comes_to_its_end(analysis, bars):
+    SettledTurn(PUMP, MOTOR, 2.0, bars)
+    assert bars == dict.fromkeys(('load curve', 'boundaries', 'starts', 'runs', 'turns'), 0)
 
 
 def test_a_run_that_leaves_says_where(analysis):

@@ -178,7 +178,7 @@ def find_basins(
     phases = np.array((0 * speeds, 0 * speeds + position, speeds, velocities))
     outcomes, going = np.full(len(speeds), ELSEWHERE), np.arange(len(speeds))
     times, spans = 0 * speeds, np.full(len(speeds), _FIRST)
-    for number in progress(range(_MOST), 'starts'):
+    for number in progress(iter(range(_MOST)), 'starts'):  # without its length: all settle before
         phases, made, spans = ensemble.advance(phases, spans)
         times += made
         found = np.where(spans < _SHORTEST, LEAVES, ELSEWHERE)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -48,25 +48,31 @@ class Boundary(NamedTuple):
     motion: PeriodicMotion
 
 
-def boundaries(poincare: PoincareMap, motions: Sequence[PeriodicMotion]) -> Iterable[Boundary]:
-    """Where neighbours differ in stability, by a polynomial through a test function there."""
+def find_boundary(
+    poincare: PoincareMap, pair: tuple[PeriodicMotion, PeriodicMotion]
+) -> Boundary | None:
+    """Where neighbours differ in stability, by a polynomial through a test function there.
+
+    Args:
+        poincare: The Poincare map.
+        pair: The neighbours, by growing speed.
+
+    Returns:
+        The boundary; None: none is found.
+    """
     shares = (1 - np.cos(np.pi * np.arange(1, _NODES) / _NODES)) / 2
-    for pair in itertools.pairwise(motions):
-        if pair[0].stable == pair[1].stable:
-            continue
-        known = [pair[0], *filter(None, _between(poincare, pair, shares)), pair[1]]
-        places = [
-            (motion.speed - known[0].speed) / (pair[1].speed - known[0].speed) for motion in known
-        ]
-        for kind, test in _TESTS.items():
-            values = [test(motion.multipliers) for motion in known]
-            if values[0] * values[-1] < 0:
-                roots = np.polynomial.Polynomial.fit(places, values, len(known) - 1).roots()
-                real = roots.real[(abs(roots.imag) < 1e-9) & (abs(roots.real - 0.5) <= 0.5)]
-                (motion,) = _between(poincare, pair, real[:1])
-                if motion:
-                    yield Boundary(kind, motion)
-                break
+    known = [pair[0], *filter(None, _between(poincare, pair, shares)), pair[1]]
+    places = [
+        (motion.speed - known[0].speed) / (pair[1].speed - known[0].speed) for motion in known
+    ]
+    for kind, test in _TESTS.items():
+        values = [test(motion.multipliers) for motion in known]
+        if values[0] * values[-1] < 0:
+            roots = np.polynomial.Polynomial.fit(places, values, len(known) - 1).roots()
+            real = roots.real[(abs(roots.imag) < 1e-9) & (abs(roots.real - 0.5) <= 0.5)]
+            (motion,) = _between(poincare, pair, real[:1])
+            return Boundary(kind, motion) if motion else None
+    return None
 
 
 def _between(

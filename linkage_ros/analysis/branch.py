@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros.analysis.averaging import Averaged
-from linkage_ros.analysis.boundaries import Boundary, boundaries
+from linkage_ros.analysis.boundaries import Boundary, find_boundary
 from linkage_ros.analysis.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.numeric import Array
@@ -143,8 +143,10 @@ def follow_branch(
         )
         if is_found
     ]
-    losses = itertools.chain(*(boundaries(poincare, stretch) for stretch in stretches))
-    return Branch(tuple(stretches), tuple(losses))
+    neighbours = itertools.chain(*map(itertools.pairwise, stretches))
+    changes = [(one, other) for one, other in neighbours if one.stable != other.stable]
+    losses = [find_boundary(poincare, pair) for pair in progress(changes, 'boundaries')]
+    return Branch(tuple(stretches), tuple(filter(None, losses)))
 
 
 def _extend(

@@ -86,7 +86,7 @@ def _settle(
     require_forwards(mechanism, motor, [speed])
     poincare, slider = PoincareMap(mechanism, motor.damping), mechanism.slider
     point = np.array([[slider.position], [slider.velocity], [speed]])
-    for turn in progress(range(1, _LONGEST + 1), 'turns'):
+    for turn in progress(iter(range(1, _LONGEST + 1)), 'turns'):  # its length is but a bound
         point = poincare.image(point, motor.torque)[:3]
         if turn % _LOOK:
             continue
