@@ -76,10 +76,13 @@ def measure_motion_outcomes(
     """
     cells = []
     groups = [list(group) for _, group in itertools.groupby(situations, key=lambda s: s.generate)]
-    for group in progress(groups, 'motions'):
+    every = progress(list(itertools.product(groups, methods)), 'motions')
+    for group, pairs in itertools.groupby(every, key=lambda pair: pair[0]):
         found = group[0].cases(mechanisms, cases)
         benches = [MotionBench(case.problem, case.times, case.formula) for case in found]
-        for situation, method, followed in _every(group, methods, found):
+        # Situations that share their motions share what comes of them.
+        runs = [(method, [_follow(method, case) for case in found]) for _, method in pairs]
+        for situation, (method, followed) in itertools.product(group, runs):
             judged = [
                 _judge(situation, *parts) for parts in zip(found, benches, followed, strict=True)
             ]
@@ -87,16 +90,6 @@ def measure_motion_outcomes(
             errors = [error for other, error in judged if other == outcome and error is not None]
             cells.append(Cell(method.name, situation.name, outcome, max(errors, default=None)))
     return cells
-
-
-def _every(
-    group: list[MotionSituation], methods: Sequence[Integrator], cases: list[MotionCase]
-) -> Iterable[tuple[MotionSituation, Integrator, list[_Followed]]]:
-    """Situations that share their motions share what comes of them."""
-    followed = [[_follow(method, case) for case in cases] for method in methods]
-    for situation in group:
-        for method, found in zip(methods, followed, strict=True):
-            yield situation, method, found
 
 
 def _follow(method: Integrator, case: MotionCase) -> _Followed:

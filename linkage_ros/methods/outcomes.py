@@ -14,6 +14,7 @@ case, one at a time and as an array; a cell of the chart is its worst outcome, i
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -95,9 +96,10 @@ def measure_outcomes(
         The cells, situation by situation.
     """
     cells = []
-    for situation in progress(list(situations), 'situations'):
+    every = progress(list(itertools.product(situations, methods)), 'situations')
+    for situation, pairs in itertools.groupby(every, key=lambda pair: pair[0]):
         trials = [_Trial(case) for case in situation.cases(cases)]
-        cells += [_cell(method, situation, trials) for method in methods]
+        cells += [_cell(method, situation, trials) for _, method in pairs]
     return cells
 
 
