@@ -154,5 +154,12 @@ def _run() -> None:
         print(f'watch it in 2-D:  {shown}/rerun {_VIEW}')
 
 
+def _main() -> int:
+    purpose = 'turn a four-bar on ROS 2 for 8 s and watch it; without rclpy, record it'
+    notes = 'It writes into the folder demo, here.'
+    cli.make_parser('python -m linkage_ros.demo', purpose, ('',), notes).parse_args()
+    return cli.leave(cli.run(_NAME, _run))
+
+
 if __name__ == '__main__':
-    sys.exit(cli.leave(cli.run(_NAME, _run)))
+    sys.exit(_main())
