@@ -16,14 +16,16 @@ from linkage_ros import EquationsOfMotion
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
 
 ROUNDS = 7
 
 
-def best(call, number):
+def best(words, call, number):
     """Seconds a call, the best of some rounds."""
-    return min(timeit.repeat(call, number=number, repeat=ROUNDS)) / number
+    rounds = progress_bar(range(ROUNDS), desc=words, unit=' rounds')
+    return min(timeit.timeit(call, number=number) for _ in rounds) / number
 
 
 def main():
@@ -33,15 +35,17 @@ def main():
         equations = EquationsOfMotion(configuration.mechanism)
         count = len(equations.coordinates)
         q, u = (0.3, 1.5)[:count], (2.0, 0.4)[:count]
-        one = best(lambda e=equations, q=q, u=u: e.accelerations(q, u, 3.0), 5_000)
+        one = best(
+            'accelerations', lambda e=equations, q=q, u=u: e.accelerations(q, u, 3.0), 5_000
+        )
         steps = FixedSteps(
             DrivenMechanism(equations, lambda _, speed: 8.4 - 1.2 * speed), (*q, *u)
         )
-        tick = best(lambda steps=steps: steps.advance(steps.time + 1e-3), 500)
+        tick = best('steps', lambda steps=steps: steps.advance(steps.time + 1e-3), 500)
         with tempfile.TemporaryDirectory() as folder:
             longer = replace(configuration, session=replace(configuration.session, rate_hz=200.0))
             start = time.perf_counter()
-            states = record(longer, Path(folder) / 'run.mcap', duration=60)
+            states = record(longer, Path(folder) / 'run.mcap', duration=60, progress=True)
             minute = time.perf_counter() - start
         print(
             f'{configuration.kind.mechanism}: accelerations {one * 1e6:.1f} us, '
