@@ -22,6 +22,7 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.motion.plant import Plant
 from linkage_ros.palette import BLACK, FIRST, fractions
 from linkage_ros.parameters.configuration import configure
+from linkage_ros.progress import progress_bar
 from linkage_ros.units import radians_per_second
 
 RATE, RPM, TURNS = 1000.0, 150.0, 10
@@ -53,7 +54,9 @@ def draw(records: list[dict[str, float]], path: Path) -> None:
     """Deviation over delay, and the two cases that a controller meets."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 4.2), dpi=110, layout='constrained')
+    from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
+
+    figure = Figure(figsize=(WIDTH, 5.0), dpi=DPI, layout='constrained')
     axes = figure.subplots()
     delays = [record['delay_ticks'] for record in records]
     percent = [100 * record['largest_deviation'] for record in records]
@@ -67,12 +70,16 @@ def draw(records: list[dict[str, float]], path: Path) -> None:
         axes.annotate(
             f'{words}: {value:.2g} %',
             (delay, value),
-            (delay + 0.25, value - 0.35),
+            (8, -12),
+            textcoords='offset points',
             color=fractions(BLACK),
+            fontsize=TEXT,
         )
-    axes.set_xlabel('delay of the torque from mid-tick, ticks of 1 ms')
-    axes.set_ylabel('largest deviation of the crank speed, %')
-    axes.set_title(f'Torque of a constant {RPM:g} rpm, held over each tick, {TURNS} turns')
+    axes.set_xlabel('delay of the torque from mid-tick, ticks of 1 ms', fontsize=TEXT)
+    axes.set_ylabel('largest deviation of the crank speed, %', fontsize=TEXT)
+    axes.tick_params(labelsize=SMALL)
+    words = f'Torque of a constant {RPM:g} rpm, held over each tick, {TURNS} turns'
+    axes.set_title(words, fontsize=TITLE)
     axes.grid(color='0.9')
     axes.spines[['top', 'right']].set_visible(False)
     figure.savefig(path)
@@ -82,10 +89,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--out', type=Path, metavar='DIR', help='where to write picture and JSON')
     options = parser.parse_args()
-    records = []
-    for delay in DELAYS:
-        records.append({'delay_ticks': delay, 'largest_deviation': wander(delay)})
-        print(f'{delay:5.2f} ticks  {100 * records[-1]["largest_deviation"]:8.4f} %')
+    if options.out:
+        options.out.mkdir(parents=True, exist_ok=True)
+    records = [
+        {'delay_ticks': delay, 'largest_deviation': wander(delay)}
+        for delay in progress_bar(DELAYS, desc='delays', unit=' runs')
+    ]
+    for record in records:
+        print(f'{record["delay_ticks"]:5.2f} ticks  {100 * record["largest_deviation"]:8.4f} %')
     if options.out:
         (options.out / 'delay.json').write_text(json.dumps(records, indent=1) + '\n')
         draw(records, options.out / 'delay.png')
