@@ -39,11 +39,15 @@ def accuracy(options: argparse.Namespace) -> None:
         on = ', '.join(f'{name} {value}' for name, value in about().items())
         records = options.out / 'accuracy.json'
         save_records(records, [point.record() for point in (*points, *moved)])
-        pictures = [options.out / f'accuracy_{name.replace(" ", "_")}.png' for name in benches]
-        for name, picture in zip(benches, pictures, strict=True):
-            title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
-            draw_accuracy([point for point in points if point.mechanism == name], title, picture)
-        pictures.append(options.out / 'accuracy_motions.png')
-        title = f'Speed against accuracy: motions under a torque\n{on}'
-        draw_integration(moved, title, pictures[-1])
+        drawings = [
+            (
+                f'accuracy_{name.replace(" ", "_")}.png', name.replace('_', '-'), draw_accuracy,
+                [point for point in points if point.mechanism == name],
+            )
+            for name in benches
+        ]  # fmt: skip
+        motions = 'accuracy_motions.png', 'motions under a torque', draw_integration, moved
+        for picture, what, draw, measured in progress([*drawings, motions], 'pictures'):
+            draw(measured, f'Speed against accuracy: {what}\n{on}', options.out / picture)
+    pictures = [options.out / picture for picture, *_ in (*drawings, motions)]
     print(records, *pictures, sep='\n')
