@@ -141,9 +141,10 @@ def analyse(
         for name, point in progress(_starts(mechanism, speeds, states), 'runs')
     ]
     ends = near.locate(np.array([run.phase for run in runs]).T).tolist()
+    changed = sensitivities(poincare, branch, motor.torque, found, progress)
     return Analysis(
         poincare, motor, states, averaging.states(averaged, motor), branch, averaged,
-        sensitivities(poincare, branch, motor.torque, found), basins, runs, ends,
+        changed, basins, runs, ends,
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from linkage_ros.analysis.branch import Branch, SettledState, find_states
@@ -36,7 +36,11 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivities(
-    poincare: PoincareMap, branch: Branch, torque: float, found: Sequence[SettledState]
+    poincare: PoincareMap,
+    branch: Branch,
+    torque: float,
+    found: Sequence[SettledState],
+    progress: Callable[[Iterable[Any], str], Any],
 ) -> list[Sensitivity]:
     """Finds the stable states again at changed torques.
 
@@ -45,12 +49,13 @@ def sensitivities(
         branch: Where to look for them.
         torque: Of the motor at rest, N m, that is changed.
         found: All states at that torque.
+        progress: Wraps what is gone through, with a word for it.
 
     Returns:
         For each change and stable state, what becomes of it.
     """
     changed = []
-    for change in CHANGES:
+    for change in progress(CHANGES, 'other torques'):
         others = {one.piece: one.motion for one in find_states(poincare, branch, torque * change)}
         for number, (nominal, piece) in enumerate(found):
             if nominal.stable:
