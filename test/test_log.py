@@ -663,12 +663,15 @@ def other_files():
         writer.add_metadata(CONFIGURATION_RECORD, about)
         writer.finish()
         yield name, stream.getvalue(), 'checksum is wrong'
-    yield 'empty', b'', 'no readable MCAP file'
-    yield 'magic alone', b'\x89MCAP0\r\n', 'no readable MCAP file'
-    yield 'magic twice', b'\x89MCAP0\r\n' * 2, 'no readable MCAP file'
-    yield 'text', b'/**:\n  ros__parameters:\n    rpm: 1.0\n' * 10, 'no readable MCAP file'
-    yield 'ROS 1 bag', b'#ROSBAG V2.0\n' + bytes(4_096), 'no readable MCAP file'
-    yield 'SQLite bag', b'SQLite format 3\0' + bytes(4_096), 'no readable MCAP file'
+    cut, other = 'is damaged or not complete: linkage_log recover', '; name a log of linkage_ros'
+    begins = 'cannot be used: it is no MCAP file: it begins with'
+    yield 'empty', b'', f'cannot be used: it is empty{other}'
+    yield 'magic alone', b'\x89MCAP0\r\n', cut
+    yield 'magic twice', b'\x89MCAP0\r\n' * 2, cut
+    yield 'text', b'/**:\n  ros__parameters:\n    rpm: 1.0\n' * 10, rf"{begins} '/..:\\n r'{other}"
+    yield 'ROS 1 bag', b'#ROSBAG V2.0\n' + bytes(4_096), f"{begins} '#ROSBAG '{other}"
+    yield 'SQLite bag', b'SQLite format 3\0' + bytes(4_096), f"{begins} 'SQLite f'{other}"
+    yield 'bytes', b'\xff\0' * 4_096, rf"{begins} '(\\xff\\x00){{4}}'{other}"
 
 
 @pytest.mark.parametrize(

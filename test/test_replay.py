@@ -588,8 +588,8 @@ def test_what_is_no_log_is_refused_with_one_line(log, called, tmp_path):
     cut_off.write_bytes(log.read_bytes()[:5000])
     foreign(other)
     for path, reason in (
-        (text, 'no readable MCAP'),
-        (empty, 'no readable MCAP'),
+        (text, "it begins with 'no log'; name a log"),
+        (empty, 'it is empty; name a log'),
         (cut_off, 'not complete: its run was killed.*linkage_log recover'),
         (other, 'no log of linkage_ros'),
         (missing, 'No such file'),

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from mcap.records import Channel, ChunkIndex, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
-from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.errors import ConfigurationError, LogError, printable
 from linkage_ros.files import open_file
 from linkage_ros.log import untrusted_mcap
 from linkage_ros.log.metadata import (
@@ -31,6 +31,7 @@ _NO_SCHEMA = Schema(0, b'', '', '')
 _CUT = (
     'it is not complete: its run was killed, or goes on; linkage_log recover saves what is there'
 )
+_OTHER = 'name a log of linkage_ros, as linkage_record writes them'
 
 
 class LoggedMessage(NamedTuple):
@@ -129,12 +130,14 @@ class LogReader(AbstractContextManager['LogReader']):
         """What stands at the end of the file, if that is whole and the file an MCAP file.
 
         Raises:
-            LogError: The file is cut off, or its index is damaged.
-            ValueError: It is no MCAP file.
+            LogError: It is no MCAP file, it is cut off, or its index is damaged.
         """
         begin = self._stream.read(_MAGIC_SIZE)
+        if not begin:  # or a pipe into which nobody writes
+            raise LogError(f'it is empty; {_OTHER}')
         if begin != MCAP0_MAGIC:
-            raise ValueError(f'it begins with {begin!r}')
+            words = printable(begin.decode('ascii', 'backslashreplace'))
+            raise LogError(f"it is no MCAP file: it begins with '{words}'; {_OTHER}")
         self._stream.seek(self._stream.seek(0, os.SEEK_END) - _MAGIC_SIZE)
         if self._stream.read(_MAGIC_SIZE) != MCAP0_MAGIC:
             raise LogError(_CUT)
@@ -262,5 +265,6 @@ def _damage_reported(path: Path) -> Iterator[None]:
     except Exception as error:  # nothing bounds what damage makes a parser raise
         cause = ' '.join(f'{type(error).__name__}: {error}'.split())[:200]
         raise LogError(
-            f'{path} is no readable MCAP file, or is damaged or not complete ({cause})'
+            f'{path} is damaged or not complete: linkage_log recover saves what can be read of it '
+            f'({cause})'
         ) from error
