@@ -94,6 +94,17 @@ def is_one_file(path: str, other: str) -> bool:
     return False
 
 
+def is_replaceable(path: Path | str) -> bool:
+    """Whether `open_file` could write a file anew: no folder, no pipe, no loop of links."""
+    try:
+        mode = Path(path).stat().st_mode
+    except FileNotFoundError:  # nothing, or a link to what is not there yet
+        return True
+    except (OSError, ValueError):
+        return False
+    return stat.S_ISREG(mode) or stat.S_ISCHR(mode)  # as /dev/null is
+
+
 def is_there(path: Path | str) -> bool:
     """Whether there is something under a name; Path.exists raises where none can have it."""
     with suppress(OSError, ValueError):

@@ -391,6 +391,30 @@ def test_a_link_to_an_existing_file_is_kept(tmp_path):
     assert target.read_bytes() == b'precious'
 
 
+@pytest.mark.parametrize('what', ['folder', 'pipe', 'loop', 'socket'])
+def test_what_overwriting_would_not_replace_needs_another_name(tmp_path, what):
+    target = tmp_path / 'run.mcap'
+    if what == 'folder':
+        target.mkdir()
+    elif what == 'pipe':
+        os.mkfifo(target)
+    elif what == 'loop':
+        target.symlink_to(target)
+    else:
+        os.mknod(target, stat.S_IFSOCK | 0o600)
+    with pytest.raises(LogError, match=r'run\.mcap is no file that could be replaced: choose an'):
+        LogWriter(target, CONFIGURATION, overwrite=False)
+
+
+def test_a_link_to_no_file_and_a_device_could_be_replaced(tmp_path):
+    link = tmp_path / 'run.mcap'
+    link.symlink_to(tmp_path / 'missing')
+    for target in (link, '/dev/null'):
+        with pytest.raises(LogError, match='is kept: choose another name, or set log_overwrite'):
+            LogWriter(target, CONFIGURATION, overwrite=False)
+        LogWriter(target, CONFIGURATION, overwrite=True).close()
+
+
 def test_a_log_that_another_run_writes_is_kept(path, tmp_path):
     target, before = tmp_path / 'run.mcap', path.read_bytes()
     with LogWriter(target, CONFIGURATION, overwrite=True) as log:

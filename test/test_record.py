@@ -319,7 +319,9 @@ def test_an_existing_file_is_kept_unless_asked(main, tmp_path):
     code, lines, [error] = main('quadrilateral', out)
     assert (code, lines) == (2, [])
     assert error.startswith(f'linkage_record: {out} exists already and is kept')
-    assert error.endswith('log_overwrite:=true, of linkage_record with --overwrite')
+    assert error.endswith(
+        ': choose another name, or set log_overwrite (linkage_record: --overwrite)'
+    )
     assert out.read_bytes() == b'precious'
     code, _, [error] = main('quadrilateral', out, '--overwrite')
     assert (code, error) == (
@@ -337,7 +339,7 @@ def test_an_unwritable_output_is_one_line(main, tmp_path, where):
     code, lines, [error] = main('quadrilateral', tmp_path / where, '--duration', 0.1)
     assert (code, lines) == (2, [])
     assert error.startswith('linkage_record: ')
-    assert 'cannot be written' in error or 'exists already' in error
+    assert 'cannot be written' in error or 'is no file that could be replaced' in error
     assert [item.name for item in tmp_path.iterdir()] == ['file']
 
 

@@ -402,6 +402,12 @@ def test_a_folder_is_refused(tmp_path):
             View(CONFIGURATION, str(tmp_path / name))
 
 
+def test_a_pipe_needs_another_name(tmp_path):
+    os.mkfifo(path := tmp_path / 'run.rrd')
+    with pytest.raises(ViewerError, match=r'run\.rrd is no file that could be replaced: choose'):
+        View(CONFIGURATION, str(path))
+
+
 def test_a_missing_folder_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a long path would be cut in the message
     with pytest.raises(ViewerError, match=r"= 'none/run\.rrd' cannot be written \(No such file"):
@@ -411,7 +417,9 @@ def test_a_missing_folder_is_named(tmp_path, monkeypatch):
 def test_a_file_is_kept_unless_it_is_to_be_replaced(tmp_path):
     path = tmp_path / 'run.rrd'
     path.write_text('precious')
-    with pytest.raises(ViewerError, match=r'run\.rrd exists already and is kept: choose another'):
+    with pytest.raises(
+        ViewerError, match=r'run\.rrd exists already and is kept: choose .* set log_overwrite\)$'
+    ):
         View(CONFIGURATION, str(path))
     assert path.read_text() == 'precious'
     show(path, run_of(CONFIGURATION, 5)[0], overwrite=True)

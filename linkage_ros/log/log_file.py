@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NoReturn, cast
 
 from linkage_ros.errors import LogError
-from linkage_ros.files import open_file
+from linkage_ros.files import is_replaceable, open_file
 
 
 class LogFile:
@@ -44,9 +44,13 @@ class LogFile:
         try:
             opened = open_file(self.path, 'wb' if overwrite else 'xb')
         except FileExistsError as error:
+            if not is_replaceable(path):
+                raise LogError(
+                    f'{path} is no file that could be replaced: choose another name'
+                ) from error
             raise LogError(
-                f'{path} exists already and is kept: choose another name, or overwrite it with '
-                'log_overwrite:=true, of linkage_record with --overwrite'
+                f'{path} exists already and is kept: choose another name, or set log_overwrite '
+                '(linkage_record: --overwrite)'
             ) from error
         except BlockingIOError as error:
             raise LogError(

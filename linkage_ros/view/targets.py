@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from linkage_ros.errors import ViewerError
-from linkage_ros.files import open_file
+from linkage_ros.files import is_replaceable, open_file
 from linkage_ros.parameters.configuration import VIEWERS
 from linkage_ros.quantities import shown
 
@@ -154,8 +154,13 @@ def create_file(target: str, *, overwrite: bool) -> BinaryIO:
             f'{target} is being written by another run and is kept: choose another name'
         ) from error
     except FileExistsError as error:
+        if not is_replaceable(path):
+            raise ViewerError(
+                f'{target} is no file that could be replaced: choose another name'
+            ) from error
         raise ViewerError(
-            f'{target} exists already and is kept: choose another name, or delete it first'
+            f'{target} exists already and is kept: choose another name, or delete it first '
+            '(linkage_node: or set log_overwrite)'
         ) from error
     except OSError as error:
         raise ViewerError(
