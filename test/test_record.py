@@ -304,6 +304,11 @@ def test_the_command_says_what_it_wrote(main, tmp_path):
     assert configuration == preset(rate_hz=50.0)
 
 
+def test_what_keeps_nothing_is_not_offered_for_replay(main):
+    code, lines, errors = main('quadrilateral', '/dev/null', '--overwrite', '--duration', 0.1)
+    assert (code, lines, errors) == (0, ['/dev/null: 20 states, 0.1 s'], [])
+
+
 def test_a_parameter_file_is_recorded_with_its_own_values(main, tmp_path):
     (tmp_path / 'params.yaml').write_text(layout(rpm='60', rate_hz='20', log_overwrite='true'))
     (tmp_path / 'run.mcap').touch()  # to be replaced, as the file says
