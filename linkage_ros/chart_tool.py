@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from linkage_ros import cli
+from linkage_ros.analysis.runs import START_SPEED
 from linkage_ros.chart_commands.accuracy import accuracy
 from linkage_ros.chart_commands.motion import ACCELERATION, RPM, motion
 from linkage_ros.chart_commands.pump import pump
@@ -61,10 +62,10 @@ def _add_motion(commands: Any) -> None:
     # fmt: off
     add('params', metavar='PARAMS',
         help=f'parameter file, or a preset: {", ".join(preset_names())}')
-    add('--rpm', type=float, metavar='N',
-        help=f'{RPM.meaning}, {RPM.unit}; of a wind_pump, the one it settles from')
-    add('--acceleration', type=float, default=0.0, metavar='A',
-        help=f'{ACCELERATION.meaning}, {ACCELERATION.unit} (default 0)')
+    cli.add_number(command, '--rpm', quantity=RPM, metavar='N',
+                   note='; of a wind_pump, the one it settles from')
+    cli.add_number(command, '--acceleration', quantity=ACCELERATION, default=0.0, metavar='A',
+                   note=' (default 0)')
     add('--reactions', action='store_true', help='add joint forces, shaking force and moment')
     # fmt: on
 
@@ -90,8 +91,8 @@ def _add_pump(commands: Any) -> None:
     # fmt: off
     add('params', nargs='?', default='wind_pump', metavar='PARAMS',
         help='parameter file, or a preset (default wind_pump)')
-    add('--speeds', type=float, nargs='+', default=[2.0, 6.0], metavar='W',
-        help='crank speeds to start from, rad/s (default 2 6)')
+    cli.add_number(command, '--speeds', quantity=START_SPEED, nargs='+', default=[2.0, 6.0],
+                   metavar='W', note=' (default 2 6)')
     # fmt: on
 
 

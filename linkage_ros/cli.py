@@ -18,7 +18,8 @@ from contextlib import suppress
 from typing import Any, NoReturn, TextIO
 
 from linkage_ros import __version__
-from linkage_ros.errors import LinkageError, one_line
+from linkage_ros.errors import ConfigurationError, LinkageError, one_line
+from linkage_ros.quantities import Quantity, shown
 
 STOPPED_BY_USER = 130
 _PATIENCE = 1.0  # s, for whoever reads an error
@@ -65,6 +66,33 @@ def refuse_arguments(parser: argparse.ArgumentParser, arguments: list[str]) -> N
             f'unknown: {words}; parameters stand behind --ros-args, as in `{parser.prog} '
             '--ros-args -p rpm:=60.0`'
         )
+
+
+def add_number(
+    parser: Any, *names: str, quantity: Quantity, note: str = '', **options: Any
+) -> None:
+    """An option that takes a number; its help and its errors tell range and unit.
+
+    Args:
+        parser: Of the program or the command, or a group of it.
+        names: Of the option.
+        quantity: What it may be.
+        note: Added to the help.
+        options: As of `add_argument`.
+    """
+
+    def read(text: str) -> object:
+        value: float | str = text
+        for kind in (float, int):  # a whole number stays one
+            with suppress(ValueError):
+                value = kind(text)
+        try:
+            return quantity.clean(names[-1], value)
+        except ConfigurationError as error:
+            raise argparse.ArgumentTypeError(f'{shown(text)}: must be {quantity.valid}') from error
+
+    words = f'{quantity.meaning}, {quantity.span}{note}'
+    parser.add_argument(*names, type=read, help=words, **options)
 
 
 def add_command(

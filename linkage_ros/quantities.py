@@ -28,10 +28,10 @@ class Quantity:
     """What a field holds.
 
     Attributes:
-        kind: 'number', 'pair', 'choice', 'text' or 'switch'.
+        kind: 'number', 'whole', 'pair', 'choice', 'text' or 'switch'.
         meaning: One line for people.
         unit: SI unit; empty where there is none.
-        low: Smallest valid value, inclusive (numbers and pairs).
+        low: Smallest valid value, inclusive (numbers, whole ones too, and pairs).
         high: Largest valid value, inclusive.
         choices: The valid words of a choice.
         live: Whether the value may be changed while the node runs.
@@ -55,6 +55,7 @@ class Quantity:
         """The valid values in words."""
         return {
             'number': f'a number from {self.span}',
+            'whole': f'a whole number from {self.span}',
             'pair': f'two numbers, each from {self.span}',
             'choice': 'one of ' + ', '.join(self.choices),
             'text': 'text',
@@ -69,7 +70,7 @@ class Quantity:
             value: Whole numbers are taken for numbers, lists for pairs.
 
         Returns:
-            float, (float, float), str or bool.
+            float, int, (float, float), str or bool.
 
         Raises:
             ConfigurationError: The value is of the wrong type or outside its range.
@@ -77,6 +78,8 @@ class Quantity:
         cleaned: object = None
         if self.kind == 'number':
             cleaned = self._number(value)
+        elif self.kind == 'whole':
+            cleaned = value if isinstance(value, int) and self._number(value) is not None else None
         elif self.kind == 'pair':
             cleaned = self._pair(value)
         elif self.kind == 'switch':

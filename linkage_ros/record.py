@@ -16,17 +16,20 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.parameters.configuration import (
     Configuration,
+    Session,
     configure,
     preset_note,
     read_values,
 )
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.progress import progress_bar
+from linkage_ros.quantities import leaves
 from linkage_ros.record_end import DEFAULT_DURATION, DURATION, REVOLUTIONS, End
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION, qualified
 
 _NAME = 'linkage_record'
+_RATE = next(leaf.quantity for leaf in leaves(Session) if leaf.name == 'rate_hz')
 
 
 def record(
@@ -101,13 +104,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('out', metavar='OUT.mcap', type=Path, help='the log to write')
     length = parser.add_mutually_exclusive_group()
-    length.add_argument(
-        '--duration', type=float, metavar='S',
-        help=f'{DURATION.meaning}, s (default {DEFAULT_DURATION:g})',
-    )  # fmt: skip
-    length.add_argument('--revolutions', type=int, metavar='N', help=REVOLUTIONS.meaning)
-    parser.add_argument(
-        '--rate', type=float, metavar='HZ', help='states a second (default: rate_hz of the file)'
+    cli.add_number(
+        length,
+        '--duration',
+        quantity=DURATION,
+        note=f' (default {DEFAULT_DURATION:g})',
+        metavar='S',
+    )
+    cli.add_number(length, '--revolutions', quantity=REVOLUTIONS, metavar='N')
+    cli.add_number(
+        parser, '--rate', quantity=_RATE, note=' (default: rate_hz of the file)', metavar='HZ'
     )
     parser.add_argument('--overwrite', action='store_true', help='replace an existing file')
     return parser

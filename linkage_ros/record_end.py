@@ -19,7 +19,7 @@ from linkage_ros.units import NS_PER_S
 DEFAULT_DURATION = 10.0
 _LONGEST = 1e9  # s; stamps of thirty years still fit ROS's time
 DURATION = Quantity('number', 'how long', 's', 1e-9, _LONGEST)
-REVOLUTIONS = Quantity('number', 'turns of the crank', 'turns', 1, _LONGEST)
+REVOLUTIONS = Quantity('whole', 'how far the crank turns', 'turns', 1, _LONGEST)
 _PATIENCE = 3600  # s, for revolutions that a torque is to make
 
 

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
@@ -33,10 +34,12 @@ _CLOCK_HZ = 40.0
 _SHOW_SECONDS = 1.0
 # What its options may be.
 _RATE = Quantity('number', 'log time over real time', low=SLOWEST, high=FASTEST)
-_OFFSET = Quantity('number', 'leave out the first S s', 's of the log', low=0.0)
-_DURATION = Quantity('number', 'play S s of the log from there, the end left out', 's', 1e-9, 1e9)
-_DELAY = Quantity('number', 'wait S seconds before the start', 's', 0.0, 1e6)
-_CLOCK = Quantity('number', 'publish the log time on /clock, HZ times a second', 'Hz', 0.01, 1e3)
+_OFFSET = Quantity('number', 'leave out the beginning', 's of the log', 0.0, 1e9)
+_DURATION = Quantity(
+    'number', 'play so much from there, the end left out', 's of the log', 1e-9, 1e9
+)
+_DELAY = Quantity('number', 'wait before the start', 's', 0.0, 1e6)
+_CLOCK = Quantity('number', 'publish the log time on /clock', 'Hz', 0.01, 1e3)
 
 
 @contextmanager
@@ -71,19 +74,18 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.usage = '%(prog)s LOG.mcap [options]'  # behind --topics it would be one of them
     parser.epilog = f'{KEYS}\n\n{parser.epilog}'
-    add = parser.add_argument
+    add, number = parser.add_argument, partial(cli.add_number, parser)
     # fmt: off
     add('log', metavar='LOG.mcap', help='the log')
-    add('-r', '--rate', type=float, default=1.0, metavar='R',
-        help=f'{_RATE.meaning} (default 1)')
+    number('-r', '--rate', quantity=_RATE, note=' (default 1)', default=1.0, metavar='R')
     add('-l', '--loop', action='store_true',
         help='begin again at the end, until Ctrl-C; the time on /clock goes on')
-    add('--start-offset', type=float, default=0.0, metavar='S', help=_OFFSET.meaning)
-    add('--playback-duration', type=float, metavar='S', help=_DURATION.meaning)
+    number('--start-offset', quantity=_OFFSET, default=0.0, metavar='S')
+    number('--playback-duration', quantity=_DURATION, metavar='S')
     add('-p', '--start-paused', action='store_true', help='wait for a key before the start')
-    add('-d', '--delay', type=float, default=0.0, metavar='S', help=_DELAY.meaning)
-    add('--clock', type=float, nargs='?', const=_CLOCK_HZ, metavar='HZ',
-        help=f'{_CLOCK.meaning} (default {_CLOCK_HZ:g})')
+    number('-d', '--delay', quantity=_DELAY, default=0.0, metavar='S')
+    number('--clock', quantity=_CLOCK, note=f' (default {_CLOCK_HZ:g})', nargs='?',
+           const=_CLOCK_HZ, metavar='HZ')
     add('--topics', nargs='+', metavar='NAME', help='replay these topics only')
     add('--viewer', default='', metavar='TARGET',
         help=f'also show it in Rerun: {VIEWERS}')
@@ -94,15 +96,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(options: argparse.Namespace, log: LogReader) -> None:
     length = (log.end - log.start) / NS_PER_S
-    for name, value, quantity in (
-        ('--rate', options.rate, _RATE),
-        ('--start-offset', options.start_offset, replace(_OFFSET, high=length)),
-        ('--playback-duration', options.playback_duration, _DURATION),
-        ('--delay', options.delay, _DELAY),
-        ('--clock', options.clock, _CLOCK),
-    ):
-        if value is not None:
-            quantity.clean(name, value)
+    replace(_OFFSET, high=length).clean('--start-offset', options.start_offset)
     names = [topic.name for topic in log.topics]
     for name in options.topics or ():
         if name not in names:

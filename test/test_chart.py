@@ -278,9 +278,13 @@ def test_a_file_of_other_nodes_is_not_the_preset(tmp_path, monkeypatch, capsys):
     ('arguments', 'words'),
     [
         (['motion', 'pentagon'], "no preset 'pentagon'"),
-        (['motion', 'quadrilateral', '--rpm', 'nan'], '--rpm = nan: must be a number from'),
-        (['motion', 'quadrilateral', '--rpm', 'fast'], 'invalid float value'),
-        (['motion', 'quadrilateral', '--acceleration', '1e99'], '--acceleration = 1e+99: must be'),
+        (['motion', 'quadrilateral', '--rpm', 'nan'], "--rpm: 'nan': must be a number from"),
+        (['motion', 'quadrilateral', '--rpm', 'fast'], "--rpm: 'fast': must be a number from"),
+        (['motion', 'quadrilateral', '--acceleration', '1e99'], "--acceleration: '1e99': must be"),
+        (
+            ['pump', '--speeds', '2', 'x'],
+            "--speeds: 'x': must be a number from 1e-06 to 1e+06 rad",
+        ),
         (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
         (
             ['motion', 'wind_pump', '--reactions'],

@@ -21,7 +21,7 @@ from linkage_ros.analysis.basins import (
 from linkage_ros.analysis.branch import Branch, find_states, follow_branch
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.analysis.runs import Run, follow_run
+from linkage_ros.analysis.runs import START_SPEED, Run, follow_run
 from linkage_ros.analysis.sensitivity import Sensitivity, sensitivities
 from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.mechanisms.wind_pump import WindPump
@@ -35,7 +35,6 @@ _ASIDE = 0.02  # of the speed of an unstable state: how far from it motions star
 _SETTLED = 1e-3  # what remains of the deviations at the start of a run; quick: ten times that
 _NEAR = 5e-3  # and of those from the grid
 _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
-_START = Quantity('number', 'crank speed at a start', 'rad/s', 1e-6, 1e6)
 
 
 class Analysis(NamedTuple):
@@ -164,7 +163,7 @@ def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float])
     slider = mechanism.slider
     equations = EquationsOfMotion(mechanism)
     for speed in speeds:
-        _START.clean('start speed', speed)
+        START_SPEED.clean('start speed', speed)
         equations.accelerations((0.0, slider.position), (speed, slider.velocity), motor.torque)
 
 

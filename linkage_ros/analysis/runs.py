@@ -15,6 +15,10 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.numeric import Array
+from linkage_ros.quantities import Quantity
+
+# What a run may start with.
+START_SPEED = Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6)
 
 _TOLERANCE = 1e-7  # of a step: for pictures, a hundred times that of a live run
 _ANGLE = 1e-9  # rad: how near to angle 0 is a passage; what is missing is made up for linearly

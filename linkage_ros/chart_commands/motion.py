@@ -35,9 +35,6 @@ def motion(options: argparse.Namespace) -> None:
     """
     with libraries():
         from linkage_ros.charts.motion import draw_motion
-    if options.rpm is not None:
-        RPM.clean('--rpm', options.rpm)
-    ACCELERATION.clean('--acceleration', options.acceleration)
     configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
     if isinstance(mechanism, WindPump):
