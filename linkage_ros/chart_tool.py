@@ -46,7 +46,7 @@ def _add(
     """A command of the name of what draws it, with what all have."""
     command = cli.add_command(commands, _NAME, draw.__name__, purpose, examples)
     command.add_argument(
-        '--out', type=Path, default=Path(), metavar='DIR',
+        '--out', type=cli.path, default=Path(), metavar='DIR',
         help='folder for the results, which are replaced (default: this one)',
     )  # fmt: skip
     command.set_defaults(draw=draw)

@@ -15,6 +15,7 @@ import textwrap
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
 from linkage_ros import __version__
@@ -66,6 +67,23 @@ def refuse_arguments(parser: argparse.ArgumentParser, arguments: list[str]) -> N
             f'unknown: {words}; parameters stand behind --ros-args, as in `{parser.prog} '
             '--ros-args -p rpm:=60.0`'
         )
+
+
+def path(text: str) -> Path:
+    """The path that an argument of a command line gives: '' would be the folder we are in.
+
+    Args:
+        text: As it was typed.
+
+    Returns:
+        The path.
+
+    Raises:
+        ArgumentTypeError: It is empty.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("'' is no path: name one")
+    return Path(text)
 
 
 def add_number(

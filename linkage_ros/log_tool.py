@@ -164,7 +164,7 @@ def _parser() -> argparse.ArgumentParser:
         name: str, log: str, purpose: str, run: Callable[[argparse.Namespace], int], example: str
     ) -> argparse.ArgumentParser:
         command = cli.add_command(commands, _NAME, name, purpose, (example,))
-        command.add_argument('log', metavar=log, type=Path, help='log of linkage_ros')
+        command.add_argument('log', metavar=log, type=cli.path, help='log of linkage_ros')
         command.set_defaults(run=run)
         return command
 
@@ -177,7 +177,7 @@ def _parser() -> argparse.ArgumentParser:
     add('verify', 'LOG.mcap', words, _verify, 'run.mcap')
     words = 'save what a killed run or a damaged disk left'
     save = add('recover', 'BROKEN.mcap', words, _recover, 'run.mcap saved.mcap')
-    save.add_argument('out', metavar='OUT.mcap', type=Path, help='the complete log to write')
+    save.add_argument('out', metavar='OUT.mcap', type=cli.path, help='the complete log to write')
     save.add_argument('--overwrite', action='store_true', help='replace an existing file')
     return parser
 

@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar='PARAMS',
         help=f'parameter file, or a preset: {", ".join(preset_names())}',
     )
-    parser.add_argument('out', metavar='OUT.mcap', type=Path, help='the log to write')
+    parser.add_argument('out', metavar='OUT.mcap', type=cli.path, help='the log to write')
     length = parser.add_mutually_exclusive_group()
     cli.add_number(
         length,

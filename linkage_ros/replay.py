@@ -76,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.epilog = f'{KEYS}\n\n{parser.epilog}'
     add, number = parser.add_argument, partial(cli.add_number, parser)
     # fmt: off
-    add('log', metavar='LOG.mcap', help='the log')
+    add('log', metavar='LOG.mcap', type=cli.path, help='the log')
     number('-r', '--rate', quantity=_RATE, note=' (default 1)', default=1.0, metavar='R')
     add('-l', '--loop', action='store_true',
         help='begin again at the end, until Ctrl-C; the time on /clock goes on')

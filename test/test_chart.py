@@ -278,6 +278,8 @@ def test_a_file_of_other_nodes_is_not_the_preset(tmp_path, monkeypatch, capsys):
     ('arguments', 'words'),
     [
         (['motion', 'pentagon'], "no preset 'pentagon'"),
+        (['motion', ''], "no preset '': choose one of"),
+        (['motion', 'quadrilateral', '--out', ''], "argument --out: '' is no path: name one"),
         (['motion', 'quadrilateral', '--rpm', 'nan'], "--rpm: 'nan': must be a number from"),
         (['motion', 'quadrilateral', '--rpm', 'fast'], "--rpm: 'fast': must be a number from"),
         (['motion', 'quadrilateral', '--acceleration', '1e99'], "--acceleration: '1e99': must be"),

@@ -33,7 +33,7 @@ from linkage_ros import LogError, __version__
 from linkage_ros.log.metadata import CONFIGURATION_RECORD, MOTION_RECORD, _seal
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
-from linkage_ros.log_tool import info
+from linkage_ros.log_tool import info, main
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.parameters.as_strings import to_strings
 from linkage_ros.parameters.configuration import configure, load
@@ -707,6 +707,14 @@ def test_other_files_are_refused_in_one_line(tmp_path, data, words):
     with pytest.raises(LogError, match=words) as caught:
         content(target)
     assert str(target) in one_line(caught)
+
+
+@pytest.mark.parametrize('arguments', [['info', ''], ['verify', ''], ['recover', 'run.mcap', '']])
+def test_an_empty_name_is_no_folder(monkeypatch, capsys, arguments):
+    monkeypatch.setattr(sys, 'argv', ['linkage_log', *arguments])
+    with pytest.raises(SystemExit, match='2'):
+        main()
+    assert ".mcap: '' is no path: name one; see linkage_log" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('where', ['.', 'missing.mcap', 'file/run.mcap', 'x' * 300])

@@ -309,6 +309,15 @@ def test_what_keeps_nothing_is_not_offered_for_replay(main):
     assert (code, lines, errors) == (0, ['/dev/null: 20 states, 0.1 s'], [])
 
 
+def test_an_empty_name_is_no_folder(main, tmp_path):
+    code, lines, [error] = main('quadrilateral', '')
+    assert (code, lines) == (2, [])
+    assert error.startswith("linkage_record: argument OUT.mcap: '' is no path: name one; see")
+    code, lines, [error] = main('', tmp_path / 'run.mcap')
+    assert (code, lines) == (2, [])
+    assert error.startswith("linkage_record: no preset '': choose one of ")
+
+
 def test_a_parameter_file_is_recorded_with_its_own_values(main, tmp_path):
     (tmp_path / 'params.yaml').write_text(layout(rpm='60', rate_hz='20', log_overwrite='true'))
     (tmp_path / 'run.mcap').touch()  # to be replaced, as the file says

@@ -543,6 +543,14 @@ def test_bad_options_are_one_line_and_code_2(log, called, options, words):
     assert code == 2
 
 
+def test_an_empty_name_is_no_folder(called):
+    code, err = called('')
+    assert (code, err[:64]) == (
+        2,
+        "linkage_replay: argument LOG.mcap: '' is no path: name one; see ",
+    )
+
+
 @pytest.mark.parametrize('step', [-1_000_000_000, 1_000_000_000])
 def test_a_clock_that_was_set_back_is_said(called, tmp_path, step):
     path, configuration = tmp_path / 'run.mcap', configure({})

@@ -59,7 +59,8 @@ def find_file(source: str) -> Path:
         The file, which need not exist where source is a path.
     """
     path = Path(source)
-    return path if path.suffix or is_there(path) else preset_path(source)
+    is_path = source and (path.suffix or is_there(path))  # '' would be the folder we are in
+    return path if is_path else preset_path(source)
 
 
 def _presets() -> dict[str, Path]:
