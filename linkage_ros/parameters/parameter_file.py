@@ -10,6 +10,7 @@ Refused is what rcl refuses, and for the node also what rcl drops or garbles wit
 
 from __future__ import annotations
 
+import difflib
 import re
 from pathlib import Path
 from typing import TypeAlias, cast
@@ -30,7 +31,8 @@ _MAX_NAME = 255  # bounds the depth of nesting too, as parents count
 _NODE = re.compile(r'/?((\*\*?|[A-Za-z_]\w{0,243})/)*(\*\*?|[A-Za-z_]\w*)', re.ASCII)
 _BOOL = re.compile('([yY]|[yY]es|YES|[tT]rue|TRUE|[oO]n|ON)|[nN]o?|NO|[fF]alse|FALSE|[oO]ff|OFF')
 _VALUE = 'write a bool, integer, float or string, or a list of one of these'
-_LAYOUT = 'lay the file out as node name, ros__parameters, parameters'
+_SECTION = 'ros__parameters'
+_LAYOUT = f'lay the file out as node name, {_SECTION}, parameters'
 
 
 def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Parameters:
@@ -78,11 +80,12 @@ class _Reader:
     def nodes(self, name: str, depth: int) -> str:
         """Reads a mapping of node names; returns the name that rcl goes on with after it."""
         while key := self.key(name):
-            in_section = key.startswith('ros__parameters')  # rcl compares no further
+            in_section = key.startswith(_SECTION)  # rcl compares no further
             if in_section and not _NODE.fullmatch(name):
                 raise self.error(f'{name!r} before ros__parameters is no node; {_LAYOUT}')
             if not isinstance(event := self.next(), yaml.MappingStartEvent):
-                raise self.error(f'{_show(event)} where a mapping belongs; {_LAYOUT}')
+                cure = _cure(f'{name}/{key}'.split('/'))
+                raise self.error(f'{_show(event)} where a mapping belongs; {cure}')
             if in_section:
                 # '**' stands for any number of names and '*' for one; a node at the root has one.
                 pattern = [part for part in name.split('/') if part not in {'', '**'}]
@@ -171,6 +174,12 @@ class _Reader:
 
     def error(self, problem: str) -> ConfigurationError:
         return ConfigurationError(f'{self.file}, line {self.line}: {problem}')
+
+
+def _cure(names: list[str]) -> str:
+    """What to do where names lead to no mapping: a misspelt ros__parameters passes for a node."""
+    near = [] if _SECTION in names else difflib.get_close_matches(_SECTION, names, n=1)
+    return f'write {_SECTION} for {shown(near[0])}' if near else _LAYOUT
 
 
 def _show(event: yaml.Event) -> str:
