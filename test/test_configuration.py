@@ -565,6 +565,13 @@ def test_log_and_viewer_are_never_one_file(tmp_path, monkeypatch, log, viewer):
     assert not Path('run.rrd').exists()
 
 
+@pytest.mark.parametrize('topic', ['', '/commands'])
+def test_a_lead_time_is_of_a_named_topic_or_the_default(topic):
+    lead = 0.1 if topic else 0.0
+    drive = configure({'effort_command_topic': topic, 'lead_time': lead}).drive
+    assert (drive.effort_command_topic, drive.lead_time) == (topic, lead)
+
+
 @pytest.mark.parametrize(
     ('log', 'viewer'), [('', ''), ('', 'run.rrd'), ('web', 'web'), ('run.mcap', 'run.rrd')]
 )

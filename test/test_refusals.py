@@ -119,6 +119,12 @@ BAD_VALUES = [
     (SLIDER, 'rpm', 'fast', f"rpm = 'fast': {AN_RPM}"),
     (FOUR, 'start_rpm', -1e7, f'start_rpm = -10000000.0: {AN_RPM}'),
     (SLIDER, 'crank_acceleration', -1, 'crank_acceleration = -1: must be a number from 0 …'),
+    (
+        FOUR,
+        'lead_time',
+        0.1,
+        'lead_time = 0.1: … on effort_command_topic … or leave lead_time out',
+    ),
     (FOUR, 'rate_hz', 0, f'rate_hz = 0: {A_RATE}'),
     (SLIDER, 'rate_hz', 1e6, f'rate_hz = 1000000.0: {A_RATE}'),
     (SLIDER, 'rate_hz', NAN, f'rate_hz = nan: {A_RATE}'),

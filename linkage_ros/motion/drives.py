@@ -60,6 +60,11 @@ class SpeedDrive(Checked):
                 f'effort_command_topic = {shown(self.effort_command_topic)}: must be a topic '
                 'name, such as /effort_controller/commands'
             )
+        if self.lead_time and not self.effort_command_topic:
+            raise ConfigurationError(
+                f'lead_time = {shown(self.lead_time)}: is for the torque on '
+                'effort_command_topic, which names none: name a topic, or leave lead_time out'
+            )
 
     @property
     def initial_rpm(self) -> float:
