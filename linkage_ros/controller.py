@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,10 +19,11 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanisms.registry import Linkage, Mechanism
 from linkage_ros.parameters.configuration import load, unknown_name, without_ros_own
 from linkage_ros.parameters.help import help_on
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
@@ -63,6 +65,16 @@ class Settings(Checked):
 PARAMETERS = leaves(Settings)
 
 
+def _usable_presets() -> str:
+    """The presets whose crank has a speed to keep, in words."""
+    names = []
+    for name in preset_names():
+        with suppress(LinkageError):  # of an overlay, and broken
+            if isinstance(load(name).mechanism, Linkage):
+                names.append(name)
+    return f'a linkage, such as {", ".join(names)}' if names else 'a linkage'
+
+
 class SpeedController:
     """PI control of the crank speed, with the exact torque fed forward."""
 
@@ -82,7 +94,9 @@ class SpeedController:
             ConfigurationError: No crank angle tells the state of this mechanism.
         """
         if not isinstance(mechanism, Linkage):
-            raise ConfigurationError('plant: a wind_pump keeps its own speed; name a linkage')
+            raise ConfigurationError(
+                f'plant: a wind_pump keeps its own speed; name {_usable_presets()}'
+            )
         self._solver, self._lead = Solver(mechanism), lead
         self._solver.require_full_turn()
         self._speed = radians_per_second(rpm)

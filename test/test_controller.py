@@ -74,7 +74,10 @@ def test_feed_forward_takes_most_of_the_ripple_away(rpm):
 
 
 def test_a_pump_is_not_controlled():
-    with pytest.raises(ConfigurationError, match='a wind_pump keeps its own speed'):
+    with pytest.raises(
+        ConfigurationError,
+        match=r'keeps .*; name a linkage, such as compressor, coupler_point, quadrilateral, slid',
+    ):
         SpeedController(load('wind_pump').mechanism, 30.0, 15.0, None)
 
 
