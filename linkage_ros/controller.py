@@ -27,7 +27,7 @@ from linkage_ros.parameters.presets import preset_names
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
-from linkage_ros.ros.parameters import declare_values, given_values
+from linkage_ros.ros.parameters import check_parameter_files, declare_values, given_values
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.units import NS_PER_S, radians_per_second
 
@@ -175,6 +175,7 @@ def _run(arguments: list[str]) -> int:
         ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
         'parameters:\n' + help_on(PARAMETERS),
     )
+    check_parameter_files(arguments, _NAME)
     with never_waited_for(), on_ros(arguments) as others:
         cli.refuse_arguments(parser, others)
         with reported_as_configuration():

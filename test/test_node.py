@@ -31,6 +31,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.mechanisms.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
+from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.codecs import JointStateCodec
 
@@ -293,6 +294,27 @@ def test_every_bad_start_ends_with_one_line_and_code_2():
         assert result.stdout == ''
     assert start([], 233).stderr == (
         'linkage_node: ROS_DOMAIN_ID = 233: must be a whole number from 0 to 232\n'
+    )
+
+
+@pytest.mark.parametrize('name', ['node', 'controller'])
+def test_a_preset_in_place_of_a_parameter_file_is_told_as_its_path(name, tmp_path):
+    def start(file):
+        return subprocess.run(
+            command(name, '--ros-args', '--params-file', file), env=environment(fresh_domain()),
+            cwd=tmp_path, capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
+
+    done = start('quadrilateral')
+    assert done.returncode == 2
+    assert done.stderr == (
+        f'linkage_{name}: quadrilateral is a preset, and --params-file takes a path: '
+        f'{preset_path("quadrilateral")}\n'
+    )
+    done = start('missing.yaml')
+    assert done.stderr == (
+        f'linkage_{name}: missing.yaml: No such file or directory; give the path of a parameter '
+        'file\n'
     )
 
 

@@ -21,6 +21,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import is_there
 from linkage_ros.parameters.configuration import Configuration, check_live, parameter_leaves
 from linkage_ros.parameters.parameter_file import read_parameter_file
+from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.quantities import Leaf, Quantity
 
 _TYPES = {
@@ -130,13 +131,17 @@ def check_parameter_files(arguments: list[str], node: str) -> None:
         node: Name of the node, where they give no other.
 
     Raises:
-        ConfigurationError: A file has a slip.
+        ConfigurationError: A file has a slip, or a preset is named where a path belongs.
     """
     names = [
         text.split(':=')[1] for text in arguments if text.startswith(('__node:=', '__name:='))
     ]
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
+            if path in preset_names() and not is_there(path):
+                raise ConfigurationError(
+                    f'{path} is a preset, and --params-file takes a path: {preset_path(path)}'
+                )
             if is_there(path) and not Path(path).is_file():  # rcl would read, or wait, once more
                 raise ConfigurationError(f'{path} is no file: give the path of a parameter file')
             read_parameter_file(path, names[-1] if names else node)
