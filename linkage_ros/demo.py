@@ -19,11 +19,11 @@ from pathlib import Path
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
 from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.viewers import SPAWN
 from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.view.rerun_program import require_screen
-from linkage_ros.view.targets import SPAWN
 
 _NAME = 'demo'
 _FOLDER = Path('demo')

@@ -17,7 +17,7 @@ from functools import partial
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.configuration import VIEWERS
+from linkage_ros.parameters.viewers import VIEWERS
 from linkage_ros.playback.excerpt import Excerpt, excerpt_of
 from linkage_ros.playback.feed import feed
 from linkage_ros.playback.keyboard import Keyboard

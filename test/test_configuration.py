@@ -484,7 +484,9 @@ configurations = st.builds(
             'drive': st.just('speed'),
             **{n: within(n) for n in ('frame.angle', 'start_rpm', 'crank_acceleration')},
             **{n: within(n) for n in ('crank_angle', 'rate_hz')},
-            **{n: st.text() for n in ('log', 'viewer', 'viewer_bind')},
+            **{n: st.text() for n in ('log', 'viewer_bind')},
+            'viewer': st.sampled_from(['', 'spawn', 'web', 'rerun+http://[::1]:9876/proxy'])
+            | st.text().filter(lambda text: '://' not in text).map('{}x.rrd'.format),
             'log_overwrite': st.booleans(),
         },
     ),
@@ -577,6 +579,25 @@ def test_a_lead_time_is_of_a_named_topic_or_the_default(topic):
 )
 def test_other_logs_and_viewers_are_two(log, viewer):
     assert configure({'log': log, 'viewer': viewer}).session.viewer == viewer
+
+
+VIEWERS = r'spawn, web, rerun\+http://HOST:PORT/proxy or a \.rrd path'
+
+
+@pytest.mark.parametrize(
+    'viewer',
+    ['sideways', 'http://x/run.rrd', 'rerun+http://a:65536/proxy', 'run.mcap', '.rrd', ' '],
+)
+def test_what_is_no_viewer_is_refused_where_none_is_opened_too(viewer):
+    with pytest.raises(
+        ConfigurationError, match=rf'^viewer = {re.escape(repr(viewer))} is not one of: {VIEWERS}$'
+    ):
+        configure({'viewer': viewer})
+
+
+@pytest.mark.parametrize('viewer', ['', 'spawn', 'web', 'rerun+http://a:9876/proxy', 'x/run.rrd'])
+def test_what_is_a_viewer_is_taken_as_it_is(viewer):
+    assert configure({'viewer': viewer}).session.viewer == viewer
 
 
 def test_a_hard_link_to_the_viewers_file_is_no_log(tmp_path, monkeypatch):

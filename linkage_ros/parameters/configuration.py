@@ -18,11 +18,10 @@ from linkage_ros.motion.drives import DRIVES, Drive, TorqueDrive
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
+from linkage_ros.parameters.viewers import VIEWERS, is_viewer, no_viewer
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 
 DEFAULT_PRESET = 'quadrilateral'
-# What a viewer may be, wherever people are told.
-VIEWERS = 'spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path'
 
 # Parameters that every ROS 2 node has.
 _ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
@@ -83,6 +82,8 @@ class Session(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.viewer and not is_viewer(self.viewer):
+            raise ConfigurationError(no_viewer(self.viewer))
         if self.log and self.viewer.endswith('.rrd') and is_one_file(self.log, self.viewer):
             raise ConfigurationError(
                 f'log and viewer are one file, {shown(self.viewer)}: give the log another path, '

@@ -21,17 +21,15 @@ from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 import numpy as np
 
 from linkage_ros.errors import ViewerError
+from linkage_ros.parameters.viewers import SPAWN, WEB, viewer_address
 from linkage_ros.quantities import shown
 from linkage_ros.view.scene import TIMELINE, Form, Rows
 from linkage_ros.view.targets import (
-    SPAWN,
-    WEB,
     answers,
     create_file,
     free_address,
     is_served,
     reachable,
-    viewer_address,
 )
 
 # Rerun costs 60 MB and most of a second: it is imported where it is used.

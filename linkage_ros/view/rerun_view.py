@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.parameters.viewers import SPAWN, WEB, viewer_address
 from linkage_ros.view.rerun_layout import layout
 from linkage_ros.view.rerun_program import (
     Program,
@@ -23,7 +24,7 @@ from linkage_ros.view.rerun_program import (
 from linkage_ros.view.rerun_sender import Sender
 from linkage_ros.view.rerun_static import fixed_components
 from linkage_ros.view.scene import Scene
-from linkage_ros.view.targets import SPAWN, WEB, is_connected, viewer_address
+from linkage_ros.view.targets import is_connected
 
 # Rerun is imported where it is used, which is in a View.
 if TYPE_CHECKING:

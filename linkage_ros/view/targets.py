@@ -1,12 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a view goes: the names of a target, and the addresses and the file that belong to it."""
+"""Where a view goes: the addresses and the file that belong to a target."""
 
 from __future__ import annotations
 
 import contextlib
 import ipaddress
-import re
 import socket
 import time
 from pathlib import Path
@@ -14,13 +13,9 @@ from typing import BinaryIO
 
 from linkage_ros.errors import ViewerError
 from linkage_ros.files import is_replaceable, open_file
-from linkage_ros.parameters.configuration import VIEWERS
+from linkage_ros.parameters.viewers import VIEWERS, is_recording, no_viewer
 from linkage_ros.quantities import shown
 
-SPAWN, WEB = 'spawn', 'web'
-
-_URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
-_LAST_PORT = 65535
 _SOCKETS = '/proc/net/tcp', '/proc/net/tcp6'
 # States of a socket, as Linux writes them there.
 _CONNECTED, _LISTENS = '01', '0A'
@@ -51,21 +46,6 @@ def free_address(bind: str) -> tuple[str, int, bool]:
         ) from error
     host = f'[{address}]' if address.version == 6 else str(address)
     return host, port, not address.is_loopback
-
-
-def viewer_address(target: str) -> tuple[str, int] | None:
-    """Reads the URL of a viewer.
-
-    Args:
-        target: What was typed.
-
-    Returns:
-        Its host and port; None: it is no such URL.
-    """
-    match = _URL.fullmatch(target)
-    if match is None or int(match[2]) > _LAST_PORT:
-        return None
-    return match[1].strip('[]'), int(match[2])
 
 
 def answers(address: tuple[str, int], patience: float) -> bool:
@@ -145,8 +125,8 @@ def create_file(target: str, *, overwrite: bool) -> BinaryIO:
             another run writes it, or it cannot be created.
     """
     path = Path(target)
-    if path.suffix != '.rrd' or path.is_dir() or '://' in target:
-        raise ViewerError(f'viewer = {shown(target)} is not one of: {VIEWERS}')
+    if not is_recording(target) or path.is_dir():
+        raise ViewerError(no_viewer(target))
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
     except BlockingIOError as error:
