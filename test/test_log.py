@@ -709,6 +709,18 @@ def test_other_files_are_refused_in_one_line(tmp_path, data, words):
     assert str(target) in one_line(caught)
 
 
+@pytest.mark.parametrize('data', ['', 'a log'])
+def test_a_pipe_is_told_as_one_whatever_comes_out(path, tmp_path, data):
+    os.mkfifo(pipe := tmp_path / 'pipe.mcap')
+    end = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)  # so that both ends are open
+    try:
+        os.write(end, path.read_bytes()[:4096] if data else b'')
+        with pytest.raises(LogError, match=r'pipe\.mcap cannot be used: it is a pipe, .*; name a'):
+            LogReader(pipe)
+    finally:
+        os.close(end)
+
+
 @pytest.mark.parametrize('arguments', [['info', ''], ['verify', ''], ['recover', 'run.mcap', '']])
 def test_an_empty_name_is_no_folder(monkeypatch, capsys, arguments):
     monkeypatch.setattr(sys, 'argv', ['linkage_log', *arguments])

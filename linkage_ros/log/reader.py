@@ -130,10 +130,12 @@ class LogReader(AbstractContextManager['LogReader']):
         """What stands at the end of the file, if that is whole and the file an MCAP file.
 
         Raises:
-            LogError: It is no MCAP file, it is cut off, or its index is damaged.
+            LogError: It is a pipe or no MCAP file, it is cut off, or its index is damaged.
         """
+        if not self._stream.seekable():
+            raise LogError(f'it is a pipe, and a log is read from its end; {_OTHER}')
         begin = self._stream.read(_MAGIC_SIZE)
-        if not begin:  # or a pipe into which nobody writes
+        if not begin:
             raise LogError(f'it is empty; {_OTHER}')
         if begin != MCAP0_MAGIC:
             words = printable(begin.decode('ascii', 'backslashreplace'))
