@@ -22,9 +22,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from linkage_ros.ros.publishers import message_class
 from linkage_ros.ros.shared_memory import remove_half_made
 
-# Each of the processes that share the tests (pytest -n 2) has half of the domains.
+# Each of the processes that share the tests (pytest -n 2) has half of these domains. Benchmarks,
+# which a test runs too, in a network but not a shared memory of their own, have those from 90 on.
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 2
-_domains = (10 + 45 * _WORKER + n % 45 for n in itertools.count(os.getpid()))
+_OWN = 40
+_domains = (10 + _OWN * _WORKER + n % _OWN for n in itertools.count(os.getpid()))
 
 
 def taken_domains():
@@ -37,7 +39,7 @@ def taken_domains():
 def fresh_domain():
     """Each test its own, so that neither leftovers nor other runs of the tests reach it."""
     taken = taken_domains()
-    domain = next(domain for domain in itertools.islice(_domains, 45) if domain not in taken)
+    domain = next(domain for domain in itertools.islice(_domains, _OWN) if domain not in taken)
     remove_half_made(domain)
     return domain
 

@@ -21,7 +21,8 @@ import numpy as np
 
 from linkage_ros.ros.shared_memory import remove_half_made
 
-DOMAIN = 10 + os.getpid() % 90  # so that two runs beside each other hardly meet
+# Those of the tests are below; two runs beside each other hardly meet.
+DOMAIN = 90 + os.getpid() % 10
 LISTENER = Path(__file__).with_name('listener.py')
 NOT_HERE = 77  # exit code where this system or this user cannot make what is needed
 
