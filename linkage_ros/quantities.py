@@ -47,7 +47,7 @@ class Quantity:
 
     @property
     def span(self) -> str:
-        """From where to where it goes, with its unit (numbers and pairs)."""
+        """From where to where it goes, with its unit (numbers, whole ones too, and pairs)."""
         return f'{self.low:g} to {self.high:g} {self.unit}'.rstrip()
 
     @property

@@ -32,12 +32,11 @@ def help_on(parameters: Iterable[Leaf]) -> str:
 def _values(quantity: Quantity) -> str:
     """The valid values, shorter than an error says them; text may be any."""
     return {
-        'number': f'{quantity.span}; ',
         'pair': f'two, {quantity.span}; ',
         'choice': f'{", ".join(quantity.choices)}; ',
         'text': '',
         'switch': 'true, false; ',
-    }[quantity.kind]
+    }.get(quantity.kind, f'{quantity.span}; ')
 
 
 def _default(value: object) -> str:
