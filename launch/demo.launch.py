@@ -24,7 +24,9 @@ def start(context: LaunchContext) -> list[Node]:
     )
     # An argument that was not given must not hide what the parameter file says.
     given = {name: text for name, text in (('log', log), ('viewer', viewer)) if text}
-    description = make_urdf(load(params).mechanism)
+    configuration = load(params)
+    names = configuration.session
+    description = make_urdf(configuration.mechanism, names.joint_prefix, names.frame_id)
     return [
         Node(
             package='linkage_ros',

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from rclpy.node import Node
@@ -24,6 +24,7 @@ from linkage_ros.mechanisms.registry import Linkage, Mechanism
 from linkage_ros.parameters.configuration import load, unknown_name, without_ros_own
 from linkage_ros.parameters.help import help_on
 from linkage_ros.parameters.presets import preset_names
+from linkage_ros.parameters.session import JOINT_PREFIX
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
@@ -47,6 +48,7 @@ class Settings(Checked):
         bandwidth: Of the speed loop, Hz.
         feed_forward: Whether the exact torque is added.
         lead_time: From a measurement to the middle of what its command does, s.
+        joint_prefix: Of the plant's joints; None: that in the parameter file of the plant.
     """
 
     plant: str = quantity(
@@ -59,6 +61,10 @@ class Settings(Checked):
     lead_time: float = quantity(
         'number', 'from a measurement to the middle of what its command does', 's',
         span=(0.0, 10.0), default=0.0015,
+    )  # fmt: skip
+    joint_prefix: str | None = quantity(
+        'text', "of the plant's joints; default: joint_prefix in the parameter file of plant",
+        pattern=JOINT_PREFIX, default=None,
     )  # fmt: skip
 
 
@@ -138,11 +144,15 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
             if name not in names:
                 raise ConfigurationError(unknown_name(name, _NAME, names, f'{_NAME} --help'))
         settings = build(Settings, given)
+        plant = load(settings.plant)
+        if settings.joint_prefix is None:
+            settings = replace(settings, joint_prefix=plant.session.joint_prefix)
         declare_values(self, PARAMETERS, flatten(settings))
         self._controller = SpeedController(
-            load(settings.plant).mechanism, settings.rpm, settings.bandwidth,
+            plant.mechanism, settings.rpm, settings.bandwidth,
             settings.lead_time if settings.feed_forward else None,
         )  # fmt: skip
+        self._crank = f'{settings.joint_prefix}crank'
         self._last: int | None = None
         self._commands = self.create_publisher(JointState, 'joint_commands', 10)
         states = self.create_subscription(JointState, 'joint_states', self._answer, 10)
@@ -157,12 +167,12 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
         last, self._last = self._last, now
         passed = 0 if last is None else now - last
         elapsed = passed / NS_PER_S if 0 < passed < _LONGEST else 0.0
-        crank = state.name.index('crank')
+        crank = state.name.index(self._crank)
         angle, speed = state.position[crank], state.velocity[crank]
         if not math.isfinite(angle + speed):  # it would stay in the integral for ever
             return
         torque = self._controller.torque(angle, speed, elapsed)
-        command = JointState(name=['crank'], effort=[torque])
+        command = JointState(name=[self._crank], effort=[torque])
         command.header.stamp = state.header.stamp
         self._commands.publish(command)
 

@@ -75,7 +75,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._state: State | None = None
         self._inbox: CommandInbox | None = None
         if isinstance(configuration.drive, TorqueDrive):
-            self._inbox = CommandInbox(self, configuration.drive)
+            crank = self._machine.joints[0]
+            self._inbox = CommandInbox(self, configuration.drive, crank)
         self.get_logger().info(preset_note(given) + self._machine.summary())
 
     def start(self) -> None:

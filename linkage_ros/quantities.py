@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass
@@ -34,6 +35,7 @@ class Quantity:
         low: Smallest valid value, inclusive (numbers, whole ones too, and pairs).
         high: Largest valid value, inclusive.
         choices: The valid words of a choice.
+        pattern: Regular expression of valid text; empty: any text is valid.
         live: Whether the value may be changed while the node runs.
     """
 
@@ -43,6 +45,7 @@ class Quantity:
     low: float = -math.inf
     high: float = math.inf
     choices: tuple[str, ...] = ()
+    pattern: str = ''
     live: bool = False
 
     @property
@@ -58,7 +61,7 @@ class Quantity:
             'whole': f'a whole number from {self.span}',
             'pair': f'two numbers, each from {self.span}',
             'choice': 'one of ' + ', '.join(self.choices),
-            'text': 'text',
+            'text': f'text of the form {self.pattern}' if self.pattern else 'text',
             'switch': 'true or false',
         }[self.kind]
 
@@ -84,11 +87,16 @@ class Quantity:
             cleaned = self._pair(value)
         elif self.kind == 'switch':
             cleaned = value if isinstance(value, bool) else None
-        elif isinstance(value, str) and (self.kind == 'text' or value in self.choices):
-            cleaned = value
+        elif isinstance(value, str):
+            cleaned = value if self._is_valid_text(value) else None
         if cleaned is None:
             raise ConfigurationError(f'{name} = {shown(value)}: must be {self.valid}')
         return cleaned
+
+    def _is_valid_text(self, value: str) -> bool:
+        if self.kind == 'choice':
+            return value in self.choices
+        return not self.pattern or re.fullmatch(self.pattern, value) is not None
 
     def _number(self, value: object) -> float | None:
         if isinstance(value, bool) or not hasattr(value, '__float__'):
@@ -128,11 +136,12 @@ def quantity(
     *,
     span: tuple[float, float] = (-math.inf, math.inf),
     choices: tuple[str, ...] = (),
+    pattern: str = '',
     live: bool = False,
     default: Any = MISSING,
 ) -> Any:
     """Declares a dataclass field that holds a `Quantity`; without default it is required."""
-    described = Quantity(kind, meaning, unit, *span, choices, live)
+    described = Quantity(kind, meaning, unit, *span, choices, pattern, live)
     return dataclasses.field(default=default, metadata={'quantity': described})
 
 

@@ -16,12 +16,12 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.parameters.configuration import (
     Configuration,
-    Session,
     configure,
     preset_note,
     read_values,
 )
 from linkage_ros.parameters.presets import preset_names
+from linkage_ros.parameters.session import Session
 from linkage_ros.progress import progress_bar
 from linkage_ros.quantities import leaves
 from linkage_ros.record_end import DEFAULT_DURATION, DURATION, REVOLUTIONS, End

@@ -75,6 +75,8 @@ QUADRILATERAL = {
     'log_overwrite': False,
     'viewer': '',
     'viewer_bind': '127.0.0.1',
+    'joint_prefix': '',
+    'frame_id': 'base_link',
 }
 
 
@@ -117,6 +119,8 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
         'log_overwrite': False,
         'viewer': '',
         'viewer_bind': '127.0.0.1',
+        'joint_prefix': '',
+        'frame_id': 'base_link',
         **REQUIRED,
     }
     configuration = configure(REQUIRED)
@@ -381,12 +385,29 @@ def test_what_is_no_pair_in_range_is_refused(name, value):
         ('viewer', True, 'viewer = True: must be text'),
         ('log_overwrite', 'true', "log_overwrite = 'true': must be true or false"),
         ('log_overwrite', 1, 'log_overwrite = 1: must be true or false'),
+        ('joint_prefix', 'a-', r"joint_prefix = 'a-': must be text of the form \[A-Za-z0-9_\]\*$"),
+        ('joint_prefix', 'links/', "joint_prefix = 'links/': must be text of the form "),
+        ('joint_prefix', 'a\n', 'joint_prefix = .*: must be text of the form '),
+        ('joint_prefix', 'é', 'joint_prefix = .*: must be text of the form '),
+        ('joint_prefix', 7, 'joint_prefix = 7: must be text of the form '),
+        ('frame_id', '', "frame_id = '': must be text of the form "),
+        ('frame_id', '/map', "frame_id = '/map': must be text of the form "),
+        ('frame_id', 'tool 0', "frame_id = 'tool 0': must be text of the form "),
         ('log', ['x' * 1_000], r"log = \['x+ \.\.\. x+'\]: must be text"),
     ],
 )
 def test_words_and_switches_are_checked(name, value, words):
     with pytest.raises(ConfigurationError, match=f'^{words}'):
         configure({**REQUIRED, name: value})
+
+
+@pytest.mark.parametrize('name', ['crank', 'left_crank', 'left_rocker_link'])
+def test_frame_id_must_not_be_a_name_of_the_linkage_itself(name):
+    given_ = {**REQUIRED, 'joint_prefix': name.partition('_')[0] + '_' if '_' in name else ''}
+    with pytest.raises(ConfigurationError, match=f"^frame_id = '{name}': must not be a joint or "):
+        configure({**given_, 'frame_id': name})
+    other = configure({**given_, 'joint_prefix': 'right_', 'frame_id': name})
+    assert other.session.frame_id == name
 
 
 @pytest.mark.parametrize('name', ['rpm', 'crank_angle', 'frame.angle', 'crank.mass', 'start_rpm'])
@@ -488,6 +509,8 @@ configurations = st.builds(
             'viewer': st.sampled_from(['', 'spawn', 'web', 'rerun+http://[::1]:9876/proxy'])
             | st.text().filter(lambda text: '://' not in text).map('{}x.rrd'.format),
             'log_overwrite': st.booleans(),
+            'joint_prefix': st.from_regex('[A-Za-z0-9_]*', fullmatch=True),
+            'frame_id': st.from_regex('[A-Za-z0-9_][A-Za-z0-9_./-]*_frame', fullmatch=True),
         },
     ),
     st.fixed_dictionaries({'rpm': within('rpm')}),

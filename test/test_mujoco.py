@@ -189,7 +189,7 @@ class Engine:
             mine[1] -= given[0]  # the joint between crank and coupler
         mujoco.mj_inverse(model, data)
         # What the joints need, less what the external force on the slider brings.
-        output, pushed = model.body(self.output).id, np.zeros(3)
+        output, pushed = model.joint(self.output).bodyid[0], np.zeros(3)
         center = data.xipos[output]
         mujoco.mj_applyFT(model, data, self.force, np.zeros(3), center, output, pushed)
         needed = data.qfrc_inverse - pushed
@@ -202,7 +202,7 @@ class Engine:
 
     def _end(self, name):
         """Where B is on a body, its Jacobian and the Jacobian's rate."""
-        model, data, number = self.model, self.data, self.model.body(name).id
+        model, data, number = self.model, self.data, self.model.joint(name).bodyid[0]
         jacobian, rate = np.zeros((2, 3, 3))
         turned = data.xmat[number].reshape(3, 3)
         point = data.xpos[number] + turned @ [self.ends[name], 0.0, 0.0]

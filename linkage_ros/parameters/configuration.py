@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
-from linkage_ros.files import is_one_file
 from linkage_ros.mechanisms.registry import MECHANISMS, Mechanism
 from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import DRIVES, Drive, TorqueDrive
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
-from linkage_ros.parameters.viewers import VIEWERS, is_viewer, no_viewer
+from linkage_ros.parameters.session import Session
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 
 DEFAULT_PRESET = 'quadrilateral'
@@ -58,37 +57,6 @@ class Kind(Checked):
                 'wind_pump moves; leave drive and rpm out, and set motor.torque and start_rpm'
             )
         return replace(kind, drive='torque')
-
-
-@dataclass(frozen=True)
-class Session(Checked):
-    """How a run is published, logged and shown.
-
-    Attributes:
-        rate_hz: States a second.
-        log: Path of the MCAP file; empty: no log.
-        log_overwrite: Whether an existing log or .rrd file may be replaced.
-        viewer: One of VIEWERS; empty: no viewer.
-        viewer_bind: Address on which a spawned viewer's data, or the page, are served.
-    """
-
-    rate_hz: float = quantity('number', 'states a second', 'Hz', span=(0.01, 1e5), default=200.0)
-    log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
-    log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)
-    viewer: str = quantity('text', f'{VIEWERS}; empty: none', default='')
-    viewer_bind: str = quantity(
-        'text', 'address on which a spawned viewer or the page is served', default='127.0.0.1'
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.viewer and not is_viewer(self.viewer):
-            raise ConfigurationError(no_viewer(self.viewer))
-        if self.log and self.viewer.endswith('.rrd') and is_one_file(self.log, self.viewer):
-            raise ConfigurationError(
-                f'log and viewer are one file, {shown(self.viewer)}: give the log another path, '
-                'that of an .mcap file'
-            )
 
 
 @dataclass(frozen=True)
@@ -173,7 +141,9 @@ def configure(values: Mapping[str, object]) -> Configuration:
         _require_start(mechanism, drive)
     elif not isinstance(mechanism, WindPump):
         Solver(mechanism).require_full_turn()
-    return Configuration(kind, mechanism, drive, build(Session, given))
+    session = build(Session, given)
+    session.require_fixed_frame(mechanism)
+    return Configuration(kind, mechanism, drive, session)
 
 
 def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:

@@ -30,11 +30,11 @@ def help_on(parameters: Iterable[Leaf]) -> str:
 
 
 def _values(quantity: Quantity) -> str:
-    """The valid values, shorter than an error says them; text may be any."""
+    """The valid values, shorter than in an error message; empty where any text is valid."""
     return {
         'pair': f'two, {quantity.span}; ',
         'choice': f'{", ".join(quantity.choices)}; ',
-        'text': '',
+        'text': f'{quantity.pattern}; ' if quantity.pattern else '',
         'switch': 'true, false; ',
     }.get(quantity.kind, f'{quantity.span}; ')
 

@@ -12,7 +12,6 @@ from linkage_ros.playback.feed import Item
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.rerun_view import Sample, View
-from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import JOINT_STATES
 
 _CAPACITY, _PERIOD = 1_000_000, 0.03  # samples, s
@@ -36,8 +35,7 @@ class ReplayView:
             ViewerError: No viewer answers, or the view cannot be opened.
         """
         self._name, self._log, self._alone = name, log, alone
-        joints = Machine(log.configuration).joints
-        self._codec, self._joints = JointStateCodec(joints), len(joints)
+        self._codec = Machine(log.configuration).joint_states
         # Commands are of the same type.
         self._topics = {name for name, _ in paired(log, [JOINT_STATES])}
         self._view = View(log.configuration, target)
@@ -66,7 +64,7 @@ class ReplayView:
             stamp, numbers = self._codec.decode(message.data)
         except ValueError as error:
             raise LogError(f'{self._log.path}: a message on {message.topic} is {error}') from error
-        count = self._joints
+        count = len(self._codec.names)
         rows = (numbers[start : start + count] for start in range(0, 3 * count, count))
         # A round of a loop goes on where the one before ended.
         self._worker.offer(Sample(stamp + item.time - message.time, *rows))

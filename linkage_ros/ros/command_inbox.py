@@ -46,14 +46,15 @@ class CommandInbox:
         commands: What was commanded, and what became of it.
     """
 
-    def __init__(self, node: Node, drive: TorqueDrive) -> None:
+    def __init__(self, node: Node, drive: TorqueDrive, crank: str) -> None:
         """Subscribes.
 
         Args:
             node: The node.
             drive: Of the mechanism.
+            crank: Name of the crank's joint.
         """
-        self.commands = TorqueCommands(drive.torque_limit, drive.command_timeout)
+        self.commands = TorqueCommands(drive.torque_limit, drive.command_timeout, crank=crank)
         self._logger = node.get_logger()
         self._silent_until = 0.0
         self._ended = 0

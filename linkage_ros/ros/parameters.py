@@ -44,14 +44,15 @@ def describe(name: str, quantity: Quantity) -> ParameterDescriptor:
         What `ros2 param describe` shows.
     """
     unit = f' [{quantity.unit}]' if quantity.unit else ''
+    is_number = quantity.kind == 'number'
     span = FloatingPointRange(from_value=quantity.low, to_value=quantity.high)
     return ParameterDescriptor(
         name=name,
         type=_TYPES[quantity.kind],
         description=quantity.meaning + unit,
-        additional_constraints='' if quantity.kind in ('text', 'number') else quantity.valid,
+        additional_constraints='' if is_number or quantity.valid == 'text' else quantity.valid,
         read_only=not quantity.live,
-        floating_point_range=[span] if quantity.kind == 'number' else [],
+        floating_point_range=[span] if is_number else [],
     )
 
 

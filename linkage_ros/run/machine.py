@@ -40,7 +40,7 @@ from linkage_ros.wire.topics import (
     Topic,
     effort_commands,
 )
-from linkage_ros.wire.urdf import make_urdf
+from linkage_ros.wire.urdf import joint_names, make_urdf
 
 
 class Snapshot(NamedTuple):
@@ -65,6 +65,8 @@ class Machine:
         solver: Of its mechanism; None: a wind pump, where a crank angle tells no state.
         equations: Of its motion.
         joints: Names, in the order of the messages.
+        joint_states: Codec of the messages on that topic.
+        mechanism_state: Likewise.
         topics: What each state has a message on.
         description: robot_description message, CDR bytes.
     """
@@ -75,22 +77,25 @@ class Machine:
         self.equations = EquationsOfMotion(mechanism)
         self.solver = Solver(mechanism) if isinstance(mechanism, Linkage) else None
         structure = self.equations.structure
-        self.joints = tuple(joint.name for joint in structure.joints)
-        self.description = encode_string(make_urdf(mechanism))
+        session = configuration.session
+        prefix, frame_id = session.joint_prefix, session.frame_id
+        self.joints = joint_names(structure.joints, prefix)
+        self.joint_states = JointStateCodec(self.joints, frame_id)
+        self.mechanism_state = TrajectoryCodec(self.joints, frame_id)
+        self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
         self._structure, self._tree, points = structure, structure.joints, structure.points
         self._coupler_point = points.get('C')
         self.topics: tuple[Topic, ...] = (JOINT_STATES, DRIVING_TORQUE, MECHANISM_STATE)
         if self._coupler_point:
             self.topics += (COUPLER_POINT,)
-        self._states, self._trajectory = JointStateCodec(self.joints), TrajectoryCodec(self.joints)
-        self._point = PointCodec()
+        self._point = PointCodec(frame_id)
         self._lead: int | None = None  # ns
         drive = configuration.drive
         if isinstance(drive, SpeedDrive) and drive.effort_command_topic:
             self.topics += (effort_commands(drive.effort_command_topic),)
             self._lead = round(drive.lead_time * NS_PER_S)
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
-        self._rate = Fraction(repr(configuration.session.rate_hz)).as_integer_ratio()
+        self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
     def summary(self) -> str:
         """What turns, in one line."""
@@ -166,9 +171,9 @@ class Machine:
         values = joint_values(self._tree, state, crank)
         position, velocity, _, effort = values
         messages: tuple[bytes, ...] = (
-            self._states.encode(stamp, position, velocity, effort),
+            self.joint_states.encode(stamp, position, velocity, effort),
             encode_float64(effort[0]),
-            self._trajectory.encode(stamp, *values),
+            self.mechanism_state.encode(stamp, *values),
         )
         if self._coupler_point:
             place = point_motion(self._coupler_point, state).position

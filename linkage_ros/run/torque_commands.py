@@ -8,8 +8,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-_CRANK = 'crank'
-
 
 class TorqueCommands:
     """What was commanded, and what became of it.
@@ -24,17 +22,20 @@ class TorqueCommands:
     """
 
     def __init__(
-        self, limit: float, timeout: float, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+        self, limit: float, timeout: float, clock: Callable[[], float] = time.monotonic,
+        crank: str = 'crank',
+    ) -> None:  # fmt: skip
         """Begins without a command.
 
         Args:
             limit: Largest torque, N m.
             timeout: After which a command counts no more, s.
             clock: Tells the time, s.
+            crank: Name of the crank's joint.
         """
         self.taken = self.cut = self.refused = self.ended = 0
         self._limit, self._timeout, self._clock = limit, timeout, clock
+        self._crank = crank
         self._last: tuple[float, float] | None = None  # torque, and until when it counts
         self._counts = False
 
@@ -52,11 +53,11 @@ class TorqueCommands:
         wrong = ''
         if len(efforts) != len(names):
             wrong = f'{len(names)} names and {len(efforts)} efforts: must be one for each'
-        elif list(names).count(_CRANK) != 1:
+        elif list(names).count(self._crank) != 1:
             shown = ascii(', '.join(names))[1:-1] or 'nothing'
-            wrong = f'it names {shown:.80}: must name {_CRANK} once'
+            wrong = f'it names {shown:.80}: must name {self._crank} once'
         else:
-            torque = float(efforts[list(names).index(_CRANK)])
+            torque = float(efforts[list(names).index(self._crank)])
             if not math.isfinite(torque):
                 wrong = f'effort {torque}: must be a finite number, N m'
         if wrong:

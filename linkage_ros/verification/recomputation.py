@@ -23,7 +23,6 @@ from linkage_ros.motion.torque_driven import CATCH_UP, RunMotion
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.run.machine import Machine, Snapshot
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.codecs import TrajectoryCodec
 from linkage_ros.wire.topics import MECHANISM_STATE, Topic
 
 # How far a state may be from where the one before leads: rad and crank lengths, and of rates the
@@ -57,7 +56,6 @@ class Recomputation:
                 'a torque-driven log without mechanism_state cannot be verified: its states have '
                 'no accelerations; log that topic'
             )
-        self._codec = TrajectoryCodec(machine.joints)
         # Tick, coordinates, torque at rest of the state before; the first follows from the start.
         self._before: tuple[int, CrankState, float] | None = None
         if self._drive:
@@ -99,10 +97,10 @@ class Recomputation:
             LogError: It tells none.
         """
         try:
-            _, values = self._codec.decode(data)
+            _, values = self._machine.mechanism_state.decode(data)
         except ValueError as error:
             raise LogError(f'has a mechanism_state that is {error}') from error
-        count = len(self._codec.names)
+        count = len(self._machine.joints)
         position, velocity, acceleration, effort = (values[i * count :][:count] for i in range(4))
         angle, _ = within_two_turns(position[0])
         free = len(self._machine.equations.coordinates) > 1

@@ -19,17 +19,17 @@ ROOT_FRAME = 'base_link'
 
 
 class _RowsCodec:
-    """Messages of base_link's frame that hold rows, a number for each of a fixed set of joints.
+    """Messages that hold rows, a number for each of a fixed set of joints.
 
     Attributes:
         names: The joints.
     """
 
-    def __init__(self, names: Sequence[str], rows: int, *, points: bool) -> None:
+    def __init__(self, names: Sequence[str], frame_id: str, rows: int, *, points: bool) -> None:
         self.names = tuple(names)
         self._rows = rows
         count = len(self.names)
-        body = align(header(ROOT_FRAME), 4) + struct.pack('<I', count)
+        body = align(header(frame_id), 4) + struct.pack('<I', count)
         for name in names:
             body = align(string(body, name), 4)
         if points:
@@ -93,22 +93,22 @@ class _RowsCodec:
 class JointStateCodec(_RowsCodec):
     """JointState messages: positions, velocities and efforts of a fixed set of joints."""
 
-    def __init__(self, names: Sequence[str]) -> None:
-        super().__init__(names, 3, points=False)
+    def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
+        super().__init__(names, frame_id, 3, points=False)
 
 
 class TrajectoryCodec(_RowsCodec):
     """JointTrajectory messages of one point: the same with accelerations before the efforts."""
 
-    def __init__(self, names: Sequence[str]) -> None:
-        super().__init__(names, 4, points=True)
+    def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
+        super().__init__(names, frame_id, 4, points=True)
 
 
 class PointCodec:
-    """PointStamped messages, in the axes of base_link."""
+    """PointStamped messages."""
 
-    def __init__(self) -> None:
-        head = align(header(ROOT_FRAME), 8)
+    def __init__(self, frame_id: str = ROOT_FRAME) -> None:
+        head = align(header(frame_id), 8)
         self._head = len(ENCAPSULATION) + len(head)
         self._numbers = struct.Struct('<3d')
         self._buffer = bytearray(ENCAPSULATION + head + b'\0' * self._numbers.size)

@@ -5,20 +5,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 from linkage_ros.mechanisms.kinematics import kinematics_of
 from linkage_ros.mechanisms.parts import Body, Piston, Slider
 from linkage_ros.mechanisms.registry import Mechanism
 from linkage_ros.mechanisms.structure import Joint
-from linkage_ros.palette import COLORS, fractions
+from linkage_ros.palette import COLORS, Color, fractions
 from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF demands limits of force and speed for a prismatic joint; the model has none.
 _NO_LIMIT = '1e9'
 
 
-def make_urdf(mechanism: Mechanism) -> str:
+def make_urdf(mechanism: Mechanism, joint_prefix: str = '', frame_id: str = ROOT_FRAME) -> str:
     """Writes the URDF: a link and a joint for each joint of the open tree.
 
     The loop is open where `Joint` says; joint states close it. Each link's x axis points from its
@@ -27,19 +28,23 @@ def make_urdf(mechanism: Mechanism) -> str:
 
     Args:
         mechanism: The mechanism.
+        joint_prefix: Prepended to all joint and link names but frame_id.
+        frame_id: Name of the root link, which carries the fixed pivots.
 
     Returns:
         XML text.
     """
     robot = ET.Element('robot', name='linkage')
-    ET.SubElement(robot, 'link', name=ROOT_FRAME)
+    ET.SubElement(robot, 'link', name=frame_id)
     joints = kinematics_of(mechanism).structure.joints
+    names = joint_names(joints, joint_prefix)
     bodies: list[Body | Piston | Slider] = [getattr(mechanism, joint.name) for joint in joints]
     lengths = [body.length for body in bodies if isinstance(body, Body)]
     width = min(lengths) / 20
-    for layer, (joint, body) in enumerate(zip(joints, bodies, strict=True)):
-        _add_link(robot, joint.name, body, width, layer)
-        _add_joint(robot, joint, ROOT_FRAME if joint.parent is None else joints[joint.parent].name)
+    for layer, (joint, name, body) in enumerate(zip(joints, names, bodies, strict=True)):
+        _add_link(robot, name, body, width, layer, COLORS[joint.name])
+        parent = frame_id if joint.parent is None else link_of(names[joint.parent])
+        _add_joint(robot, joint, name, parent)
         if joint.slides:
             reach = repr(math.fsum(lengths))  # the loop closes nowhere beyond
             limit = {'effort': _NO_LIMIT, 'velocity': _NO_LIMIT}
@@ -48,19 +53,30 @@ def make_urdf(mechanism: Mechanism) -> str:
     return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
 
 
-def _add_joint(robot: ET.Element, joint: Joint, parent: str) -> None:
+def joint_names(joints: Iterable[Joint], joint_prefix: str) -> tuple[str, ...]:
+    """The names of joints in the URDF and in messages."""
+    return tuple(f'{joint_prefix}{joint.name}' for joint in joints)
+
+
+def link_of(joint: str) -> str:
+    """The name of a joint's child link: not its own, because many URDF readers refuse that."""
+    return f'{joint}_link'
+
+
+def _add_joint(robot: ET.Element, joint: Joint, name: str, parent: str) -> None:
     kind, axis = ('prismatic', '1 0 0') if joint.slides else ('continuous', '0 0 1')
-    element = ET.SubElement(robot, 'joint', name=joint.name, type=kind)
+    element = ET.SubElement(robot, 'joint', name=name, type=kind)
     ET.SubElement(element, 'parent', link=parent)
-    ET.SubElement(element, 'child', link=joint.name)
+    ET.SubElement(element, 'child', link=link_of(name))
     _add_origin(element, joint.origin.real, joint.origin.imag, yaw=joint.angle)
     ET.SubElement(element, 'axis', xyz=axis)
 
 
 def _add_link(
-    robot: ET.Element, name: str, body: Body | Piston | Slider, width: float, layer: int
-) -> None:
-    link = ET.SubElement(robot, 'link', name=name)
+    robot: ET.Element, joint: str, body: Body | Piston | Slider, width: float, layer: int,
+    color: Color,
+) -> None:  # fmt: skip
+    link = ET.SubElement(robot, 'link', name=link_of(joint))
     visual = ET.SubElement(link, 'visual')
     if isinstance(body, Body):
         length, height, inertia, center = body.length, width, body.inertia, body.center
@@ -72,8 +88,8 @@ def _add_link(
         _add_origin(visual, 0.0, 0.0, layer * width)
     box = ET.SubElement(ET.SubElement(visual, 'geometry'), 'box')
     box.set('size', f'{length!r} {height!r} {width!r}')
-    color = ' '.join(f'{part:.3f}' for part in fractions(COLORS[name]))
-    ET.SubElement(ET.SubElement(visual, 'material', name=name), 'color', rgba=f'{color} 1')
+    rgb = ' '.join(f'{part:.3f}' for part in fractions(color))
+    ET.SubElement(ET.SubElement(visual, 'material', name=joint), 'color', rgba=f'{rgb} 1')
     if body.mass or inertia:
         inertial = ET.SubElement(link, 'inertial')
         _add_origin(inertial, *center)

@@ -1,0 +1,75 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters that say how a run is published, logged and shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.files import is_one_file
+from linkage_ros.mechanisms.kinematics import kinematics_of
+from linkage_ros.mechanisms.registry import Mechanism
+from linkage_ros.parameters.viewers import VIEWERS, is_viewer, no_viewer
+from linkage_ros.quantities import Checked, quantity, shown
+from linkage_ros.wire.codecs import ROOT_FRAME
+from linkage_ros.wire.urdf import joint_names, link_of
+
+JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
+
+
+@dataclass(frozen=True)
+class Session(Checked):
+    """How a run is published, logged and shown.
+
+    Attributes:
+        rate_hz: States a second.
+        log: Path of the MCAP file; empty: no log.
+        log_overwrite: Whether an existing log or .rrd file may be replaced.
+        viewer: One of VIEWERS; empty: no viewer.
+        viewer_bind: Address on which a spawned viewer's data, or the page, are served.
+        joint_prefix: Prepended to every joint name in messages and to the URDF's link names.
+        frame_id: Link, and frame of messages, that carries the fixed pivots.
+    """
+
+    rate_hz: float = quantity('number', 'states a second', 'Hz', span=(0.01, 1e5), default=200.0)
+    log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
+    log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)
+    viewer: str = quantity('text', f'{VIEWERS}; empty: none', default='')
+    viewer_bind: str = quantity(
+        'text', 'address on which a spawned viewer or the page is served', default='127.0.0.1'
+    )
+    joint_prefix: str = quantity(
+        'text', 'put before every joint name, in and out, and every URDF link name',
+        pattern=JOINT_PREFIX, default='',
+    )  # fmt: skip
+    frame_id: str = quantity(
+        'text', 'link that carries the fixed pivots; joint_prefix is not put before it',
+        pattern='[A-Za-z0-9_][A-Za-z0-9_./-]*', default=ROOT_FRAME,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.viewer and not is_viewer(self.viewer):
+            raise ConfigurationError(no_viewer(self.viewer))
+        if self.log and self.viewer.endswith('.rrd') and is_one_file(self.log, self.viewer):
+            raise ConfigurationError(
+                f'log and viewer are one file, {shown(self.viewer)}: give the log another path, '
+                'that of an .mcap file'
+            )
+
+    def require_fixed_frame(self, mechanism: Mechanism) -> None:
+        """Refuses a frame_id that is a name of the linkage itself.
+
+        Args:
+            mechanism: The linkage.
+
+        Raises:
+            ConfigurationError: It is the name of one of its joints or moving links.
+        """
+        joints = joint_names(kinematics_of(mechanism).structure.joints, self.joint_prefix)
+        if self.frame_id in {*joints, *map(link_of, joints)}:
+            raise ConfigurationError(
+                f'frame_id = {shown(self.frame_id)}: must not be a joint or moving link of this '
+                'linkage; name the link that carries its fixed pivots, or change joint_prefix'
+            )
