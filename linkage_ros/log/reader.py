@@ -75,6 +75,8 @@ class LogReader(AbstractContextManager['LogReader']):
         path: The file.
         configuration: Of the run.
         version: Of linkage_ros that wrote it.
+        has_same_urdf: Whether its robot_description can be recomputed: older versions named links
+            as joints.
         motions: The pieces of motion, in order.
         topics: The channels.
         start: Time of the first message, ns.
@@ -117,6 +119,7 @@ class LogReader(AbstractContextManager['LogReader']):
         if len(about) > 1:
             raise LogError(f'it has {len(about)} configuration records: which one explains it?')
         self.version, self.configuration = decode_configuration(about[0])
+        self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
         statistics = summary.statistics
         self.topics = tuple(

@@ -65,7 +65,8 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     difference = check_topics(log, pairings, descriptions, machine)
     difference = difference or check_motions(machine, log.motions)
     wrong: list[str] = []
-    messages = _described(log, descriptions, machine.description, wrong)
+    comparable = descriptions if log.has_same_urdf else []
+    messages = _described(log, comparable, machine.description, wrong)
     states, missed = 0, 0
     cut: tuple[str, ...] = ()
     if not difference and has_states(log, pairings):
@@ -76,7 +77,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     elif not difference:
         deque(messages, maxlen=0)
     names = [topic.name for topic in log.topics]
-    known = {*(name for name, _ in pairings), *descriptions}
+    known = {*(name for name, _ in pairings), *comparable}
     carried = [*(topic for _, topic in pairings), *[ROBOT_DESCRIPTION][: len(descriptions)]]
     return Report(
         states=states,
