@@ -19,7 +19,19 @@ import mujoco  # the proof rests on it: without it this file fails, it does not 
 import numpy as np
 import pytest
 
-from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Slider, SliderCrank, Solver
+from linkage_ros import (
+    Body,
+    Coupler,
+    EquationsOfMotion,
+    FourBar,
+    Frame,
+    Guide,
+    Slider,
+    SliderCrank,
+    Solver,
+)
+from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.wire.urdf import make_urdf
 
 # What the project promises of the torque, and ten times what is seen: both as a part of the
@@ -148,8 +160,6 @@ def urdf(mechanism):
         joint = robot.find("joint[@name='slider']")
         ET.SubElement(joint, 'dynamics', damping=text(mechanism.slider.damping))
     extension = ET.SubElement(robot, 'mujoco')
-    # The engine takes no body without moment of inertia; the slider has none, and never turns.
-    ET.SubElement(extension, 'compiler', boundinertia='1e-14')
     ET.SubElement(extension, 'option', gravity=text(*mechanism.gravity, 0.0))
     return ET.tostring(robot, encoding='unicode')
 
@@ -348,3 +358,35 @@ def test_slip_of_1e_12_in_the_motion_opens_the_loop(kind, order, link):
     size = scale[0] if isinstance(mechanism, SliderCrank) and link == 2 else 1.0
     motion[order][link] += 1e-12 * scale[order] / scale[0] * size
     assert engine.inverse(*motion)[1][order] / scale[order] > CLOSED
+
+
+# ---------------------------------------------------------------- the presets' URDF as it is
+
+
+@pytest.mark.parametrize('prefix', ['', 'left_'])
+@pytest.mark.parametrize('preset', preset_names())
+def test_the_urdf_of_every_preset_loads(preset, prefix):
+    mechanism = load(preset).mechanism
+    model = mujoco.MjModel.from_xml_string(make_urdf(mechanism, prefix))
+    joints = [model.joint(number).name for number in range(model.njnt)]
+    assert joints == [
+        f'{prefix}{joint.name}' for joint in EquationsOfMotion(mechanism).structure.joints
+    ]
+    bodies = {model.body(number).name for number in range(1, model.nbody)}
+    assert bodies == {f'{joint}_link' for joint in joints}
+
+
+@pytest.mark.parametrize('preset', [name for name in preset_names() if name != 'wind_pump'])
+def test_small_masses_for_zeros_change_torques_by_a_few_millionths(preset):
+    mechanism = load(preset).mechanism
+    error, gap = compare(mechanism, mechanism, 'urdf', 20.0, 100.0)
+    assert error < 5e-6
+    assert np.all(gap < CLOSED)
+
+
+def test_the_engine_refuses_a_link_without_inertial():
+    robot = ET.fromstring(make_urdf(load('slider_crank').mechanism))
+    link = robot.find("link[@name='crank_link']")
+    link.remove(link.find('inertial'))
+    with pytest.raises(ValueError, match='mass and inertia of moving bodies must be larger'):
+        mujoco.MjModel.from_xml_string(ET.tostring(robot, encoding='unicode'))

@@ -22,6 +22,7 @@ from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.motion.joints import joint_values
 from linkage_ros.motion.speed_driven import CrankMotion
 from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.wire.urdf import make_urdf
 
 JOINTS = ('crank', 'coupler', 'rocker')
@@ -222,7 +223,7 @@ def test_masses_centres_and_inertias_are_the_mechanisms():
     bodies = {
         'crank': {'mass': 1.25, 'inertia': 0.0245, 'center': (0.01, -0.02)},
         'coupler': {'mass': 2.0, 'inertia': 1 / 3, 'center': (0.1575, 0.1)},
-        'rocker': {'mass': 0.0, 'inertia': 0.066, 'center': (0.25, 0.0)},
+        'rocker': {'mass': 3.5, 'inertia': 0.066, 'center': (0.25, 0.0)},
     }
     tree = Tree(make_urdf(make((1.0, 3.0, 2.5, 2.0), **bodies)))
     for name, body in bodies.items():
@@ -239,11 +240,46 @@ def test_masses_centres_and_inertias_are_the_mechanisms():
         assert terms['izz'] <= terms['ixx'] + terms['iyy']
 
 
-def test_a_link_without_mass_and_inertia_has_no_inertial():
-    tree = Tree(make_urdf(make((1.0, 3.0, 2.5, 2.0), rocker={'mass': 1.0})))
-    assert tree.links['crank_link'].find('inertial') is None
-    assert tree.links['base_link'].find('inertial') is None
-    assert tree.links['rocker_link'].find('inertial') is not None
+def inertial_of(text, link):
+    """Mass, inertia about z and the comment on them."""
+    parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))
+    element = ET.fromstring(text, parser).find(f"link[@name='{link}']")
+    comments = [part.text for part in element if part.tag is ET.Comment]
+    inertial = element.find('inertial')
+    values = (inertial.find('mass').get('value'), inertial.find('inertia').get('izz'))
+    return *map(float, values), ''.join(comments)
+
+
+def test_zero_mass_or_inertia_becomes_small_and_a_comment_says_so():
+    bodies = {'coupler': {'inertia': 0.25}, 'rocker': {'mass': 3.0}}
+    text = make_urdf(make((1.0, 3.0, 2.5, 2.0), **bodies))
+    said = '{} 0 in the parameters; simulators refuse 0, so small here'
+    mass, inertia, comment = inertial_of(text, 'crank_link')
+    assert (mass, inertia) == (pytest.approx(3e-6), pytest.approx(3e-6 / 12))
+    assert said.format('mass and inertia') in comment
+    mass, inertia, comment = inertial_of(text, 'coupler_link')
+    assert (mass, inertia) == (pytest.approx(3e-6), 0.25)
+    assert said.format('mass') in comment
+    mass, inertia, comment = inertial_of(text, 'rocker_link')
+    assert (mass, inertia) == (3.0, pytest.approx(3e-6 * 2.5**2 / 12))
+    assert said.format('inertia') in comment
+    whole = {name: {'mass': 1.0, 'inertia': 1.0} for name in JOINTS}
+    assert '<!--' not in make_urdf(make((1.0, 3.0, 2.5, 2.0), **whole))
+    assert Tree(text).links['base_link'].find('inertial') is None  # it does not move
+
+
+@pytest.mark.parametrize(('prefix', 'frame'), [('', 'base_link'), ('left_', 'arm/tool0')])
+@pytest.mark.parametrize('preset', preset_names())
+def test_no_two_links_and_joints_share_a_name(preset, prefix, frame):
+    tree = Tree(make_urdf(load(preset).mechanism, prefix, frame))
+    names = [*(link.get('name') for link in tree.robot.iterfind('link')), *tree.joints]
+    assert len(set(names)) == len(names) == 2 * len(tree.joints) + 1
+    assert names[0] == frame
+    assert all(name.startswith(f'{prefix}') for name in names[1:])
+    for name, joint in tree.joints.items():
+        assert joint.find('child').get('link') == f'{name}_link'
+    materials = {material.get('name') for material in tree.robot.iter('material')}
+    assert materials == set(tree.joints)
 
 
 @pytest.mark.parametrize('scale', [1e-9, 1e-3, 1.0, 1e8])

@@ -17,6 +17,11 @@ from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF demands limits of force and speed for a prismatic joint; the model has none.
 _NO_LIMIT = '1e9'
+# Simulators refuse a moving link without mass or inertia. The mass that such a link gets is this
+# part of the linkage's mass: it changes torques by about as much.
+_SMALL = 1e-6
+# kg or kg m^2, above which MuJoCo takes also the half of an inertia, which is ixx.
+_LEAST = 1e-14
 
 
 def make_urdf(mechanism: Mechanism, joint_prefix: str = '', frame_id: str = ROOT_FRAME) -> str:
@@ -25,6 +30,8 @@ def make_urdf(mechanism: Mechanism, joint_prefix: str = '', frame_id: str = ROOT
     The loop is open where `Joint` says; joint states close it. Each link's x axis points from its
     first to its second pin, a slider's along its guide. Bars are drawn as boxes of a twentieth of
     the shortest link, one above the other so that they do not cut through each other.
+
+    A mass or an inertia of 0 becomes a small one, and a comment in the text says so.
 
     Args:
         mechanism: The mechanism.
@@ -41,8 +48,10 @@ def make_urdf(mechanism: Mechanism, joint_prefix: str = '', frame_id: str = ROOT
     bodies: list[Body | Piston | Slider] = [getattr(mechanism, joint.name) for joint in joints]
     lengths = [body.length for body in bodies if isinstance(body, Body)]
     width = min(lengths) / 20
+    least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
     for layer, (joint, name, body) in enumerate(zip(joints, names, bodies, strict=True)):
-        _add_link(robot, name, body, width, layer, COLORS[joint.name])
+        link = _add_link(robot, name, body, width, layer, COLORS[joint.name])
+        _add_inertial(link, body, width, least_mass)
         parent = frame_id if joint.parent is None else link_of(names[joint.parent])
         _add_joint(robot, joint, name, parent)
         if joint.slides:
@@ -75,29 +84,50 @@ def _add_joint(robot: ET.Element, joint: Joint, name: str, parent: str) -> None:
 def _add_link(
     robot: ET.Element, joint: str, body: Body | Piston | Slider, width: float, layer: int,
     color: Color,
-) -> None:  # fmt: skip
+) -> ET.Element:  # fmt: skip
     link = ET.SubElement(robot, 'link', name=link_of(joint))
     visual = ET.SubElement(link, 'visual')
     if isinstance(body, Body):
-        length, height, inertia, center = body.length, width, body.inertia, body.center
+        length, height = body.length, width
         _add_origin(visual, length / 2, 0.0, layer * width)
     else:
-        length, height, center = 6 * width, 4 * width, (0.0, 0.0)
-        # It does not turn: any inertia gives the same motion, but simulators refuse none at all.
-        inertia = body.mass * (length**2 + height**2) / 12
+        length, height = _block(width)
         _add_origin(visual, 0.0, 0.0, layer * width)
     box = ET.SubElement(ET.SubElement(visual, 'geometry'), 'box')
     box.set('size', f'{length!r} {height!r} {width!r}')
     rgb = ' '.join(f'{part:.3f}' for part in fractions(color))
     ET.SubElement(ET.SubElement(visual, 'material', name=joint), 'color', rgba=f'{rgb} 1')
-    if body.mass or inertia:
-        inertial = ET.SubElement(link, 'inertial')
-        _add_origin(inertial, *center)
-        ET.SubElement(inertial, 'mass', value=repr(body.mass))
-        # A planar description knows izz alone; a flat body has ixx + iyy = izz.
-        half = repr(inertia / 2)
-        terms = {'ixx': half, 'iyy': half, 'izz': repr(inertia)}
-        ET.SubElement(inertial, 'inertia', {**terms, 'ixy': '0', 'ixz': '0', 'iyz': '0'})
+    return link
+
+
+def _block(width: float) -> tuple[float, float]:
+    """Length and height of a slider, m, for bars of some width."""
+    return 6 * width, 4 * width
+
+
+def _add_inertial(
+    link: ET.Element, body: Body | Piston | Slider, width: float, least_mass: float
+) -> None:
+    mass = body.mass or least_mass
+    zeros = [] if body.mass else ['mass']
+    if isinstance(body, Body):
+        center, inertia = body.center, body.inertia
+        if not inertia:
+            zeros.append('inertia')
+            inertia = max(least_mass * body.length**2 / 12, _LEAST)
+    else:  # it does not turn, so its inertia, here of a box, changes no motion
+        center = 0.0, 0.0
+        inertia = max(mass * math.hypot(*_block(width)) ** 2 / 12, _LEAST)
+    if zeros:
+        words = f'{" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here'
+        link.append(ET.Comment(f' {words} '))
+    inertial = ET.SubElement(link, 'inertial')
+    _add_origin(inertial, *center)
+    ET.SubElement(inertial, 'mass', value=repr(mass))
+    # A planar description knows izz alone; a flat body has ixx + iyy = izz.
+    half = repr(inertia / 2)
+    terms = {'ixx': half, 'iyy': half, 'izz': repr(inertia)}
+    ET.SubElement(inertial, 'inertia', {**terms, 'ixy': '0', 'ixz': '0', 'iyz': '0'})
 
 
 def _add_origin(
