@@ -18,8 +18,10 @@ from linkage_ros import ConfigurationError, EquationsOfMotion
 from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.presets import preset_path
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec
+from linkage_ros.wire.untrusted_command import decode_command
 
 pytest.importorskip('rclpy')
 import rclpy
@@ -129,9 +131,48 @@ def test_a_killed_controller_is_noticed_and_a_new_one_takes_over(tmp_path):
     assert '/joint_commands' in report.others
 
 
+@pytest.mark.parametrize('told', ['by the file', 'by its own parameter'])
+def test_plant_and_controller_agree_on_a_prefix(tmp_path, told):
+    path, plant, domain = tmp_path / 'run.mcap', tmp_path / 'plant.yaml', fresh_domain()
+    preset = preset_path('quadrilateral').read_text().rstrip()
+    names = ['joint_prefix: left_', 'frame_id: tool0'] if told == 'by the file' else []
+    plant.write_text('\n    '.join([preset, *names]) + '\n')
+    prefix = [] if names else ['-p', 'joint_prefix:=left_']
+    follow = ['--ros-args', '-p', f'plant:={plant}', '-p', 'lead_time:=0.003', *prefix]
+    arguments = [
+        '--ros-args', '-p', 'drive:=torque', '-p', 'start_rpm:=130.0', '-p', 'rate_hz:=500.0',
+        '-p', f'log:={path}', '-p', 'joint_prefix:=left_', '-p', 'frame_id:=tool0',
+    ]  # fmt: skip
+    codec = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'tool0')
+    with (
+        Listener(domain, {'/joint_states': 'sensor_msgs/msg/JointState'}) as listener,
+        running('node', *arguments, domain=domain) as node,
+        running('controller', *follow, domain=domain),
+    ):
+        received = listener.received['/joint_states']
+
+        def is_near():
+            last = [codec.decode(data)[1][3] for data in received[-100:]]
+            return len(last) == 100 and all(abs(w / (5 * math.pi) - 1) < 0.03 for w in last)
+
+        wait_for(is_near)
+        code, output = stop(node)
+    assert (code, 'refused' in output) == (0, False), output
+    with LogReader(path) as log:
+        report = verify(log)
+        (commands,) = (t.name for t in log.topics if t.name == '/joint_commands')
+        sent = [message.data for message in log.messages([commands])]
+    assert (report.difference, report.others) == ('', ('/diagnostics', '/joint_commands'))
+    assert decode_command(sent[0])[0] == ['left_crank']
+    words = command('replay', path, '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
+
+
 @pytest.mark.parametrize(
     ('parameter', 'words'),
     [
+        ('joint_prefix:=left-', "joint_prefix = 'left-': must be text of the form"),
         ('plant:=pentagon', 'no preset'),
         ('plant:=wind_pump', 'a wind_pump keeps its own speed'),
         ('rpm:=fast', 'rpm'),

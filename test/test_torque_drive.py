@@ -172,6 +172,7 @@ def test_a_command_counts_from_when_it_came_and_timeouts_are_counted():
         ([], [], 'it names nothing: must name crank once'),
         (['Crank'], [1.0], 'it names Crank: must name crank once'),
         (['crank', 'crank'], [1.0, 1.0], 'must name crank once'),
+        (['left_crank'], [1.0], 'it names left_crank: must name crank once'),
         (['x' * 500], [1.0], f'it names {"x" * 80}: must'),
     ],
 )
@@ -181,6 +182,15 @@ def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts
     assert words in commands.hear(names, efforts, 0.0)
     assert commands.torque() == 1.5
     assert commands.figures()['commands refused'] == str(commands.refused) == '1'
+
+
+def test_a_command_names_the_crank_with_its_prefix():
+    commands = TorqueCommands(5.0, 0.5, Clock(), crank='left_crank')
+    assert commands.hear(['right_crank', 'left_crank'], [1.0, 2.0], 0.0) == ''
+    assert commands.torque() == 2.0
+    words = 'it names crank: must name left_crank once'
+    assert commands.hear(['crank'], [1.0], 0.0) == words
+    assert commands.torque() == 2.0
 
 
 # ---------------------------------------------------------------- record
