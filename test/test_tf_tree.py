@@ -14,7 +14,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+import yaml
 from geometry_msgs.msg import PointStamped
+from pages import block, read
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -137,6 +139,17 @@ def test_two_linkages_are_one_tree_with_the_right_poses(presets, left, right):
     tree = Tree(linkages)
     assert tree.root == left.get('frame_id', 'base_link')
     assert len(tree.edges) == 6
+    for machine, snapshot in linkages:
+        assert_poses(tree, machine, snapshot)
+
+
+def test_the_two_linkages_of_the_docs_are_one_tree():
+    nodes = yaml.safe_load(block(read('docs/urdf.md'), 'ros__parameters'))
+    names = [node['ros__parameters'] for node in nodes.values()]
+    assert len(names) == 2
+    linkages = [linkage('quadrilateral', **given) for given in names]
+    tree = Tree(linkages)
+    assert tree.root == 'base_link'
     for machine, snapshot in linkages:
         assert_poses(tree, machine, snapshot)
 

@@ -690,6 +690,8 @@ def reconfigured(**values):
         ('coupler.point', (0.16, 0.05), '/coupler_point: point.x|point.y'),
         ('coupler.point', 'none', '/coupler_point is logged, but the configuration has no'),
         ('rate_hz', 199.0, 'is no tick of rate_hz = 199'),
+        ('joint_prefix', 'left_', 'robot_description: data = '),
+        ('frame_id', 'tool0', 'robot_description: data = '),
     ],
 )
 def test_a_changed_configuration_is_found(path, name, value, words):
