@@ -17,8 +17,8 @@ from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF demands limits of force and speed for a prismatic joint; the model has none.
 _NO_LIMIT = '1e9'
-# Simulators refuse a moving link without mass or inertia. The mass that such a link gets is this
-# part of the linkage's mass: it changes torques by about as much.
+# Simulators refuse a moving link without mass or inertia. Such a link gets this part of the mass
+# of the whole linkage.
 _SMALL = 1e-6
 # kg or kg m^2, above which MuJoCo takes also the half of an inertia, which is ixx.
 _LEAST = 1e-14
