@@ -24,7 +24,7 @@ _NAME = 'linkage_chart'
 def _parser() -> argparse.ArgumentParser:
     parser = cli.make_parser(
         _NAME,
-        'Draw what a mechanism does; needs no ROS.',
+        'Draw the motion of a mechanism, or measurements of the methods; needs no ROS.',
         ('motion quadrilateral', 'motion my_linkage.yaml --reactions --out charts',
          'motion slider_crank --rpm 30 --acceleration 1',
          'accuracy --quick --out charts', 'stability --out charts', 'pump --out charts'),
@@ -33,7 +33,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_motion(commands)
     for draw, purpose in (
         (accuracy, 'speed against accuracy of all methods: PNG and JSON'),
-        (stability, 'what comes of all methods where some of them fail: PNG and JSON'),
+        (stability, 'outcome of each method in the situations where some fail: PNG and JSON'),
     ):
         _add_measured(commands, draw, purpose, '--quick --out charts')
     _add_pump(commands)
@@ -83,7 +83,7 @@ def _add_measured(
 
 def _add_pump(commands: Any) -> None:
     command = _add_measured(
-        commands, pump, 'what a wind pump settles at, from where, for which torques: PNG and JSON',
+        commands, pump, 'steady states of a wind pump over start and motor torque: PNG and JSON',
         '', 'my_pump.yaml --speeds 1 4 --quick --out charts',
     )  # fmt: skip
     command.usage = '%(prog)s [PARAMS] [options]'  # behind --speeds they would be one of them

@@ -8,6 +8,7 @@ motion that is wanted is fed forward, for the crank angle at which it will act.
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 from contextlib import suppress
@@ -52,14 +53,16 @@ class Settings(Checked):
     """
 
     plant: str = quantity(
-        'text', 'parameter file, or preset, of the mechanism that is controlled',
+        'text', 'parameter file, or preset, of the controlled mechanism',
         default='quadrilateral',
     )  # fmt: skip
     rpm: float = quantity('number', 'crank speed to keep', 'rpm', span=(-1e6, 1e6), default=150.0)
-    bandwidth: float = quantity('number', 'of the speed loop', 'Hz', span=(0.0, 1e6), default=15.0)
+    bandwidth: float = quantity(
+        'number', 'bandwidth of the speed loop', 'Hz', span=(0.0, 1e6), default=15.0
+    )
     feed_forward: bool = quantity('switch', 'whether the exact torque is added', default=True)
     lead_time: float = quantity(
-        'number', 'from a measurement to the middle of what its command does', 's',
+        'number', 'time from a measurement to the middle of the hold of its command', 's',
         span=(0.0, 10.0), default=0.0015,
     )  # fmt: skip
     joint_prefix: str | None = quantity(
@@ -177,17 +180,20 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._commands.publish(command)
 
 
-def _run(arguments: list[str]) -> int:
-    stop = cli.Stop()
-    parser = cli.make_parser(
+def _parser() -> argparse.ArgumentParser:
+    return cli.make_parser(
         _NAME,
         'Keep a torque-driven crank at a speed.',
         ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
         'parameters:\n' + help_on(PARAMETERS),
     )
+
+
+def _run(arguments: list[str]) -> int:
+    stop = cli.Stop()
     check_parameter_files(arguments, _NAME)
     with never_waited_for(), on_ros(arguments) as others:
-        cli.refuse_arguments(parser, others)
+        cli.refuse_arguments(_parser(), others)
         with reported_as_configuration():
             node = ControllerNode()
         with served(node):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 
@@ -235,9 +236,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._stop.set()
 
 
-def _run(arguments: list[str]) -> int:
-    stop = cli.Stop()
-    parser = cli.make_parser(
+def _parser() -> argparse.ArgumentParser:
+    return cli.make_parser(
         _NAME,
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
@@ -245,9 +245,13 @@ def _run(arguments: list[str]) -> int:
          '--ros-args --params-file linkage.yaml'),
         help_on_every_kind(),
     )  # fmt: skip
+
+
+def _run(arguments: list[str]) -> int:
+    stop = cli.Stop()
     check_parameter_files(arguments, _NAME)
     with never_waited_for(), on_ros(arguments) as others:
-        cli.refuse_arguments(parser, others)
+        cli.refuse_arguments(_parser(), others)
         node = LinkageNode(stop)
         with served(node):
             node.start()

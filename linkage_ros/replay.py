@@ -34,9 +34,9 @@ _CLOCK_HZ = 40.0
 _SHOW_SECONDS = 1.0
 # What its options may be.
 _RATE = Quantity('number', 'log time over real time', low=SLOWEST, high=FASTEST)
-_OFFSET = Quantity('number', 'leave out the beginning', 's of the log', 0.0, 1e9)
+_OFFSET = Quantity('number', 'skip the beginning', 's of the log', 0.0, 1e9)
 _DURATION = Quantity(
-    'number', 'play so much from there, the end left out', 's of the log', 1e-9, 1e9
+    'number', 'play this much from there, the end excluded', 's of the log', 1e-9, 1e9
 )
 _DELAY = Quantity('number', 'wait before the start', 's', 0.0, 1e6)
 _CLOCK = Quantity('number', 'publish the log time on /clock', 'Hz', 0.01, 1e3)

@@ -620,7 +620,7 @@ def test_the_help_lists_every_option_and_the_keys():
     words = ' '.join(text.split())
     for span in (
         'log time over real time, 0.001 to 1e+06 (default 1)',
-        'leave out the beginning, 0 to 1e+09 s of the log',
+        'skip the beginning, 0 to 1e+09 s of the log',
         'wait before the start, 0 to 1e+06 s',
         'publish the log time on /clock, 0.01 to 1000 Hz (default 40)',
     ):

@@ -132,7 +132,7 @@ class Piston(Checked):
         damping: Resistance of the pump per sliding speed, N s/m.
     """
 
-    position: float = quantity('number', 'place at t = 0', 'm', span=(-1e9, 1e9))
+    position: float = quantity('number', 'position at t = 0', 'm', span=(-1e9, 1e9))
     velocity: float = quantity('number', 'velocity at t = 0', 'm/s', span=(-1e6, 1e6), default=0.0)
     mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
     damping: float = quantity(

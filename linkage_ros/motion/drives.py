@@ -50,7 +50,11 @@ class SpeedDrive(Checked):
         'text', 'topic of the driving torque for a controller; empty: none', default=''
     )
     lead_time: float = quantity(
-        'number', 'how far ahead of the stamp that torque is', 's', span=(0.0, 10.0), default=0.0
+        'number',
+        'time ahead of the stamp for which it is computed',
+        's',
+        span=(0.0, 10.0),
+        default=0.0,
     )
 
     def __post_init__(self) -> None:
@@ -99,7 +103,7 @@ class Motor(Checked):
         live=True, default=0.0,
     )  # fmt: skip
     damping: float = quantity(
-        'number', 'motor torque lost per crank speed', 'N m s', span=(0.0, 1e12), default=0.0
+        'number', 'loss of motor torque per crank speed', 'N m s', span=(0.0, 1e12), default=0.0
     )
 
     def law(self) -> TorqueLaw:
@@ -133,11 +137,11 @@ class TorqueDrive(Checked):
         'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
     )
     torque_limit: float = quantity(
-        'number', 'largest torque of a command, a larger one is cut to it; the default cuts none',
+        'number', 'largest torque of a command; larger ones are cut to it',
         'N m', span=(0.0, 1e12), default=1e12,
     )  # fmt: skip
     command_timeout: float = quantity(
-        'number', 'after which a command counts no more', 's', span=(1e-3, 1e9), default=0.1
+        'number', 'time after which a command expires', 's', span=(1e-3, 1e9), default=0.1
     )
 
     @property

@@ -22,11 +22,8 @@ from linkage_ros.ros.context import USER_ERRORS, on_ros, reported_as_configurati
 from linkage_ros.ros.executor import served
 from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.wire.codecs import encode_clock
-from linkage_ros.wire.interfaces import CLOCK
-from linkage_ros.wire.topics import TOPICS, Topic, effort_commands
+from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
 
-# One message only: whoever lags wants the latest time.
-_CLOCK_TOPIC = Topic('/clock', CLOCK, depth=1)
 # s given to subscribers to be found, because a replay loses what nobody hears, and for the last
 # messages.
 _PATIENCE, _SETTLE, _ACKNOWLEDGE = 3.0, 0.5, 2.0
@@ -106,7 +103,7 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
 @contextmanager
 def _ticking(node: Node, pace: Pace, frequency: float) -> Iterator[None]:
     """Publishes the time at a frequency, standing or running, and once more at the end."""
-    publisher = create_publisher(node, _CLOCK_TOPIC)
+    publisher = create_publisher(node, SIMULATED_CLOCK)
     done = threading.Event()
 
     def publish() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from linkage_ros.wire.interfaces import (
+    CLOCK,
     DIAGNOSTIC_ARRAY,
     FLOAT64,
     FLOAT64_MULTI_ARRAY,
@@ -27,6 +28,7 @@ class Topic(NamedTuple):
         latched: Whether late subscribers get the last message (transient local durability).
         depth: Messages kept for a reader that lags.
         on_demand: Whether it is published only while somebody subscribes; a log has it always.
+        meaning: Contents of a message, one line for docs/reference.md.
     """
 
     name: str
@@ -34,15 +36,34 @@ class Topic(NamedTuple):
     latched: bool = False
     depth: int = 10
     on_demand: bool = False
+    meaning: str = ''
 
 
-JOINT_STATES = Topic('joint_states', JOINT_STATE)
-DRIVING_TORQUE = Topic('driving_torque', FLOAT64)
-MECHANISM_STATE = Topic('mechanism_state', JOINT_TRAJECTORY, on_demand=True)
-COUPLER_POINT = Topic('coupler_point', POINT_STAMPED)
-JOINT_COMMANDS = Topic('joint_commands', JOINT_STATE)
-DIAGNOSTICS = Topic('/diagnostics', DIAGNOSTIC_ARRAY)
-ROBOT_DESCRIPTION = Topic('robot_description', STRING, latched=True, depth=1)
+JOINT_STATES = Topic(
+    'joint_states',
+    JOINT_STATE,
+    meaning='position and velocity of every joint; effort of the crank is the driving torque',
+)
+DRIVING_TORQUE = Topic(
+    'driving_torque', FLOAT64, meaning='the same torque, N m, counter-clockwise positive'
+)
+MECHANISM_STATE = Topic(
+    'mechanism_state',
+    JOINT_TRAJECTORY,
+    on_demand=True,
+    meaning='the same joints with accelerations, as one point',
+)
+COUPLER_POINT = Topic(
+    'coupler_point', POINT_STAMPED, meaning='position of `coupler.point`, where it is set'
+)
+DIAGNOSTICS = Topic(
+    '/diagnostics',
+    DIAGNOSTIC_ARRAY,
+    meaning='once a second: rate, missed ticks, loop residual, health of log and viewer',
+)
+ROBOT_DESCRIPTION = Topic(
+    'robot_description', STRING, latched=True, depth=1, meaning='URDF of the open tree of links'
+)
 TOPICS = (
     JOINT_STATES,
     DRIVING_TORQUE,
@@ -51,11 +72,20 @@ TOPICS = (
     DIAGNOSTICS,
     ROBOT_DESCRIPTION,
 )
+JOINT_COMMANDS = Topic(
+    'joint_commands',
+    JOINT_STATE,
+    meaning="with `drive: torque`: effort of the crank is added to the motor's torque",
+)
+# Depth 1: a reader that lags needs only the latest time.
+SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: the time')
 
 
 def effort_commands(name: str) -> Topic:
     """The topic, of a name to choose, on which a controller takes the driving torque."""
-    return Topic(name, FLOAT64_MULTI_ARRAY)
+    return Topic(
+        name, FLOAT64_MULTI_ARRAY, meaning='one number: the driving torque `lead_time` later'
+    )
 
 
 def qualified(topic: Topic) -> str:
