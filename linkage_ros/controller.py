@@ -62,7 +62,7 @@ class Settings(Checked):
     )
     feed_forward: bool = quantity('switch', 'whether the exact torque is added', default=True)
     lead_time: float = quantity(
-        'number', 'time from a measurement to the middle of the hold of its command', 's',
+        'number', 'delay from a measurement to the middle of the time its command acts', 's',
         span=(0.0, 10.0), default=0.0015,
     )  # fmt: skip
     joint_prefix: str | None = quantity(

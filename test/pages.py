@@ -8,7 +8,7 @@ import ast
 import re
 import shlex
 import textwrap
-from dataclasses import MISSING
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import NamedTuple
 
@@ -70,38 +70,18 @@ def run_python(text, page, names=None):
     exec(compile(text, page, 'exec'), {} if names is None else names)
 
 
-def parameter_row(name, quantity, default):
-    """The row of a parameter in a table of name, valid values, default and meaning."""
-    span = f'{brief(quantity.low)} to {brief(quantity.high)} {quantity.unit}'
-    values = {
-        'number': span,
-        'pair': f'two, {span}',
-        'choice': ', '.join(f'`{word}`' for word in quantity.choices),
-        'text': f'`{quantity.pattern}`' if quantity.pattern else 'text',
-        'switch': '`true`, `false`',
-    }[quantity.kind]
-    if default is MISSING:
-        shown = 'required'
-    elif default is None:
-        shown = '-'
-    else:
-        shown = f'`{in_yaml(default)}`'
-    return f'| `{name}` | {values} | {shown} | {quantity.meaning} |'
+def page_files(text):
+    """The parameter files that a page shows: their text by the name in their first line."""
+    found = [re.match(r'# (\w+\.yaml)\n', one) for one in blocks(text)]
+    return {match[1]: match.string + '\n' for match in found if match}
 
 
-def brief(number):
-    """A float in few letters: 1e-9, 0, 1000, 1e12."""
-    mantissa, _, power = f'{number:g}'.partition('e')
-    return f'{mantissa}e{int(power)}' if power else mantissa
-
-
-def in_yaml(value):
-    """A value as a parameter file may have it."""
-    if isinstance(value, float):
-        return repr(value) if abs(value) < 1e6 else brief(value).replace('e', '.0e')
-    if isinstance(value, bool):
-        return str(value).lower()
-    return (value or "''") if isinstance(value, str) else str(list(value))
+def load_reference():
+    """docs/reference.py, which makes the tables of the reference."""
+    spec = spec_from_file_location('reference', ROOT / 'docs' / 'reference.py')
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def links(text):

@@ -183,13 +183,17 @@ def test_an_unknown_name_gets_a_hint_and_where_all_are_listed(name, near):
         configure({**REQUIRED, name: 1.0})
     words = str(caught.value)
     assert words.startswith(f'{name!r} is not a parameter of a four_bar; did you mean')
-    assert words.endswith(f'did you mean {near}? linkage_node --help, or README.md, lists all')
+    assert words.endswith(
+        f'did you mean {near}? linkage_node --help, or docs/reference.md, lists all'
+    )
     assert '\n' not in words
 
 
 @pytest.mark.parametrize('name', ['zzzzzzzz', '', 'ß', 'crank.length.x' * 3])
 def test_an_unknown_name_that_is_like_none_is_told_where_all_are_listed(name):
-    words = 'is not a parameter of a four_bar: linkage_node --help, or README.md, lists all$'
+    words = (
+        'is not a parameter of a four_bar: linkage_node --help, or docs/reference.md, lists all$'
+    )
     with pytest.raises(ConfigurationError, match=words):
         configure({**REQUIRED, name: 1.0})
 

@@ -215,7 +215,7 @@ def test_what_it_was_given_is_declared_and_stays():
         try:
             assert node.get_parameter('rpm').value == 60.0
             described = node.describe_parameter('lead_time')
-            assert described.description.endswith('what its command does [s]')
+            assert described.description.endswith('the time its command acts [s]')
             assert described.floating_point_range[0].to_value == 10.0
             (result,) = node.set_parameters([Parameter('rpm', value=90.0)])
             assert not result.successful

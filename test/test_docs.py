@@ -1,29 +1,45 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the pages tell to type works, and their links and pictures lead somewhere.
+"""The commands of the pages work, and their links and pictures lead somewhere.
 
-Commands that are cheap are run as they stand; of others the executable itself says whether it
-understands them. What cannot be had here stands beside the words 'not tried'.
+Cheap commands are run as they stand; others are read by the parser of their executable. The
+words of `ros2` are compared with the package; other programs that are not installed here stand
+beside the words 'not tried'.
 """
 
 from __future__ import annotations
 
 import re
+import signal
 import subprocess
 import sys
+import time
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 import yaml
-from pages import PAGES, ROOT, blocks, commands, is_python, links, read, run_python
+from pages import (
+    PAGES,
+    ROOT,
+    blocks,
+    commands,
+    is_python,
+    links,
+    load_reference,
+    page_files,
+    read,
+    run_python,
+)
 from ros_harness import command, environment, fresh_domain
 
 from linkage_ros import cli
 from linkage_ros.controller import Settings
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.parameters.configuration import configure
+from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.parameters.configuration import check_live, configure, read_values
 from linkage_ros.quantities import build, leaves
+from linkage_ros.wire.topics import TOPICS, qualified
 
 TOOLS = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool'}
 # Blocks that need a log or a node to work on: by the pages' own tests.
@@ -41,13 +57,19 @@ def module_of(name):
     return TOOLS.get(name, name.removeprefix('linkage_'))
 
 
+def without_ros2_run(words):
+    """An executable of the package is the same with `ros2 run linkage_ros` before it."""
+    is_run = words[:3] == ('ros2', 'run', 'linkage_ros') and '--enclave' not in words
+    return words[3:] if is_run else words
+
+
 def check_tool(words, *, is_block):
     """The executable's own parser takes it; within a sentence it need not be complete.
 
     Raises:
         SyntaxError: It does not.
     """
-    name, *rest = words
+    name, *rest = [word for word in words if word != '[options]']
     if name in ('linkage_node', 'linkage_controller'):
         check_parameters(name, rest)
         return
@@ -60,16 +82,40 @@ def check_tool(words, *, is_block):
 
 
 def check_parameters(name, words):
-    """What follows --ros-args: -p NAME:=VALUE for parameters that there are."""
+    """What follows --ros-args: a file of the page, and -p NAME:=VALUE for existing parameters."""
     given = dict(word.split(':=', 1) for word in words if ':=' in word)
     flags = [word for word in words if ':=' not in word]
-    assert flags in ([], ['--ros-args', *['-p'] * len(given)]), words
     values = {key: yaml.safe_load(value) for key, value in given.items()}
+    if '--params-file' in flags:
+        at = flags.index('--params-file')
+        values = {**read_values(flags[at + 1]), **values}
+        del flags[at : at + 2]
+    assert flags in ([], ['--ros-args', *['-p'] * len(given)]), words
     if name == 'linkage_controller':
         assert set(values) <= {leaf.name for leaf in leaves(Settings)}
         build(Settings, values)
     else:
         configure(values)
+
+
+def check_ros2(words):
+    """Whether it is a use of this package whose words are known: `ros2` is not installed here.
+
+    Raises:
+        AssertionError: The package has no such launch argument, topic or parameter.
+    """
+    match words:
+        case ('launch', 'linkage_ros', file, *rest):
+            declared = load_reference().launch_arguments(ROOT / 'launch' / file)
+            assert {word.partition(':=')[0] for word in rest} <= set(declared), words
+        case ('topic', 'echo' | 'hz', topic):
+            assert topic in [qualified(known) for known in TOPICS], words
+        case ('param', 'set', '/linkage_node', name, value):
+            assert name in [leaf.name for leaf in leaves(SpeedDrive) if leaf.quantity.live], words
+            check_live(name, yaml.safe_load(value))
+        case _:
+            return False
+    return True
 
 
 def helps(program, options):
@@ -83,6 +129,7 @@ def helps(program, options):
 
 def check_command(words, *, is_block, near):
     """That it is understood, or said to be not tried."""
+    words = without_ros2_run(words)
     name, *rest = words
     where = Path(sys.executable).parent
     if name.startswith('linkage_'):
@@ -104,7 +151,7 @@ def check_command(words, *, is_block, near):
     elif name == 'rerun':
         tool = rest[: 2 * (rest[0] == 'mcap')]
         assert helps([where / name, *tool], rest), words
-    else:
+    elif not (name == 'ros2' and check_ros2(rest)):
         said = re.search(r'not\s+tried', near, re.IGNORECASE)
         assert said, f'{" ".join(words)}: test it or say so'
 
@@ -120,7 +167,9 @@ def parsers_raise(monkeypatch):
 
 
 @pytest.mark.parametrize('page', PAGES)
-def test_commands_are_understood_or_said_to_be_not_tried(page):
+def test_commands_are_understood_or_said_to_be_not_tried(page, tmp_path, monkeypatch):
+    write_files(page, tmp_path)
+    monkeypatch.chdir(tmp_path)
     for words, is_block, near in commands(read(page)):
         check_command(words, is_block=is_block, near=near)
 
@@ -140,15 +189,46 @@ def test_a_script_that_is_asked_for_help_gives_it(path):
 
 def quick(words):
     """The same in less time, and without a window."""
-    words = ['shown.rrd' if word == 'spawn' else word for word in words]
+    words = [re.sub('^(viewer:=)?(spawn|web)$', r'\1shown.rrd', word) for word in words]
     return [*words, '--rate', '100'] if words[0] == 'linkage_replay' else words
+
+
+def write_files(page, folder):
+    for name, text in page_files(read(page)).items():
+        (folder / name).write_text(text)
+
+
+def run_node(words, folder):
+    """A second of a node that Ctrl-C ends."""
+    name, *rest = words
+    process = subprocess.Popen(
+        command(module_of(name), *rest), env=environment(fresh_domain()), cwd=folder,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        for line in process.stderr:
+            if line.endswith(' Hz\n'):
+                break
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        _, others = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, f'{" ".join(words)}: {line}{others}'
 
 
 @pytest.mark.parametrize('page', PAGES)
 def test_recording_replaying_and_looking_work_as_they_stand(page, tmp_path):
     cheap = ('linkage_record', 'linkage_replay', 'linkage_log')
-    for words, is_block, _ in commands(read(page)):
-        if is_block and (words[0] in cheap or words[:2] == ('linkage_chart', 'motion')):
+    write_files(page, tmp_path)
+    for command_line, is_block, _ in commands(read(page)):
+        words = without_ros2_run(command_line)
+        (tmp_path / 'shown.rrd').unlink(missing_ok=True)
+        if not is_block or '[options]' in words:  # which shows all of them
+            continue
+        if words[0] == 'linkage_node':
+            run_node(quick(words), tmp_path)
+        elif words[0] in cheap or words[:2] == ('linkage_chart', 'motion'):
             name, *rest = quick(words)
             done = subprocess.run(
                 command(module_of(name), *rest), env=environment(fresh_domain()), cwd=tmp_path,
@@ -198,7 +278,12 @@ def test_files_that_are_named_are_there(page):
         ('linkage_node --ros-args -p rmp:=60.0', 'rmp'),
         ('make tea', 'tea'),
         ('python benchmarks/delay.py --fast', '--fast'),
-        ('ros2 topic list', 'say so'),
+        ('ros2 bag play run.mcap', 'say so'),
+        ('ros2 run linkage_ros linkage_log check run.mcap', 'invalid choice'),
+        ('ros2 launch linkage_ros controller.launch.py speed:=600.0', 'speed'),
+        ('ros2 topic echo /joint_state', 'joint_state'),
+        ('ros2 param set /linkage_node crank.length 1.0', 'crank.length'),
+        ('ros2 param set /linkage_node rpm fast', 'fast'),
         ('fastdds discovery -i 0', 'say so'),
         ('LINKAGE_ROS_CASES=9 pytest test/test_hostage.py', 'hostage'),
         ('. venv/bin/activate', 'venv'),

@@ -64,7 +64,7 @@ NO_LOOP = 'm: the loop cannot close; shorten it or lengthen the others'
 NO_REACH = 'm: the loop cannot close; bring it nearer to 0 or lengthen them'
 
 
-LISTED = 'linkage_node --help, or README.md, lists all'
+LISTED = 'linkage_node --help, or docs/reference.md, lists all'
 
 
 # One parameter of a good configuration is changed, added or left out.

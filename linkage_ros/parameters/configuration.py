@@ -37,7 +37,7 @@ class Kind(Checked):
 
     mechanism: str = quantity('choice', 'kind of mechanism', choices=tuple(MECHANISMS))
     drive: str = quantity(
-        'choice', 'what is given: the crank speed, or the torque on the crank',
+        'choice', 'given quantity: the crank speed, or the torque on the crank',
         choices=tuple(DRIVES), default='speed',
     )  # fmt: skip
 
@@ -177,7 +177,7 @@ def _unknown(name: str, kind: Kind) -> str:
         cure = f', but of a {" or a ".join(mechanisms)}: leave it out'
     else:
         valid = [leaf.name for leaf in parameter_leaves(kind)]
-        return unknown_name(name, owner, valid, 'linkage_node --help, or README.md,')
+        return unknown_name(name, owner, valid, 'linkage_node --help, or docs/reference.md,')
     return f'{shown(name)} is not a parameter of {owner}{cure}'
 
 

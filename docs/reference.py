@@ -1,0 +1,252 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fills the tables of reference.md: parameters, topics, executables and launch files.
+
+    python docs/reference.py        writes the tables of docs/reference.md anew
+
+The tables come from the declarations in the code; the text between them is edited by hand. The
+script needs the package with its extra ros.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import re
+import runpy
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import MISSING
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from unittest.mock import MagicMock, patch
+
+from linkage_ros import executables
+from linkage_ros.controller import Settings
+from linkage_ros.mechanisms.registry import MECHANISMS
+from linkage_ros.motion.drives import DRIVES
+from linkage_ros.parameters.configuration import Kind, Session
+from linkage_ros.parameters.presets import preset_names, preset_path
+from linkage_ros.quantities import Leaf, leaves
+from linkage_ros.wire.topics import (
+    JOINT_COMMANDS,
+    SIMULATED_CLOCK,
+    TOPICS,
+    Topic,
+    effort_commands,
+)
+
+_LAUNCH = Path(__file__).parents[1] / 'launch'
+_LARGE = 1e6  # from here on, a power of ten is easier to read than zeros
+
+# A table stands between a line that names it and a line that ends it.
+_PLACE = re.compile(r'(?<=<!-- table: )(\w+)( -->\n\n).*?(?=\n\n<!-- end -->)', re.DOTALL)
+
+
+def _table(head: str, rows: Iterable[Iterable[str]]) -> str:
+    """A Markdown table."""
+    columns = head.split(', ')
+    lines = [columns, ['---'] * len(columns), *rows]
+    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+
+
+# ---------------------------------------------------------------- parameters
+
+
+def _parameters(cls: type) -> str:
+    """The table of the parameters that a class declares."""
+    return _table('name, value, default, meaning', map(parameter_row, leaves(cls)))
+
+
+def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
+    """One parameter: name, valid values, default and meaning."""
+    name, quantity, default = leaf
+    span = f'{brief(quantity.low)} to {brief(quantity.high)} {quantity.unit}'.rstrip()
+    values = {
+        'number': span,
+        'whole': span,
+        'pair': f'two, {span}',
+        'choice': ', '.join(f'`{word}`' for word in quantity.choices),
+        'text': 'text',
+        'switch': '`true`, `false`',
+    }[quantity.kind]
+    if default is MISSING:
+        shown = 'required'
+    else:
+        shown = '-' if default is None else f'`{in_yaml(default)}`'
+    live = '; may be set while the node runs' if quantity.live else ''
+    return f'`{name}`', values, shown, quantity.meaning + live
+
+
+def brief(number: float) -> str:
+    """A float in few characters: 1e-9, 0, 1000, 1e12."""
+    mantissa, _, power = f'{number:g}'.partition('e')
+    return f'{mantissa}e{int(power)}' if power else mantissa
+
+
+def in_yaml(value: object) -> str:
+    """A value as a parameter file may hold it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value) if abs(value) < _LARGE else brief(value).replace('e', '.0e')
+    return (value or "''") if isinstance(value, str) else str(list(value))
+
+
+def _presets() -> str:
+    """The presets, each with the comment at the top of its file."""
+    rows = []
+    for name in preset_names():
+        words = []
+        for line in preset_path(name).read_text().splitlines():
+            if not line.startswith('# '):
+                break
+            words.append(line[2:])
+        rows.append((f'[`{name}`](../config/{name}.yaml)', ' '.join(words)))
+    return _table('preset, description', rows)
+
+
+def _sections(word: str, classes: dict[str, type]) -> str:
+    """A heading and a table for each class."""
+    return '\n\n'.join(
+        f'#### `{word}: {name}`\n\n{_parameters(cls)}' for name, cls in classes.items()
+    )
+
+
+# ---------------------------------------------------------------- topics
+
+
+def _topics() -> str:
+    published = *TOPICS, effort_commands('effort_command_topic')
+    return _table(
+        'topic, type, content',
+        [
+            *(_topic_row(topic, '') for topic in published),
+            *(_topic_row(topic, ' (subscribed)') for topic in (JOINT_COMMANDS, SIMULATED_CLOCK)),
+        ],
+    )
+
+
+def _topic_row(topic: Topic, direction: str) -> tuple[str, str, str]:
+    package, _, kind = topic.interface.name.split('/')
+    notes = [
+        '; transient local' * topic.latched,
+        '; published while there is a subscriber, always logged' * topic.on_demand,
+    ]
+    return f'`{topic.name}`{direction}', f'{package}/{kind}', topic.meaning + ''.join(notes)
+
+
+# ---------------------------------------------------------------- executables
+
+
+def programs() -> dict[str, argparse.ArgumentParser]:
+    """The command line of each executable, by name."""
+    starts = [value.args for value in vars(executables).values() if isinstance(value, partial)]
+    return {name: import_module(f'linkage_ros.{module}')._parser() for name, module in starts}  # noqa: SLF001
+
+
+def _executables() -> str:
+    return '\n\n'.join(
+        part for name, parser in programs().items() for part in _command(f'### `{name}`', parser)
+    )
+
+
+def _command(heading: str, parser: argparse.ArgumentParser) -> Iterator[str]:
+    """A heading, the purpose, and a usage line and table of arguments, or those of subcommands."""
+    yield heading
+    words = ' '.join((parser.description or '').split())
+    yield f'{words[0].upper()}{words[1:].rstrip(".")}.'
+    actions = [a for a in parser._actions if a.dest not in ('help', 'version')]  # noqa: SLF001
+    for group in actions:
+        if isinstance(group, argparse._SubParsersAction):  # noqa: SLF001
+            for name, command in group.choices.items():
+                yield from _command(f'#### `{parser.prog} {name}`', command)
+            return
+    # Positional arguments first, as in the usage line.
+    actions.sort(key=lambda action: bool(action.option_strings))
+    if actions:
+        places = [_usage(action) for action in actions if not action.option_strings]
+        yield f'    {" ".join([parser.prog, *places, "[options]"])}'
+        yield _table('argument, meaning', [(f'`{_usage(a)}`', a.help or '') for a in actions])
+
+
+def _usage(action: argparse.Action) -> str:
+    """How an argument is typed."""
+    value = action.metavar if isinstance(action.metavar, str) else action.dest.upper()
+    if not action.option_strings:
+        return f'[{value}]' if action.nargs == '?' else value
+    names = ', '.join(action.option_strings)
+    shapes = {0: names, '?': f'{names} [{value}]', '+': f'{names} {value} ...'}
+    return shapes.get(action.nargs, f'{names} {value}')
+
+
+# ---------------------------------------------------------------- launch files
+
+
+def launch_arguments(path: Path) -> dict[str, tuple[str, str]]:
+    """The arguments that a launch file declares: default and meaning by name.
+
+    The file runs without ROS's launch: stand-ins for its modules note what is declared.
+    """
+    tree = ast.walk(ast.parse(path.read_text()))
+    names = [part.module or '' for part in tree if isinstance(part, ast.ImportFrom)]
+    modules = {name: MagicMock() for name in names if name.startswith('launch')}
+    with patch.dict(sys.modules, modules):
+        runpy.run_path(str(path))['generate_launch_description']()
+    calls = modules['launch.actions'].DeclareLaunchArgument.call_args_list
+    return {
+        call.args[0]: (call.kwargs.get('default_value', ''), call.kwargs.get('description', ''))
+        for call in calls
+    }
+
+
+def _launch_files() -> str:
+    return '\n\n'.join(part for path in sorted(_LAUNCH.glob('*.py')) for part in _launch(path))
+
+
+def _launch(path: Path) -> Iterator[str]:
+    yield f'### `{path.name}`'
+    purpose, _, example = (ast.get_docstring(ast.parse(path.read_text())) or '').partition('\n\n')
+    yield purpose
+    yield f'    {example}'
+    rows = [
+        (f'`{name}`', f'`{default}`' if default else '-', meaning)
+        for name, (default, meaning) in launch_arguments(path).items()
+    ]
+    yield _table('argument, default, meaning', rows)
+
+
+# ---------------------------------------------------------------- the page
+
+
+def tables() -> dict[str, str]:
+    """The tables by the names that the page gives them."""
+    return {
+        'presets': _presets(),
+        'kind': _parameters(Kind),
+        'mechanisms': _sections('mechanism', MECHANISMS),
+        'drives': _sections('drive', DRIVES),
+        'session': _parameters(Session),
+        'controller': _parameters(Settings),
+        'topics': _topics(),
+        'executables': _executables(),
+        'launch': _launch_files(),
+    }
+
+
+def filled(text: str) -> str:
+    """The page with its tables made anew; the text around them stays."""
+    made = tables()
+    return _PLACE.sub(lambda place: place[1] + place[2] + made[place[1]], text)
+
+
+def main() -> None:
+    """Writes the page."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    page = Path(__file__).with_suffix('.md')
+    page.write_text(filled(page.read_text()))
+
+
+if __name__ == '__main__':
+    main()
