@@ -11,7 +11,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from linkage_ros.parameters.configuration import VIEWERS
+from linkage_ros.parameters.viewers import VIEWERS
 
 _ARGUMENTS = (
     ('rpm', float, '150.0', 'speed to keep'),

@@ -12,8 +12,9 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from linkage_ros.parameters.configuration import VIEWERS, load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file
+from linkage_ros.parameters.viewers import VIEWERS
 from linkage_ros.wire.urdf import make_urdf
 
 
