@@ -68,7 +68,7 @@ def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
         'whole': span,
         'pair': f'two, {span}',
         'choice': ', '.join(f'`{word}`' for word in quantity.choices),
-        'text': 'text',
+        'text': f'`{quantity.pattern}`' if quantity.pattern else 'text',
         'switch': '`true`, `false`',
     }[quantity.kind]
     if default is MISSING:
