@@ -682,6 +682,110 @@ def test_forces_at_a_change_point_are_refused(mechanism, crank):
         assert error.value.arcs == solver.mobility.arcs
 
 
+# Where an angle is rounded, an exact comparison would not see the change point.
+PASSED = {
+    'small_parallelogram': (four_bar((0.1, 0.4, 0.1, 0.4), 0.0), (0.0, math.pi)),
+    'parallelogram': (four_bar((1, 2, 1, 2)), (0.3, 0.3 + math.pi)),
+    'kite': (four_bar((1, 2, 2, 1), 5.5, 'crossed'), (5.5,)),
+    'one_a_turn': (four_bar((1, 2.5, 1.5, 3), 0.0), (math.pi,)),
+    'equal_rod': (slider_crank((1, 1, 0), 0.0), (math.pi / 2, -math.pi / 2)),
+    'offset_slider': (slider_crank((1, 1.5, 0.5)), (0.3 - math.pi / 2,)),
+}
+passed = pytest.mark.parametrize('name', PASSED)
+at_turns = pytest.mark.parametrize('turns', [0, 1, 3, 101, 1000])
+
+
+def passing(name, turns):
+    """Crank angles of the change points that many turns ahead and back, as a user types them."""
+    _, first = PASSED[name]
+    return [x + sign * turns * 2 * math.pi for x in first for sign in ((1, -1) if turns else (1,))]
+
+
+@passed
+@at_turns
+def test_change_points_are_refused_after_any_number_of_turns(name, turns):
+    solver = Solver(PASSED[name][0])
+    for crank in passing(name, turns):
+        for speed in (2.0, -2.0):
+            alone = solver.state(crank, speed, 1.5)
+            together = solver.state(np.array([crank + 1, crank, crank - 1]), speed, 1.5)
+            values = [*alone.position, *alone.velocity, *alone.acceleration, alone.torque]
+            assert np.isfinite(values).all()
+            assert np.isfinite(np.array(together[:3])).all()
+            for state in (alone, together):
+                with pytest.raises(UnreachableError, match='change point') as error:
+                    solver.reactions(state)
+                assert error.value.crank_angle == crank
+
+
+@passed
+def test_most_angles_meant_as_change_points_miss_them(name):
+    """Control of the test above: at these angles a guard of no width would let forces pass."""
+    mechanism, first = PASSED[name]
+    oracle = oracle_of(mechanism)
+    missed = []
+    for turns in (1, 3, 101, 1000):
+        for crank in passing(name, turns):
+            with mp.workdps(60):
+                apart = mp.mpf(crank) - mp.mpf(mechanism.frame.angle)
+                if has_slider(mechanism):
+                    apart -= mp.pi / 2
+                apart -= mp.pi * mp.nint(apart / mp.pi)
+            assert abs(apart) < 2 * math.ulp(abs(crank) + abs(mechanism.frame.angle))
+            missed.append(apart != 0)
+    assert all(missed)
+
+
+@pytest.mark.parametrize('turns', [2, 2.5, 3.5, 1000, -1000])
+def test_parallelogram_is_refused_at_any_multiple_of_pi(turns):
+    solver = Solver(PASSED['small_parallelogram'][0])
+    with pytest.raises(UnreachableError, match='all links lie in one line'):
+        solver.reactions(solver.state(turns * 2 * math.pi, 10.0))
+
+
+def test_each_multiple_of_pi_is_refused_however_it_is_computed():
+    solver = Solver(PASSED['small_parallelogram'][0])
+    ways = (
+        lambda k: k * math.pi,
+        lambda k: math.radians(180.0 * k),
+        lambda k: math.copysign(np.linspace(0, 4000 * math.pi, 4001)[abs(k)], k),
+        lambda k: math.nextafter(k * math.pi, 0.0),
+    )
+    for k in (*range(-40, 41), 999, -1234, 3001, 4000):
+        for way in ways:
+            with pytest.raises(UnreachableError):
+                solver.reactions(solver.state(way(k), 1.0))
+
+
+@passed
+@at_turns
+@pytest.mark.parametrize('distance', [1e-2, 1e-4, 1e-6])
+def test_forces_beside_change_points_are_right_after_any_number_of_turns(name, turns, distance):
+    mechanism, _ = PASSED[name]
+    cranks = [x + sign * distance for x in passing(name, turns) for sign in (1, -1)]
+    assert max(worst_errors(mechanism, cranks)) < 1e-12
+    assert max(worst_errors(mechanism, cranks[:2], -3.0, 0.0)) < 1e-12
+
+
+@pytest.mark.parametrize('turns', [1, 3, 101, 1000])
+def test_forces_beside_change_points_are_answered_a_few_roundings_away(turns):
+    """The guard is no wider than it has to be."""
+    for name in PASSED:
+        solver = Solver(PASSED[name][0])
+        for crank in passing(name, turns):
+            for sign in (8, -8):
+                beside = crank + sign * math.ulp(8 + abs(crank))
+                found = solver.reactions(solver.state(beside, 1.0))
+                assert np.isfinite([*found.pins.values()]).all()
+
+
+def test_links_almost_in_line_are_no_change_point():
+    """A sum of 1e-13 m does not count as 0: the forces are large, finite and right."""
+    mechanism = four_bar((1 - 1e-13, 2, 1, 2), 0.0)
+    assert Solver(mechanism).mobility.grashof == 'crank-rocker'
+    assert max(worst_errors(mechanism, [0.0, math.pi, 2000 * math.pi])) < 1e-12
+
+
 @pytest.mark.parametrize('tiny', [1e-300, -3e-308, 5e-324])
 def test_tiny_crank_angles_do_not_underflow(tiny):
     for mechanism in (slider_crank((0.7, 2, 0), 0.0), four_bar((0.7, 2, 1.8, 1.5), 0.0)):

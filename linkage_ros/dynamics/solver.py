@@ -32,7 +32,6 @@ from linkage_ros.numeric import (
 _CHUNK = 16384
 # A named tuple's own constructor unpacks and repacks; at 3 us a state that would show.
 _new = tuple.__new__
-_EPSILON = 2.0**-52
 
 
 class Solver:
@@ -125,18 +124,18 @@ class Solver:
             The forces.
 
         Raises:
-            UnreachableError: The mechanism stands at a change point, where forces in its joints
-                have no finite value.
+            UnreachableError: The mechanism is at a change point, to within the rounding of the
+                crank angle, where forces in its joints have no finite value.
             MechanismError: Those of such a mechanism are not known.
         """
         functions, kinematics = functions_of(state.torque), self.kinematics
+        cranks = state.position[0]
         with np.errstate(under='ignore'):
-            sine = kinematics.side * kinematics.map.sine(state.position[0], functions)
-        # No double lies on pi itself: within its rounding the change point is meant.
-        nothing = 2 * _EPSILON * abs(kinematics.map.kappa)
-        at_change_point = np.atleast_1d(state.position[0])[np.abs(np.atleast_1d(sine)) <= nothing]
-        if at_change_point.size:
-            crank = float(at_change_point[0])
+            kinematics.require_reachable(cranks, functions)
+            sine = kinematics.side * kinematics.map.sine(cranks, functions)
+            at_change_point = kinematics.map.at_change_point(cranks, functions)
+        if np.any(at_change_point):
+            crank = float(np.atleast_1d(cranks)[np.atleast_1d(at_change_point)][0])
             raise UnreachableError(
                 f'at {math.degrees(crank):.9g} deg all links lie in one line: the forces in the '
                 'joints have no finite value at a change point; ask for angles beside it',

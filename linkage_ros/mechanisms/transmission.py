@@ -30,6 +30,7 @@ from linkage_ros.numeric import Array, Functions, Real, two_sum
 Arc: TypeAlias = tuple[float, float]
 
 _PER_DECADE = 24  # of the steps that become finer
+_EPSILON = 2.0**-52
 
 
 @dataclass(frozen=True)
@@ -187,6 +188,25 @@ class TransmissionMap:
         """
         _, _, sin_m, cos_m = self.place(crank, functions)
         return 2 * (sin_m * cos_m)
+
+    def at_change_point(self, crank: Real, functions: Functions) -> Real:
+        """Whether the crank is at a change point, to within the rounding of its angle.
+
+        No double is a multiple of pi. An angle that is computed to be one, such as
+        frame.angle + k * math.pi, misses it by up to two units in its last place.
+
+        Args:
+            crank: Crank angle, rad; float or array.
+            functions: SCALAR or ARRAY.
+
+        Returns:
+            A truth value, or an array of them.
+        """
+        _, _, sin_m, cos_m = self.place(crank, functions)
+        # Of half an angle, hence one unit; next to a change point the root is kappa times that.
+        nothing = _EPSILON * abs(self.kappa) * (1.0 + abs(crank) + abs(self.reference[0]))
+        stretched = (abs(cos_m) <= nothing) & (self.p == 0)
+        return stretched | (abs(sin_m) <= nothing) & (self.q == 0)
 
     def place(self, crank: Real, functions: Functions) -> tuple[Real, Real, Real, Real]:
         """Half the crank angle and half the transmission angle, where the loop closes.
