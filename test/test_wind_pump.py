@@ -11,6 +11,7 @@ import oracle_pump
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from mpmath import mp
 from oracle_pump_symbolic import lagrange_accelerations, lagrange_energy
 
 from linkage_ros import (
@@ -213,13 +214,90 @@ def test_where_the_dyad_does_not_close_there_is_one_clear_error(q, words):
             call()
 
 
-def test_on_the_edge_itself_too():
+def test_beyond_the_edge_it_is_refused_and_inside_it_answers():
     equations = EquationsOfMotion(PUMP)
     for slide in (0.12 + 2.4, 0.12 + 0.8):
         inside = slide - 1e-9 if slide > 2 else slide + 1e-9
         assert equations.dyad((0.0, inside))[0] < 1e-4
+        assert np.isfinite(equations.accelerations((0.0, inside), (2.0, 0.1), 6.0)).all()
         with pytest.raises(UnreachableError):
             equations.matrix((0.0, slide + (1e-9 if slide > 2 else -1e-9)))
+
+
+def every_answer(equations, q, u):
+    """The calls that need the links' rates."""
+    return (
+        lambda: equations.accelerations(q, u, 6.0),
+        lambda: equations.forward(q, u, 6.0),
+        lambda: equations.state(q, u, (0.0, 0.0)),
+        lambda: equations.matrix(q),
+        lambda: equations.energy(q, u),
+        lambda: equations.power(q, u, 6.0),
+    )
+
+
+@pytest.mark.parametrize('slide', [2.52, 0.92, -2.28, -0.68])
+def test_at_the_stretched_and_the_folded_point_itself_all_is_refused(slide):
+    """No double is that point: the margins are 1e-16 m^2 there, of either sign."""
+    equations = EquationsOfMotion(PUMP)
+    words = 'stretched' if abs(slide) > 2 else 'folded'
+    for q in ((0.0, slide), (np.array([0.1, 0.0]), np.array([1.5, slide]))):
+        for call in every_answer(equations, q, (2.0, 0.1)):
+            with pytest.raises(UnreachableError, match=f'{words} at crank angle 0 deg'):
+                call()
+    assert equations.dyad((0.0, slide)) == (0.0, f'coupler and rod are {words}')
+
+
+def edges(pump, crank):
+    """Where the slider's pin is when coupler and rod are in line, m, exactly."""
+    r, b, c = (mp.mpf(getattr(pump, name).length) for name in NAMES)
+    x, y = r * mp.cos(mp.mpf(crank)), r * mp.sin(mp.mpf(crank))
+    for radius in (b + c, abs(b - c)):
+        if radius > abs(y):
+            for side in (1, -1):
+                yield x + side * mp.sqrt(radius**2 - y**2), side if radius == b + c else -side
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.integers(-300, 300), st.floats(0.01, 0.4), st.floats(0.5, 2), st.floats(0.5, 2),
+    st.one_of(st.sampled_from([0.0, math.pi, math.pi / 2]), st.floats(-1000, 1000)),
+)  # fmt: skip
+def test_the_double_nearest_to_an_edge_is_refused_and_one_beside_it_answers(power, r, b, c, crank):
+    unit = 10.0 ** (power / 100)
+    pump = WindPump(
+        Body(r * unit, 1.0, unit**2), Coupler(b * unit, 2.0, unit**2),
+        Body(c * unit, 3.0, unit**2), Piston(unit, 0.0, 1.0, 0.0),
+    )  # fmt: skip
+    equations = EquationsOfMotion(pump)
+    total = sum(getattr(pump, name).length for name in NAMES)
+    with mp.workdps(60):
+        for edge, outward in edges(pump, crank):
+            with pytest.raises(UnreachableError):
+                equations.accelerations((crank, float(edge)), (2.0, 0.1 * unit), 6.0)
+            # A hundred roundings inside, along the way that opens the dyad.
+            r2 = (edge - mp.mpf(pump.crank.length) * mp.cos(crank)) ** 2
+            steep = mp.sqrt(r2) / total
+            inside = float(edge - outward * 100 * math.ulp(total) / steep)
+            found = equations.accelerations((crank, inside), (2.0, 0.1 * unit), 6.0)
+            assert np.isfinite(found).all()
+
+
+def test_equal_links_answer_close_to_the_crank_pin():
+    """There coupler and rod fold back on each other: nothing cancels, so nothing is refused."""
+    pump = WindPump(
+        Body(0.12, 20.0, 20.0), Coupler(0.8, 4.0, 1.2), Body(0.8, 4.0, 0.85),
+        Piston(1.5, 0.0, 6.0, 60.0),
+    )  # fmt: skip
+    equations = EquationsOfMotion(pump)
+    for apart in (1e-3, 1e-6, 1e-9, 1e-12):
+        q, u = (0.0, 0.12 + apart), (2.0, 0.1)
+        exact = oracle_pump.exact_accelerations(described(pump), q, u, 6.0)
+        state = equations.state(q, u, (0.0, 0.0))
+        assert state.velocity == pytest.approx([float(x) for x in exact.velocity], rel=1e-12)
+        assert np.isfinite(equations.accelerations(q, u, 6.0)).all()
+    with pytest.raises(UnreachableError):
+        equations.accelerations((0.0, 0.12), (2.0, 0.1), 6.0)
 
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf, np.array([1.5, math.nan])])

@@ -31,6 +31,8 @@ from linkage_ros.mechanisms.structure import Joint, Point, SlidingBody, Structur
 from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.numeric import SCALAR, Functions, Real
 
+_EPSILON = 2.0**-52
+
 
 class WindPumpKinematics:
     """The constants of one wind pump, and its position at a crank angle and a slider's place.
@@ -55,20 +57,26 @@ class WindPumpKinematics:
             functions: SCALAR or ARRAY.
 
         Returns:
-            P, 0 where coupler and rod are stretched; Q, 0 where they are folded; L^2; all m^2.
-            P or Q is negative where the loop cannot close.
+            P, 0 where coupler and rod are stretched or do not reach; Q, 0 where they are folded
+            or do not fit in; L^2; all m^2. P and Q count as 0 within the rounding of their terms.
         """
         r, b, c = self._lengths
         half = 0.5 * crank
         sin, cos = functions.sin(half), functions.cos(half)
-        ahead = slide >= 0
+        ahead, where = slide >= 0, functions.where
         d = abs(slide)
         growth = 4 * r * d
-        near = growth * functions.where(ahead, sin * sin, cos * cos)
-        far = growth * functions.where(ahead, cos * cos, sin * sin)
+        near = growth * where(ahead, sin * sin, cos * cos)
+        far = growth * where(ahead, cos * cos, sin * sin)
+        total = b + c + d + r
+        one, other = d - r - b + c, d - r + b - c
+        stretch, fold = (b + c - d - r) * total + far, one * other + near
+        # A sum of lengths is off by about an ulp of their total. Where the short sums are small,
+        # so is the rounding of their product: a slider that passes the crank pin is not refused.
+        ulp = _EPSILON * total
         return (
-            (b + c - d - r) * (b + c + d + r) + far,
-            (d - r - b + c) * (d - r + b - c) + near,
+            where(stretch > ulp * total, stretch, 0.0),
+            where(fold > ulp * (abs(one) + abs(other)) + _EPSILON * near, fold, 0.0),
             (d - r) * (d - r) + near,
         )
 
