@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeAlias
@@ -14,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.quantities import shown
 
 # A float, or an array of floats: the formulas are written once for both. Any, because no type
 # of today says "float gives float, array gives array" through plain arithmetic.
@@ -32,7 +34,7 @@ class Functions:
         atan2: Direction of (y, x), rad, in [-pi, pi].
         round: To the nearest whole number.
         where: The second where the first holds, else the third.
-        lowest: The least value of an array, or the float itself.
+        lowest: The least value of an array, infinity of an empty one, or the float itself.
     """
 
     sin: Callable[[Real], Real]
@@ -49,8 +51,8 @@ SCALAR = Functions(
     where=lambda condition, then, otherwise: then if condition else otherwise,
 )  # fmt: skip
 ARRAY = Functions(
-    sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, lowest=np.min,
-    where=np.where,
+    sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, where=np.where,
+    lowest=lambda values: np.min(values, initial=np.inf),
 )  # fmt: skip
 
 
@@ -173,3 +175,47 @@ def require_finite(**named: Real) -> None:
             bad = np.atleast_1d(values)[~np.isfinite(np.atleast_1d(values))]
             words = name.replace('_', ' ')
             raise ConfigurationError(f'{words} = {bad[0]}: must be a finite number')
+
+
+def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
+    """Takes arguments that have to be real numbers or arrays of them.
+
+    Args:
+        **named: Numbers, arrays or nested sequences, by what errors call them, words joined by _.
+
+    Returns:
+        A float or an array of floats for each, and the shape to which they broadcast.
+
+    Raises:
+        ConfigurationError: One is text, complex, None or anything else that is not a real number,
+            or the shapes do not broadcast.
+    """
+    values = [
+        value if isinstance(value, float) else _real(name, value) for name, value in named.items()
+    ]
+    shapes = [np.shape(value) for value in values]
+    try:
+        return values, np.broadcast_shapes(*shapes)
+    except ValueError:
+        words = ', '.join(
+            f'{name.replace("_", " ")} {shape}'
+            for name, shape in zip(named, shapes, strict=True)
+            if shape
+        )
+        raise ConfigurationError(
+            f'the shapes of {words} do not fit: give one shape for all, or single numbers'
+        ) from None
+
+
+def _real(name: str, value: object) -> Real:
+    with suppress(TypeError, ValueError, OverflowError):
+        array = np.asarray(value)
+        if array.dtype == object and all(
+            hasattr(x, '__float__') and not np.iscomplexobj(x) for x in array.flat
+        ):
+            array = array.astype(float)
+        if array.dtype.kind in 'iuf':
+            return array.astype(float, copy=False) if array.ndim else float(array)
+    raise ConfigurationError(
+        f'{name.replace("_", " ")} = {shown(value)}: must be a finite number, or an array of them'
+    )

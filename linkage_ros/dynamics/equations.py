@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from linkage_ros.dynamics.arguments import checked
 from linkage_ros.dynamics.driving_torque import MassDistribution
 from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.mechanisms.kinematics import kinematics_of
 from linkage_ros.mechanisms.links import Links, PerCoordinate, PerLink
 from linkage_ros.mechanisms.registry import Mechanism
-from linkage_ros.numeric import ARRAY, SCALAR, Real, all_finite, functions_of, require_finite
-
-_KINDS = ('angle', 'position')  # of the coordinates, as errors name them
+from linkage_ros.numeric import ARRAY, SCALAR, Real, all_finite, functions_of
+from linkage_ros.quantities import shown
 
 
 class EquationsOfMotion:
@@ -31,16 +31,13 @@ class EquationsOfMotion:
         structure: How its links hang together.
         coordinates: Names of the coordinates: 'crank' and, of a wind pump, 'slider'.
         has_edge: Whether motion can reach places beyond which the coordinates do not describe it.
-        dyad: From coordinates, floats, to the sine of the angle at which coupler and third link
-            meet, 0 at the edge of what the coordinates describe, and what they are there, in
-            words.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         kinematics = kinematics_of(mechanism)
         self.structure, self.coordinates = kinematics.structure, kinematics.structure.coordinates
-        self.has_edge, self.dyad, self._locate = (
+        self.has_edge, self._dyad, self._locate = (
             kinematics.has_edge, kinematics.dyad, kinematics.links,
         )  # fmt: skip
         self._masses = MassDistribution(self.structure, mechanism.gravity)
@@ -59,7 +56,9 @@ class EquationsOfMotion:
 
         Raises:
             UnreachableError: The loop cannot close there, or a dyad is stretched.
-            ConfigurationError: A value is not finite, or so large that an acceleration is not.
+            ConfigurationError: A value is not a finite number or an array of them, there is not
+                one for each coordinate, their shapes do not broadcast, or an acceleration
+                overflows.
             MechanismError: Something moves without a mass.
         """
         return self.forward(q, u, torque)[0]
@@ -84,8 +83,8 @@ class EquationsOfMotion:
             ConfigurationError: Likewise.
             MechanismError: Likewise.
         """
-        require_finite(torque=torque)
-        links = self._links(q, u)
+        q, u, torque = checked(self.coordinates, q, u, torque=torque)
+        links = self._links(q)
         rates = _rates(links, u)
         slide = (u[-1], 0.0) if len(u) > 1 else None
         held = self._masses.balance(links, rates, _accelerations(links, u, None), slide)
@@ -133,11 +132,10 @@ class EquationsOfMotion:
 
         Raises:
             UnreachableError: As for `accelerations`.
-            ConfigurationError: A value is not finite.
+            ConfigurationError: As for `accelerations`.
         """
-        for name, value in zip(self.coordinates, a, strict=True):
-            require_finite(**{f'{name}_acceleration': value})
-        links = self._links(q, u)
+        q, u, a, _ = checked(self.coordinates, q, u, a)
+        links = self._links(q)
         rates, changes = _rates(links, u), _accelerations(links, u, a)
         slide = (u[-1], a[-1]) if len(u) > 1 else None
         torque, *_ = self._masses.balance(links, rates, changes, slide)
@@ -156,9 +154,10 @@ class EquationsOfMotion:
 
         Raises:
             UnreachableError: As for `accelerations`.
-            ConfigurationError: A coordinate is not finite.
+            ConfigurationError: As for `accelerations`.
         """
-        return self._masses.matrix(self._links(q, ()))
+        q, _ = checked(self.coordinates, q)
+        return self._masses.matrix(self._links(q))
 
     def energy(self, q: PerCoordinate, u: PerCoordinate) -> tuple[Real, Real]:
         """The mechanical energy of all bodies.
@@ -172,9 +171,10 @@ class EquationsOfMotion:
 
         Raises:
             UnreachableError: As for `accelerations`.
-            ConfigurationError: A value is not finite.
+            ConfigurationError: As for `accelerations`.
         """
-        links = self._links(q, u)
+        q, u, _ = checked(self.coordinates, q, u)
+        links = self._links(q)
         matrix = self._masses.matrix(links)
         kinetic = sum(
             0.5 * mass * (one * other)
@@ -196,23 +196,40 @@ class EquationsOfMotion:
 
         Raises:
             UnreachableError: As for `accelerations`.
-            ConfigurationError: A value is not finite.
+            ConfigurationError: As for `accelerations`.
         """
+        q, u, torque = checked(self.coordinates, q, u, torque=torque)
         power = torque * u[0]
         if slider := self.structure.slider:
-            links = self._links(q, u)
+            links = self._links(q)
             velocity = u[-1] if len(u) > 1 else _rates(links, u)[slider.link]
             power = power + (slider.force - slider.damping * velocity) * velocity
         return power
 
-    def _links(self, q: PerCoordinate, u: PerCoordinate) -> Links:
-        if not all_finite(sum(q, sum(u))):
-            for name, kind, value in zip(self.coordinates, _KINDS, q, strict=False):
-                require_finite(**{f'{name}_{kind}': value})
-            for name, value in zip(self.coordinates, u, strict=False):
-                require_finite(**{f'{name}_speed': value})
-        scalar = all(isinstance(value, float) for value in q)
-        return self._locate(q, SCALAR if scalar else ARRAY)
+    def dyad(self, q: PerCoordinate) -> tuple[float, str]:
+        """How near coupler and third link are to the edge of what the coordinates describe.
+
+        Args:
+            q: Coordinates; floats.
+
+        Returns:
+            The sine of the angle at which they meet, 0 at the edge, and what they are there, in
+            words.
+
+        Raises:
+            ConfigurationError: As for `accelerations`, or a coordinate is an array.
+        """
+        q, _ = checked(self.coordinates, q)
+        if not _is_scalar(q):
+            raise ConfigurationError(f'q = {shown(q)}: must be numbers, one position at a time')
+        return self._dyad(q)
+
+    def _links(self, q: PerCoordinate) -> Links:
+        return self._locate(q, SCALAR if _is_scalar(q) else ARRAY)
+
+
+def _is_scalar(q: PerCoordinate) -> bool:
+    return all(isinstance(value, float) for value in q)
 
 
 def _rates(links: Links, u: Sequence[Real]) -> PerLink:

@@ -11,6 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from linkage_ros.dynamics.arguments import checked_state
 from linkage_ros.dynamics.driving_torque import MassDistribution
 from linkage_ros.dynamics.reactions import Reactions, reactions
 from linkage_ros.dynamics.state import PointMotion, State, point_motion
@@ -25,8 +26,10 @@ from linkage_ros.numeric import (
     Real,
     all_finite,
     functions_of,
+    real_numbers,
     require_finite,
 )
+from linkage_ros.quantities import shown
 
 # Arrays are worked through in pieces whose intermediate results stay in the processor's cache.
 _CHUNK = 16384
@@ -77,14 +80,14 @@ class Solver:
         Raises:
             UnreachableError: The loop cannot close at a crank angle, or is stretched straight
                 there so that no finite rate exists.
-            ConfigurationError: An angle, speed or acceleration is not finite, or so large that
-                the torque is not.
+            ConfigurationError: An angle, speed or acceleration is not a finite number or an
+                array of them, their shapes do not broadcast, or the torque overflows.
         """
         if not type(crank) is type(speed) is type(acceleration) is float:
-            crank, speed, acceleration = (
-                np.asarray(x, float) for x in (crank, speed, acceleration)
+            (crank, speed, acceleration), shape = real_numbers(
+                crank_angle=crank, speed=speed, acceleration=acceleration
             )
-            if shape := np.broadcast_shapes(crank.shape, speed.shape, acceleration.shape):
+            if shape:
                 return self._solve_chunks(shape, (crank, speed, acceleration))
             crank, speed, acceleration = float(crank), float(speed), float(acceleration)
         if not isfinite(crank + speed + acceleration):
@@ -106,11 +109,12 @@ class Solver:
             Its position, velocity and acceleration in the axes of base_link.
 
         Raises:
-            ConfigurationError: The mechanism has no such point.
+            ConfigurationError: The mechanism has no such point, or the state is none of it.
         """
         points = self.structure.points
-        if name not in points:
-            raise ConfigurationError(f'point {name!r}: must be one of {", ".join(points)}')
+        if not isinstance(name, str) or name not in points:
+            raise ConfigurationError(f'point {shown(name)}: must be one of {", ".join(points)}')
+        state = checked_state(self.links, state)
         with np.errstate(under='ignore'):
             return point_motion(points[name], state)
 
@@ -126,8 +130,10 @@ class Solver:
         Raises:
             UnreachableError: The mechanism is at a change point, to within the rounding of the
                 crank angle, where forces in its joints have no finite value.
+            ConfigurationError: The state is none of this mechanism.
             MechanismError: Those of such a mechanism are not known.
         """
+        state = checked_state(self.links, state)
         functions, kinematics = functions_of(state.torque), self.kinematics
         cranks = state.position[0]
         with np.errstate(under='ignore'):
@@ -155,9 +161,10 @@ class Solver:
             kg m^2: torque per crank acceleration; a float, or an array.
 
         Raises:
-            ConfigurationError: A crank angle is not finite.
+            ConfigurationError: A crank angle is not a finite number or an array of them.
             UnreachableError: The loop cannot close at a crank angle.
         """
+        ((crank,), _) = real_numbers(crank_angle=crank)
         require_finite(crank_angle=crank)
         ((inertia,),) = self._masses.matrix(self.kinematics.links((crank,), functions_of(crank)))
         return inertia
@@ -181,7 +188,7 @@ class Solver:
     def _solve_chunks(self, shape: tuple[int, ...], inputs: tuple[Real, Real, Real]) -> State:
         # What is the same for all states stays a number: half of the work on it is saved.
         crank, speed, acceleration = (
-            np.broadcast_to(x, shape).ravel() if x.ndim else float(x) for x in inputs
+            float(x) if isinstance(x, float) else np.broadcast_to(x, shape).ravel() for x in inputs
         )
         _keep_memory()
         size = math.prod(shape)
