@@ -22,10 +22,11 @@ from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanisms.registry import Linkage, Mechanism
-from linkage_ros.parameters.configuration import load, unknown_name, without_ros_own
+from linkage_ros.parameters.configuration import load, without_ros_own
 from linkage_ros.parameters.help import help_on
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import JOINT_PREFIX
+from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served

@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from linkage_ros.dynamics.equations import EquationsOfMotion
@@ -18,6 +17,7 @@ from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
 from linkage_ros.parameters.session import Session
+from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 
 DEFAULT_PRESET = 'quadrilateral'
@@ -175,6 +175,8 @@ def _unknown(name: str, kind: Kind) -> str:
         cure = f': it needs drive: {drives[0]} (-p drive:={drives[0]})'
     elif mechanisms:
         cure = f', but of a {" or a ".join(mechanisms)}: leave it out'
+    elif _is_stray(name, kind):
+        cure = f', which has no {name.partition(".")[0]}: leave it out'
     else:
         valid = [leaf.name for leaf in parameter_leaves(kind)]
         return unknown_name(name, owner, valid, 'linkage_node --help, or docs/reference.md,')
@@ -185,21 +187,13 @@ def _names(cls: type) -> list[str]:
     return [leaf.name for leaf in leaves(cls)]
 
 
-def unknown_name(name: str, owner: str, valid: Iterable[str], where: str) -> str:
-    """What to say of a name that nothing has.
-
-    Args:
-        name: That was given.
-        owner: What should have it.
-        valid: The names that it has.
-        where: What lists these.
-
-    Returns:
-        An error message, with the nearest name if one is near.
-    """
-    near = difflib.get_close_matches(name, list(valid), n=1)
-    question = f'; did you mean {near[0]}?' if near else ':'
-    return f'{shown(name)} is not a parameter of {owner}{question} {where} lists all'
+def _is_stray(name: str, kind: Kind) -> bool:
+    """Whether a name is in a group, such as slider, that only other mechanisms or drives have."""
+    group = name.partition('.')[0] + '.'
+    others = (*MECHANISMS.values(), *DRIVES.values())
+    return any(other.startswith(group) for cls in others for other in _names(cls)) and not any(
+        leaf.name.startswith(group) for leaf in parameter_leaves(kind)
+    )
 
 
 def read_values(source: str) -> Mapping[str, object]:
