@@ -1,0 +1,224 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The errata in docs/mechanisms.md: each equation as printed and as corrected, and its figures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from pages import read
+
+from linkage_ros import (
+    Body,
+    Coupler,
+    EquationsOfMotion,
+    FourBar,
+    Frame,
+    Guide,
+    Slider,
+    SliderCrank,
+    Solver,
+)
+from linkage_ros.dynamics.period import SpeedDrivenPeriod
+from linkage_ros.parameters.configuration import load
+from linkage_ros.units import radians_per_second
+
+ERRATA = ' '.join(read('docs/mechanisms.md').partition('## Errata')[2].split())
+TURN = 2 * math.pi
+
+
+def unit(angle):
+    return np.exp(1j * angle)
+
+
+def dot(u, v):
+    return (np.conj(u) * v).real
+
+
+def solved(u, v, w):
+    """Real x and y with x u + y v = w, all three complex."""
+    determinant = dot(1j * u, v)
+    return dot(1j * w, v) / determinant, dot(1j * u, w) / determinant
+
+
+# Document 1.
+
+
+class DocumentOne:
+    """Its linkage, its Newton-Raphson method and its power balance."""
+
+    r, b, c, d, delta = 0.1, 0.315, 0.5, 0.425, 7 / 4 * math.pi
+    speed = 5 * math.pi
+    cranks = np.arange(0, TURN, TURN / 100)
+
+    def positions(self, length, *, is_real):
+        """Angles of coupler and rocker at its 100 crank angles, and the number of iterations.
+
+        Args:
+            length: Of the Jacobian's second column, m.
+            is_real: Whether that column's first row is a real part.
+        """
+        found, count, x = [], 0, np.array([math.radians(15), math.radians(100)])
+        for alpha in self.cranks:
+            step = residual = np.ones(2)
+            while max(abs(step)) > 1e-3 or max(abs(residual)) > 1e-3:
+                f = self.r * unit(alpha) + self.b * unit(x[0])
+                f -= self.c * unit(x[1]) + self.d * unit(self.delta)
+                residual = np.array([f.real, f.imag])
+                first, second = 1j * self.b * unit(x[0]), -1j * length * unit(x[1])
+                top = second.real if is_real else second
+                jacobian = np.array([[first.real, top], [first.imag, second.imag]])
+                step = -np.linalg.solve(jacobian, residual)
+                x, count = x + step, count + 1
+            found.append(x)
+        return np.array(found).T, count
+
+    def torque(self, cranks, beta, gamma, sign):
+        """Eq. 13 to 18 and 1, the right-hand side of eq. 17 and 18 as printed times a sign."""
+        r, b, c, w = self.r, self.b, self.c, self.speed
+        crank, coupler, rocker = r * unit(cranks), b * unit(beta), c * unit(gamma)
+        beta1, gamma1 = solved(-1j * coupler, 1j * rocker, 1j * w * crank)
+        right = w * w * crank + beta1**2 * coupler - gamma1**2 * rocker
+        beta2, gamma2 = solved(-1j * coupler, 1j * rocker, sign * right)
+        v2, v3 = 1j * w * crank + 0.5j * beta1 * coupler, 0.5j * gamma1 * rocker
+        a2 = -w * w * crank + (1j * beta2 - beta1**2) * coupler / 2
+        a3 = (1j * gamma2 - gamma1**2) * rocker / 2
+        power = 2.0 * dot(v2, a2 + 9.81j) + 0.016 * beta1 * beta2
+        return (power + 3.5 * dot(v3, a3 + 9.81j) + 0.066 * gamma1 * gamma2) / w
+
+
+def test_right_hand_sides_of_eq_17_and_18_have_the_wrong_sign():
+    document, cranks = DocumentOne(), np.linspace(0, TURN, 20001)
+    exact = Solver(load('quadrilateral').mechanism).state(cranks, document.speed)
+    _, beta, gamma = exact.position
+    assert np.abs(document.torque(cranks, beta, gamma, -1) - exact.torque).max() < 1e-12
+    off = np.abs(document.torque(cranks, beta, gamma, 1) - exact.torque).max()
+    assert f'{off:.2f}' == '16.26'
+    assert f'{np.abs(exact.torque).max():.2f}' == '8.55'
+    assert 'off by up to 16.26 N m, of a peak of 8.55 N m' in ERRATA
+
+
+def test_jacobian_of_the_listing_has_two_slips():
+    document = DocumentOne()
+    exact = Solver(load('quadrilateral').mechanism).state(document.cranks, document.speed)
+
+    def error(length, *, is_real):
+        (beta, gamma), count = document.positions(length, is_real=is_real)
+        assert np.iscomplexobj(beta) != is_real
+        torque = document.torque(document.cranks, beta.real, gamma.real, -1)
+        return count, np.abs(torque - exact.torque).max()
+
+    count, right = error(document.c, is_real=True)
+    assert (count, f'{right:.1e}') == (202, '1.1e-06')
+    slow, off = error(document.b, is_real=True)
+    assert (slow, f'{off:.4f}') == (624, '0.0095')
+    assert '624 iterations a turn instead of 202' in ERRATA
+    assert '0.0095 N m instead of 1.1e-6 N m' in ERRATA
+    for length in (document.b, document.c):
+        _, off = error(length, is_real=False)
+        assert off > 1
+    (beta, _), _ = document.positions(document.b, is_real=False)
+    assert np.abs(beta.imag).max() > 0.005
+
+
+# Document 2.
+
+
+def test_eq_25_and_26_divide_by_zero_where_a_link_points_back():
+    """The rocker at 180 deg makes d = 0, the coupler at 180 deg makes a = 0."""
+    for lengths in ((3.0, 2.5, 2.2, 1.0), (2.5, 3.0, 2.2, 1.2)):
+        r2, r3, r4, r1 = lengths
+        solver = Solver(FourBar(Frame(r1), Body(r2), Coupler(r3), Body(r4)))
+        cranks = np.linspace(0, TURN, 2_000_001)
+        _, theta3, theta4 = solver.state(cranks).position
+        h1, h2, h3 = r1 / r2, r1 / r3, r1 / r4
+        h4 = (-(r1**2) - r2**2 - r3**2 + r4**2) / (2 * r2 * r3)
+        h5 = (r1**2 + r2**2 - r3**2 + r4**2) / (2 * r2 * r4)
+        a = -h1 + (1 + h2) * np.cos(cranks) + h4
+        d = -h1 + (1 - h3) * np.cos(cranks) + h5
+        assert abs(d[np.argmax(np.abs(theta4))]) < 1e-5
+        assert abs(a[np.argmax(np.abs(theta3))]) < 1e-5
+        assert min(np.abs(a).max(), np.abs(d).max()) > 0.1
+
+
+# Document 3.
+
+
+def pump_motion():
+    q, u = (0.7, 1.6), (2.0, -0.4)
+    equations = EquationsOfMotion(load('wind_pump').mechanism)
+    return equations.mechanism, equations.state(q, u, (3.0, -1.5))
+
+
+def test_velocities_close_the_loop_as_printed_and_accelerations_lack_the_squared_rates():
+    pump, state = pump_motion()
+    lengths = np.array([pump.crank.length, pump.coupler.length, pump.rod.length])
+    phi, rates, changes = (np.array(row[:3]) for row in state[:3])
+    sine, cosine = lengths * np.sin(phi), lengths * np.cos(phi)
+    assert abs(rates @ sine + state.velocity[3]) < 1e-14
+    assert abs(rates @ cosine) < 1e-14
+    printed = np.array([changes @ sine + state.acceleration[3], changes @ cosine])
+    lack = np.array([rates**2 @ cosine, -(rates**2) @ sine])
+    assert np.abs(printed).min() > 0.1
+    assert np.abs(printed + lack).max() < 1e-13
+
+
+def test_coefficients_of_the_velocities_are_these():
+    pump, state = pump_motion()
+    l1, l2, l3 = pump.crank.length, pump.coupler.length, pump.rod.length
+    phi1, phi2, phi3, _ = state.position
+    speed, _, _, slide = state.velocity
+    delta = math.sin(phi2 - phi3)
+    a11, a12 = l1 * math.sin(phi3 - phi1) / (l2 * delta), -math.cos(phi3) / (l2 * delta)
+    a21, a22 = l1 * math.sin(phi1 - phi2) / (l3 * delta), math.cos(phi2) / (l3 * delta)
+    assert a11 * speed + a12 * slide == pytest.approx(state.velocity[1], rel=1e-13)
+    assert a21 * speed + a22 * slide == pytest.approx(state.velocity[2], rel=1e-13)
+    for formula in (
+        'a11 = l1 sin(phi3-phi1) / (l2 D)', 'a12 = -cos(phi3) / (l2 D)',
+        'a21 = l1 sin(phi1-phi2) / (l3 D)', 'a22 = cos(phi2) / (l3 D)',
+        'D = sin(phi2-phi3)',
+    ):  # fmt: skip
+        assert formula in ERRATA
+
+
+# Document 4.
+
+ROD = SliderCrank(Body(1.0), Coupler(math.sqrt(2)), Slider(), Guide())
+
+
+def test_eq_3_lacks_a_factor_c_and_the_angle_at_b_is_2_pi_less_beta():
+    _, beta, c = Solver(ROD).state(math.pi / 4).position
+    along = math.cos(math.pi / 4) + math.sqrt(2) * math.cos(beta)
+    assert along == pytest.approx(c * math.cos(0.0), rel=1e-15)  # gamma is 0
+    assert abs(along - math.cos(0.0)) > 0.9
+    assert math.degrees(TURN - beta) % 360 == pytest.approx(30, rel=1e-14)
+    assert 'c cos(gamma)' in ERRATA
+
+
+def test_command_for_the_figures_gives_them():
+    """Eq. 4, 6 and 8 at every angle, with the speed and acceleration that the command names."""
+    command = 'linkage_chart motion slider_crank --rpm 4.774648 --acceleration 1'
+    assert command in read('docs/mechanisms.md')
+    rpm, acceleration = (float(command.split()[i]) for i in (-3, -1))
+    speed = radians_per_second(rpm)
+    assert speed == pytest.approx(0.5, rel=1e-7)
+    period = SpeedDrivenPeriod(load('slider_crank').mechanism, speed, acceleration)
+    a, b, alpha = 1.0, math.sqrt(2), period.crank
+    sin, cos = np.sin(alpha), np.cos(alpha)
+    beta = np.arcsin(-a * sin / b)
+    along, across = b * np.cos(beta), b * np.sin(beta)
+    rate = -0.5 * a * cos / along
+    change = -(acceleration * a * cos - 0.25 * a * sin - rate**2 * across) / along
+    figures = {
+        'coupler.position': beta,
+        'slider.position': a * cos + along,
+        'coupler.velocity': rate,
+        'slider.velocity': -0.5 * a * sin - across * rate,
+        'coupler.acceleration': change,
+        'slider.acceleration': -acceleration * a * sin - 0.25 * a * cos - rate**2 * along
+        - across * change,
+    }  # fmt: skip
+    for name, values in figures.items():
+        assert np.abs(period.columns[name].values - values).max() < 2e-7, name
