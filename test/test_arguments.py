@@ -21,6 +21,7 @@ from linkage_ros import (
     Slider,
     SliderCrank,
     Solver,
+    UnreachableError,
     WindPump,
 )
 
@@ -130,6 +131,14 @@ def test_solver_refuses_states_filled_with_what_is_no_number(mechanism):
         refused(lambda bad=bad: solver.reactions(good._replace(position=bad)), 'must be a State')
     uneven = good._replace(position=(np.zeros(2), *good.position[1:]), torque=np.zeros(3))
     refused(lambda: solver.reactions(uneven), 'crank position (2,), torque (3,) do not fit')
+
+
+def test_reactions_of_a_state_out_of_reach_are_refused():
+    """The state of a linkage whose crank turns fully, given to one whose crank does not."""
+    for cranks in (3.0, np.array([5.5, 3.0])):
+        state = Solver(FOUR_BAR).state(cranks, 1.0)
+        with pytest.raises(UnreachableError, match='cannot move at 171.887339 deg'):
+            Solver(LIMITED).reactions(state)
 
 
 # The equations of motion.
