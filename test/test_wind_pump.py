@@ -258,7 +258,7 @@ def edges(pump, crank):
                 yield x + side * mp.sqrt(radius**2 - y**2), side if radius == b + c else -side
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     st.integers(-300, 300), st.floats(0.01, 0.4), st.floats(0.5, 2), st.floats(0.5, 2),
     st.one_of(st.sampled_from([0.0, math.pi, math.pi / 2]), st.floats(-1000, 1000)),
