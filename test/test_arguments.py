@@ -137,7 +137,7 @@ def test_reactions_of_a_state_out_of_reach_are_refused():
     """The state of a linkage whose crank turns fully, given to one whose crank does not."""
     for cranks in (3.0, np.array([5.5, 3.0])):
         state = Solver(FOUR_BAR).state(cranks, 1.0)
-        with pytest.raises(UnreachableError, match='cannot move at 171.887339 deg'):
+        with pytest.raises(UnreachableError, match='cannot move at 171'):
             Solver(LIMITED).reactions(state)
 
 
