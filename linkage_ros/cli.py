@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
 from linkage_ros import __version__
-from linkage_ros.errors import ConfigurationError, LinkageError, one_line
+from linkage_ros.errors import ConfigurationError, LinkageError, missing_library, one_line
 from linkage_ros.quantities import Quantity, shown
 
 STOPPED_BY_USER = 130
@@ -202,6 +202,9 @@ def run(name: str, command: Callable[[], int | None]) -> int:
             sys.stdout.flush()
     except LinkageError as error:
         print_error(name, error)
+        return 2
+    except ModuleNotFoundError as error:
+        print_error(name, missing_library(error.name or ''))
         return 2
     except KeyboardInterrupt:
         print(file=sys.stderr)

@@ -54,6 +54,42 @@ def one_line(text: str) -> str:
     return shortened(printable(words), _LONGEST)
 
 
+# Module: what needs which library, and what pip is to install.
+_LIBRARIES = {
+    'mcap': ('logs need mcap', 'mcap lz4 zstandard'),
+    'lz4': ('logs need lz4', 'mcap lz4 zstandard'),
+    'zstandard': ('logs need zstandard', 'mcap lz4 zstandard'),
+    # A new rerun-sdk brings NumPy 2, with which Ubuntu's SciPy and Matplotlib do not work.
+    'rerun': ('the viewer needs rerun-sdk', '--upgrade rerun-sdk scipy matplotlib'),
+    'matplotlib': ('charts need matplotlib', 'matplotlib'),
+    'mpmath': ('accuracy and stability charts need mpmath', 'mpmath'),
+    'scipy': ('charts, and records of a motion under a torque, need scipy', 'scipy'),
+    'yaml': ('parameter files need PyYAML', 'PyYAML'),
+}
+
+
+def missing_library(module: str) -> str:
+    """What to tell a user who lacks a library.
+
+    Args:
+        module: The module that cannot be imported.
+
+    Returns:
+        One line: what needs the library, and how to install it.
+    """
+    name = module.partition('.')[0]
+    if name.startswith('rcl') or name.endswith('_msgs'):
+        return (
+            f'ROS 2 topics need {name}, which is not installed: source ROS 2 Jazzy, or without '
+            "ROS 2, on Linux x86-64, pip install '.[ros]' in a clone"
+        )
+    need, packages = _LIBRARIES.get(name, (f'linkage_ros needs {name}', name))
+    return (
+        f'{need}, which is missing or too old: pip install {packages}; beside the ROS 2 of '
+        'Ubuntu, in a virtual environment (docs/ros2.md)'
+    )
+
+
 class LinkageError(Exception):
     """Base of all errors of this package; as text one line, whatever is in it."""
 

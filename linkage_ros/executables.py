@@ -8,11 +8,11 @@ and a missing rclpy is one line.
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from importlib import import_module
 
-from linkage_ros.cli import STOPPED_BY_USER, leave
+from linkage_ros.cli import STOPPED_BY_USER, leave, print_error
+from linkage_ros.errors import missing_library
 
 
 def _start(name: str, module: str) -> int:
@@ -22,13 +22,7 @@ def _start(name: str, module: str) -> int:
     except KeyboardInterrupt:
         return STOPPED_BY_USER
     except ModuleNotFoundError as error:
-        missing = (error.name or '').partition('.')[0]
-        cure = (
-            "source ROS 2 Jazzy, or on Linux x86-64 pip install 'linkage_ros[ros]'"
-            if missing.startswith('rcl') or missing.endswith('_msgs')
-            else f'pip install {missing}'
-        )
-        print(f'{name}: {missing} is not installed: {cure}', file=sys.stderr)
+        print_error(name, missing_library(error.name or ''))
         return 2
 
 

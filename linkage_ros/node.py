@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from typing import TYPE_CHECKING
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -26,7 +27,6 @@ from linkage_ros.ros.executor import served
 from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import check_parameter_files, declare, given_values
 from linkage_ros.ros.publishers import await_listeners, create_publisher
-from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.run.health import Health, Watch
 from linkage_ros.run.machine import Machine
@@ -38,6 +38,10 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
 from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
+
+# MCAP may be missing: it is imported where a log is written.
+if TYPE_CHECKING:
+    from linkage_ros.ros.run_log import RunLog
 
 _NAME = 'linkage_node'
 # As ROS's own clocks listen, but a burst is not thinned out.
@@ -68,7 +72,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._view = LiveView(self, configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log(configuration) if configuration.session.log else None
-        except LogError:
+        except (LogError, ModuleNotFoundError):
             if self._view is not None:
                 self._view.discard()
             raise
@@ -121,6 +125,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         )
 
     def _open_log(self, configuration: Configuration) -> RunLog:
+        from linkage_ros.ros.run_log import RunLog
+
         publishers = (*self._outputs, self._description, self._diagnostics)
         topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
         names = [publisher.topic_name for publisher in publishers]

@@ -7,7 +7,6 @@ from __future__ import annotations
 import csv
 import math
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -321,19 +320,3 @@ def test_the_library_refuses_reactions_at_change_points_too(tmp_path):
     SpeedDrivenPeriod(mechanism, 1.0)
     with pytest.raises(ConfigurationError, match='change point'):
         SpeedDrivenPeriod(mechanism, 1.0, reactions=True)
-
-
-def test_without_matplotlib_the_package_to_install_is_named(tmp_path):
-    (tmp_path / 'matplotlib.py').write_text('raise ModuleNotFoundError(name="matplotlib")')
-    code = (
-        f'import sys; sys.path.insert(0, {str(tmp_path)!r}); '
-        'sys.argv = ["linkage_chart", "motion", "quadrilateral"]; '
-        'from linkage_ros.executables import chart; sys.exit(chart())'
-    )
-    done = subprocess.run(
-        [sys.executable, '-c', code], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert (
-        done.stderr == "linkage_chart: charts need matplotlib: pip install 'linkage_ros[chart]'\n"
-    )

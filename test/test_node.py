@@ -8,7 +8,6 @@ import math
 import re
 import signal
 import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise, product
@@ -382,18 +381,3 @@ def test_a_bad_viewer_or_log_leaves_nothing_behind(tmp_path):
     assert result.returncode == 2
     assert 'exists already' in result.stderr
     assert not view.exists()
-
-
-@pytest.mark.parametrize(
-    ('missing', 'cure'), [('rclpy', 'source ROS 2 Jazzy'), ('mcap', 'pip install mcap')]
-)
-def test_what_is_not_installed_is_named_in_one_line(missing, cure):
-    program = (
-        f'import sys; sys.modules["{missing}"] = None; '
-        'from linkage_ros.executables import node; sys.exit(node())'
-    )
-    result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
-    assert result.returncode == 2
-    assert re.fullmatch(
-        rf'linkage_node: {missing} is not installed: {cure}[^\n]*\n', result.stderr
-    ), result.stderr

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -227,15 +226,21 @@ def test_package_xml_depends_on_all_that_the_ros_extra_brings(metadata: Message)
             assert name.removeprefix('jazzy-').replace('-', '_') in packages
 
 
-def test_package_xml_depends_on_all_that_launch_files_start() -> None:
+# Of ros/rosdistro, 2026-08-22: keys of rosdep/python.yaml that are Debian packages on Ubuntu, and
+# packages of jazzy/distribution.yaml. `rosdep install -s --os=ubuntu:noble` gave apt alone.
+DEBIAN_KEYS = {
+    *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'rclpy'),
+    *('ros2launch', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'trajectory_msgs'),
+    *('python3-hypothesis', 'python3-matplotlib', 'python3-numpy', 'python3-pytest'),
+    *('python3-scipy', 'python3-sympy', 'python3-tqdm', 'python3-yaml'),
+}
+
+
+def test_package_xml_has_only_keys_with_debian_packages_on_ubuntu() -> None:
     manifest = ET.parse(ROOT / 'package.xml').getroot()
-    packages = {element.text for element in manifest.iter('exec_depend')}
-    started = {
-        package
-        for path in (ROOT / 'launch').glob('*.py')
-        for package in re.findall(r"package='(\w+)'", path.read_text())
-    }
-    assert started - packages == {'linkage_ros'}
+    keys = {element.text for element in manifest.iter() if element.tag.endswith('_depend')}
+    assert keys <= DEBIAN_KEYS
+    assert 'rclpy' in keys  # they were found
 
 
 def test_constraints_pin_what_the_metadata_ask_for(metadata: Message) -> None:

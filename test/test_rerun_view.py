@@ -453,7 +453,7 @@ view.close()
 
 def test_without_rerun_the_package_to_install_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, 'rerun', None)
-    with pytest.raises(ViewerError, match=r"pip install --upgrade 'linkage_ros\[viewer\]'$"):
+    with pytest.raises(ViewerError, match=r'needs rerun-sdk, .* pip install --upgrade rerun-sdk'):
         View(CONFIGURATION, 'run.rrd')
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_commands.output import about, folder, libraries, progress, save_records
+from linkage_ros.chart_commands.output import about, folder, progress, save_records
 from linkage_ros.chart_commands.presets import moving_presets, preset
 from linkage_ros.mechanisms.four_bar import FourBar
 from linkage_ros.mechanisms.slider_crank import SliderCrank
@@ -21,12 +21,12 @@ def accuracy(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: A preset is another's, or the folder cannot be written.
     """
-    with libraries():
-        from linkage_ros.charts.accuracy import draw_accuracy
-        from linkage_ros.charts.integration import draw_integration
-        from linkage_ros.methods.accuracy import measure_accuracy, tasks
-        from linkage_ros.methods.bench import Bench
-        from linkage_ros.methods.motion_accuracy import measure_motion_accuracy
+    from linkage_ros.charts.accuracy import draw_accuracy
+    from linkage_ros.charts.integration import draw_integration
+    from linkage_ros.methods.accuracy import measure_accuracy, tasks
+    from linkage_ros.methods.bench import Bench
+    from linkage_ros.methods.motion_accuracy import measure_motion_accuracy
+
     mechanisms = preset('quadrilateral', FourBar)[0], preset('slider_crank', SliderCrank)[0]
     movers = moving_presets()
     with folder(options.out):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 from typing import cast
 
-from linkage_ros.chart_commands.output import folder, libraries, progress, save_table
+from linkage_ros.chart_commands.output import folder, progress, save_table
 from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
@@ -33,8 +33,8 @@ def motion(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism, the speed or the folder cannot be used.
     """
-    with libraries():
-        from linkage_ros.charts.motion import draw_motion
+    from linkage_ros.charts.motion import draw_motion
+
     configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
     if isinstance(mechanism, WindPump):
@@ -81,8 +81,8 @@ def _settled(
     Raises:
         ConfigurationError: It does not settle, or options ask for what it does not have.
     """
-    with libraries():
-        from linkage_ros.analysis.settled import SettledTurn
+    from linkage_ros.analysis.settled import SettledTurn
+
     for flag, given in (
         ('--acceleration', options.acceleration),
         ('--reactions', options.reactions),

@@ -23,21 +23,6 @@ from linkage_ros.progress import progress_bar
 
 
 @contextmanager
-def libraries() -> Iterator[None]:
-    """Says in one line which library a chart lacks.
-
-    Raises:
-        ConfigurationError: It is missing.
-    """
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ConfigurationError(
-            f"charts need {error.name}: pip install 'linkage_ros[chart]'"
-        ) from error
-
-
-@contextmanager
 def folder(path: Path) -> Iterator[None]:
     """Makes the folder of the results, and says in one line why something cannot be written.
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_commands.output import folder, libraries, progress, save_records
+from linkage_ros.chart_commands.output import folder, progress, save_records
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
@@ -23,10 +23,10 @@ def pump(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: It is no wind pump, or the folder cannot be written.
     """
-    with libraries():
-        from linkage_ros.analysis.pump import analyse
-        from linkage_ros.analysis.states_table import states_table
-        from linkage_ros.charts.pump import draw_pump
+    from linkage_ros.analysis.pump import analyse
+    from linkage_ros.analysis.states_table import states_table
+    from linkage_ros.charts.pump import draw_pump
+
     configuration = load(options.params)
     mechanism, drive = configuration.mechanism, configuration.drive
     if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):

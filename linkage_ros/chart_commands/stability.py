@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 
-from linkage_ros.chart_commands.output import folder, libraries, progress, save_records
+from linkage_ros.chart_commands.output import folder, progress, save_records
 from linkage_ros.chart_commands.presets import moving_presets
 
 
@@ -19,11 +19,11 @@ def stability(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: A preset is another's, or the folder cannot be written.
     """
-    with libraries():
-        from linkage_ros.charts.stability import draw_stability
-        from linkage_ros.methods.motion_outcomes import measure_motion_outcomes
-        from linkage_ros.methods.outcomes import measure_outcomes
-        from linkage_ros.methods.situations import SITUATIONS
+    from linkage_ros.charts.stability import draw_stability
+    from linkage_ros.methods.motion_outcomes import measure_motion_outcomes
+    from linkage_ros.methods.outcomes import measure_outcomes
+    from linkage_ros.methods.situations import SITUATIONS
+
     movers = moving_presets()
     records, picture = options.out / 'stability.json', options.out / 'stability.png'
     with folder(options.out):

@@ -46,15 +46,10 @@ class AdaptiveSteps:
             phase: Coordinates, then their rates.
 
         Raises:
-            ConfigurationError: SciPy is missing.
             LinkageError: The motion cannot even begin, as `EquationsOfMotion.accelerations` tells.
         """
-        try:
-            from scipy.integrate import DOP853
-        except ModuleNotFoundError as error:
-            raise ConfigurationError(
-                "records of torque-driven motions need SciPy: pip install 'linkage_ros[record]'"
-            ) from error
+        from scipy.integrate import DOP853
+
         self.driven, self.time = driven, 0.0
         self.phase, self.pairs = wound(phase)
         # Next to the edge of what the coordinates describe, equal steps are followed instead.

@@ -13,7 +13,7 @@ import tempfile
 import urllib.parse
 from pathlib import Path
 
-from linkage_ros.errors import ViewerError
+from linkage_ros.errors import ViewerError, missing_library
 from linkage_ros.view.targets import free_address, reachable
 
 _LOOPBACK = '127.0.0.1'
@@ -156,6 +156,8 @@ def find_viewer() -> Path:
     """
     named = os.environ.get('RERUN_CLI_PATH')
     package = importlib.util.find_spec('rerun_cli')
+    if not (named or package):
+        raise ViewerError(missing_library('rerun'))
     folder = Path(package.origin).parent if package and package.origin else Path()
     path = Path(named) if named else folder / 'rerun'
     if not path.is_file():

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
 import numpy as np
 
-from linkage_ros.errors import ViewerError
+from linkage_ros.errors import ViewerError, missing_library
 from linkage_ros.parameters.viewers import SPAWN, WEB, viewer_address
 from linkage_ros.quantities import shown
 from linkage_ros.view.scene import TIMELINE, Form, Rows
@@ -214,10 +214,7 @@ def _import_rerun() -> None:
 
         rr.GrpcServerSink  # noqa: B018, missing in old versions
     except (ImportError, AttributeError) as error:
-        raise ViewerError(
-            'the viewer needs rerun-sdk, which is missing or too old: '
-            "pip install --upgrade 'linkage_ros[viewer]'"
-        ) from error
+        raise ViewerError(missing_library('rerun')) from error
     finally:
         if quiet:
             del os.environ['RUST_LOG']
