@@ -25,7 +25,7 @@ LOADERS = sorted({parameter_file._LOADER, yaml.SafeLoader}, key=lambda loader: l
 # Reads every file as a node does. One line of JSON each, so that a crash shows where it was;
 # into a file, because the middleware writes to stdout when it likes.
 RCL = """
-import json, sys
+import json, os, sys
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
@@ -35,7 +35,10 @@ for path in sys.argv[2:]:
     context = Context()
     try:
         rclpy.init(args=['--ros-args', '--params-file', path], context=context)
-        node = Node('linkage_node', context=context, enable_rosout=False)
+        namespace = os.environ.get('NAMESPACE', '')
+        node = Node(
+            'linkage_node', namespace=namespace, context=context, enable_rosout=False
+        )
         answer = {name: repr(p.value) for name, p in node._parameter_overrides.items()}
         node.destroy_node()
     except Exception as error:
@@ -334,8 +337,10 @@ def files(tmp_path_factory):
 @pytest.fixture(scope='module')
 def answers(files, tmp_path_factory):
     """What rcl makes of each file: its values, or why it refuses them."""
-    pytest.importorskip('rclpy')
-    folder = tmp_path_factory.mktemp('rcl')
+    return ask_rcl(files, tmp_path_factory.mktemp('rcl'))
+
+
+def ask_rcl(files, folder, namespace=''):
     script = folder / 'read.py'
     script.write_text(RCL)
     todo, answers = list(files), {}
@@ -343,7 +348,12 @@ def answers(files, tmp_path_factory):
         run = subprocess.run(
             [sys.executable, script, folder / 'answers', *(files[case] for case in todo)],
             # No shared memory: a test beside this one may hold its locks.
-            env=os.environ | {'ROS_LOG_DIR': str(folder), 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'},
+            env={
+                **os.environ,
+                'NAMESPACE': namespace,
+                'ROS_LOG_DIR': str(folder),
+                'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+            },
             capture_output=True,
             text=True,
             timeout=60,
@@ -419,6 +429,30 @@ def test_reads_every_type(write):
 def test_reads_for_another_node(write):
     path = write(own('a: 1') + own('a: 2', 'other') + own('b: 3', '/*'))
     assert read_parameter_file(path, 'other') == {'a': 2, 'b': 3}
+
+
+NAMESPACED = """
+    /ns/linkage_node ns/linkage_node /ns/a/linkage_node /a/ns/linkage_node /a/linkage_node /*/*/*
+    /ns/*/linkage_node /*/a/linkage_node /ns/**/linkage_node /**/a/** /**/a/* /ns/a/* /**/*/** /ns/a
+"""
+
+
+@pytest.mark.parametrize('namespace', ['/ns', '/ns/a'])
+def test_agrees_with_rcl_in_a_namespace(namespace, tmp_path):
+    paths = {}
+    for number, section in enumerate((NODES + NAMESPACED).split()):
+        paths[section] = tmp_path / f'{number}.yaml'
+        paths[section].write_text(own('a: 1', section))
+    answers = ask_rcl(paths, tmp_path, namespace)
+    read = {answer.get('a', '') for answer in answers.values() if isinstance(answer, dict)}
+    assert read == {'1', ''}  # some sections are the node's, others are not
+    for section, answer in answers.items():
+        try:
+            mine = read_parameter_file(paths[section], f'{namespace}/linkage_node')
+        except ConfigurationError:
+            assert isinstance(answer, str), section
+        else:
+            assert {name: repr(value) for name, value in mine.items()} == answer, section
 
 
 MESSAGES = {

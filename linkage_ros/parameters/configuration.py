@@ -196,11 +196,12 @@ def _is_stray(name: str, kind: Kind) -> bool:
     )
 
 
-def read_values(source: str) -> Mapping[str, object]:
+def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
     """Reads what a parameter file or a preset sets.
 
     Args:
         source: Path of a ROS 2 parameter file, or the name of a preset.
+        namespace: Of linkage_node.
 
     Returns:
         Values by dotted parameter name.
@@ -209,11 +210,12 @@ def read_values(source: str) -> Mapping[str, object]:
         ConfigurationError: There is no such file or preset, it cannot be read, or it sets nothing
             of linkage_node: another linkage than was meant would run in silence.
     """
-    values = read_parameter_file(find_file(source))
+    node = f'{namespace}/linkage_node'.lstrip('/')
+    values = read_parameter_file(find_file(source), node)
     if not values:
         raise ConfigurationError(
-            f'{shown(source)} has no parameters of linkage_node: above ros__parameters write /** '
-            'or linkage_node'
+            f'{shown(source)} has no parameters of {node}: above ros__parameters write /** or '
+            f'/{node}'
         )
     return values
 

@@ -40,7 +40,8 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
 
     Args:
         path: The YAML file.
-        node_name: A node in the root name space. Sections of others are checked, not returned.
+        node_name: A node with its namespace, such as left/linkage_node. Sections of others are
+            checked, not returned.
 
     Returns:
         The values by dotted name. Where two sections set the same name, the later one wins.
@@ -87,9 +88,7 @@ class _Reader:
                 cure = _cure(f'{name}/{key}'.split('/'))
                 raise self.error(f'{_show(event)} where a mapping belongs; {cure}')
             if in_section:
-                # '**' stands for any number of names and '*' for one; a node at the root has one.
-                pattern = [part for part in name.split('/') if part not in {'', '**'}]
-                ours = pattern in ([], ['*'], [self.node_name])
+                ours = _matches(_parts(name), _parts(self.node_name))
                 self.parameters(self.sections.setdefault(name, {}) if ours else None, '', 0)
                 if key := self.key(name):
                     raise self.error(f'{key!r} follows ros__parameters; move it before')
@@ -174,6 +173,20 @@ class _Reader:
 
     def error(self, problem: str) -> ConfigurationError:
         return ConfigurationError(f'{self.file}, line {self.line}: {problem}')
+
+
+def _parts(name: str) -> list[str]:
+    return [part for part in name.split('/') if part]
+
+
+def _matches(pattern: list[str], names: list[str]) -> bool:
+    """Whether a section is for a node: '**' stands for any number of names, '*' for one."""
+    if not pattern or not names:
+        return not names and set(pattern) <= {'**'}
+    first, rest = pattern[0], pattern[1:]
+    if first == '**':
+        return _matches(rest, names) or _matches(pattern, names[1:])
+    return first in {'*', names[0]} and _matches(rest, names[1:])
 
 
 def _cure(names: list[str]) -> str:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -134,9 +135,8 @@ def check_parameter_files(arguments: list[str], node: str) -> None:
     Raises:
         ConfigurationError: A file has a slip, or a preset is named where a path belongs.
     """
-    names = [
-        text.split(':=')[1] for text in arguments if text.startswith(('__node:=', '__name:='))
-    ]
+    given = dict(text.split(':=', 1) for text in arguments if re.match('__.*:=', text))
+    name = given.get('__node') or given.get('__name') or node
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
             if path in preset_names() and not is_there(path):
@@ -145,4 +145,4 @@ def check_parameter_files(arguments: list[str], node: str) -> None:
                 )
             if is_there(path) and not Path(path).is_file():  # rcl would read, or wait, once more
                 raise ConfigurationError(f'{path} is no file: give the path of a parameter file')
-            read_parameter_file(path, names[-1] if names else node)
+            read_parameter_file(path, f'{given.get("__ns", "")}/{name}')
