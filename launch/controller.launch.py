@@ -5,48 +5,80 @@
 ros2 launch linkage_ros controller.launch.py rpm:=600.0 feed_forward:=false log:=run.mcap
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
+from linkage_ros.parameters.launched import given
 from linkage_ros.parameters.viewers import VIEWERS
 
+# Name, default and meaning.
 _ARGUMENTS = (
-    ('rpm', float, '150.0', 'speed to keep'),
-    ('feed_forward', bool, 'true', 'add the exact torque'),
-    ('log', str, '', '.mcap file to write'),
-    ('viewer', str, '', VIEWERS),
+    ('rpm', '150.0', 'speed to keep'),
+    ('feed_forward', 'true', 'add the exact torque'),
+    ('namespace', '', 'namespace of both nodes, such as left'),
+    ('use_sim_time', '', 'true: take the time from /clock'),
+    ('joint_prefix', '', 'put before every joint and link name, such as left_'),
+    ('log', '', '.mcap file to write'),
+    ('log_overwrite', '', 'true: replace an existing log or .rrd file'),
+    ('viewer', '', VIEWERS),
 )
+
+
+def start(context: LaunchContext) -> list:
+    """Starts both; without one of them the other is of no use."""
+    arguments = {name: context.launch_configurations[name] for name, _, _ in _ARGUMENTS}
+    common, speed = given(arguments, ('use_sim_time', 'joint_prefix')), given(arguments, ['rpm'])
+    plant = {
+        'drive': 'torque',
+        'rate_hz': 1000.0,
+        'start_rpm': speed.get('rpm', 0.0),
+        # The plant outlives a controller that is killed with its torque at the peak.
+        'command_timeout': 0.02,
+        'torque_limit': 400.0,
+        **common,
+        **given(arguments, ('log', 'log_overwrite', 'viewer')),
+    }
+    controller = {**common, **speed, **given(arguments, ['feed_forward'])}
+    return [
+        Node(
+            package='linkage_ros',
+            executable=name,
+            namespace=arguments['namespace'],
+            parameters=[values],
+            output='screen',
+            on_exit=end,
+        )
+        for name, values in (('linkage_controller', controller), ('linkage_node', plant))
+    ]
+
+
+def end(event: ProcessExited, _: LaunchContext) -> list:
+    """Ends the launch with a process.
+
+    Args:
+        event: Its end.
+
+    Returns:
+        What ends the launch.
+
+    Raises:
+        RuntimeError: The process failed; `ros2 launch` then ends with exit code 1.
+    """
+    if event.returncode:
+        raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
+    return [Shutdown(reason=f'{event.process_name} ended')]
 
 
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` asks for."""
-    given = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-        for name, kind, _, _ in _ARGUMENTS
-    }
-    plant = {
-        'drive': 'torque',
-        'rate_hz': 1000.0,
-        'start_rpm': given['rpm'],
-        # The plant outlives a controller that is killed with its torque at the peak.
-        'command_timeout': 0.02,
-        'torque_limit': 400.0,
-        'log': given['log'],
-        'viewer': given['viewer'],
-    }
-    controller = {name: given[name] for name in ('rpm', 'feed_forward')}
     return LaunchDescription(
         [
             *(
                 DeclareLaunchArgument(name, default_value=default, description=meaning)
-                for name, _, default, meaning in _ARGUMENTS
+                for name, default, meaning in _ARGUMENTS
             ),
-            *(
-                Node(package='linkage_ros', executable=name, parameters=[values], output='screen')
-                for name, values in (('linkage_controller', controller), ('linkage_node', plant))
-            ),
+            OpaqueFunction(function=start),
         ]
     )

@@ -5,67 +5,99 @@
 ros2 launch linkage_ros demo.launch.py params:=quadrilateral log:=run.mcap rviz:=true
 """
 
+from pathlib import Path
+
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
 
-from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.presets import find_file
+from linkage_ros.parameters.launched import demo, how_to_install, is_installed, rviz_file
 from linkage_ros.parameters.viewers import VIEWERS
-from linkage_ros.wire.urdf import make_urdf
+
+# Name, default and meaning. An empty argument leaves the value of the parameter file.
+_ARGUMENTS = (
+    ('params', 'quadrilateral', 'parameter file or preset'),
+    ('rpm', '', 'crank speed'),
+    ('namespace', '', 'namespace of all nodes, such as left'),
+    ('use_sim_time', '', 'true: take the time from /clock'),
+    ('frame_prefix', '', 'put before every tf frame, such as left/'),
+    ('joint_prefix', '', 'put before every joint and link name, such as left_'),
+    ('log', '', '.mcap file to write'),
+    ('log_overwrite', '', 'true: replace an existing log or .rrd file'),
+    ('viewer', '', VIEWERS),
+    ('rviz', 'false', 'true: open RViz as well'),
+)
 
 
-def start(context: LaunchContext) -> list[Node]:
-    """Starts both with the same description."""
-    params, log, viewer = (
-        LaunchConfiguration(name).perform(context) for name in ('params', 'log', 'viewer')
-    )
-    # An argument that was not given must not hide what the parameter file says.
-    given = {name: text for name, text in (('log', log), ('viewer', viewer)) if text}
-    configuration = load(params)
-    names = configuration.session
-    description = make_urdf(configuration.mechanism, names.joint_prefix, names.frame_id)
-    return [
+def start(context: LaunchContext) -> list:
+    """Starts the node, and what is installed of robot_state_publisher and RViz."""
+    arguments = {name: context.launch_configurations[name] for name, _, _ in _ARGUMENTS}
+    run, namespace = demo(arguments), arguments['namespace']
+    actions = [
         Node(
             package='linkage_ros',
             executable='linkage_node',
-            parameters=[str(find_file(params)), given] if given else [str(find_file(params))],
+            namespace=namespace,
+            parameters=[run.node],
             output='screen',
-        ),
-        Node(
+            on_exit=end,
+        )
+    ]
+    if is_installed('robot_state_publisher'):
+        publisher = Node(
             package='robot_state_publisher',
             executable='robot_state_publisher',
-            parameters=[{'robot_description': description}],
+            namespace=namespace,
+            parameters=[run.publisher],
             # Both would publish it, latched; the node's is the one that belongs to the log.
             remappings=[('robot_description', 'robot_state_publisher/robot_description')],
-        ),
-    ]
+        )
+        actions.append(publisher)
+    else:
+        actions.append(LogInfo(msg=how_to_install('robot_state_publisher', 'tf')))
+    if arguments['rviz'].lower() in {'true', '1'}:
+        template = Path(__file__).parents[1] / 'rviz' / 'linkage.rviz'
+        file = rviz_file(template, run.fixed_frame, arguments['frame_prefix'])
+        if is_installed('rviz2'):
+            rviz = Node(
+                package='rviz2',
+                executable='rviz2',
+                namespace=namespace,
+                arguments=['-d', str(file)],
+                parameters=[{'use_sim_time': run.publisher['use_sim_time']}],
+            )
+            actions.append(rviz)
+        else:
+            actions.append(LogInfo(msg=how_to_install('rviz2', 'picture in RViz')))
+    return actions
+
+
+def end(event: ProcessExited, _: LaunchContext) -> list:
+    """Ends the launch with a process.
+
+    Args:
+        event: Its end.
+
+    Returns:
+        What ends the launch.
+
+    Raises:
+        RuntimeError: The process failed; `ros2 launch` then ends with exit code 1.
+    """
+    if event.returncode:
+        raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
+    return [Shutdown(reason=f'{event.process_name} ended')]
 
 
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` asks for."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                'params', default_value='quadrilateral', description='parameter file or preset'
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=meaning)
+                for name, default, meaning in _ARGUMENTS
             ),
-            DeclareLaunchArgument('log', default_value='', description='.mcap file to write'),
-            DeclareLaunchArgument('viewer', default_value='', description=VIEWERS),
-            DeclareLaunchArgument('rviz', default_value='false', description='open RViz as well'),
             OpaqueFunction(function=start),
-            Node(
-                package='rviz2',
-                executable='rviz2',
-                arguments=[
-                    '-d',
-                    PathJoinSubstitution(
-                        [FindPackageShare('linkage_ros'), 'rviz', 'linkage.rviz']
-                    ),
-                ],
-                condition=IfCondition(LaunchConfiguration('rviz')),
-            ),
         ]
     )

@@ -137,7 +137,7 @@ class _Reader:
             return event.value
         if not event.value:
             raise self.error(f'{name!r} has no value; {_VALUE}')
-        value = _resolve(event.value)
+        value = read_scalar(event.value)
         if isinstance(value, float) and 0 < abs(value) <= 2.3e-308:
             raise self.error(f'{name!r} is {value}, too near to 0 for ROS; write 0.0')
         return value
@@ -204,7 +204,7 @@ def _types(value: ParameterValue) -> list[type]:
     return [type(item) for item in (value, *(value[:1] if isinstance(value, list) else ()))]
 
 
-def _resolve(text: str) -> _Scalar:
+def read_scalar(text: str) -> _Scalar:
     """The value of an unquoted scalar: a bool, what strtoll or strtod take, or text."""
     if match := _BOOL.fullmatch(text):
         return match[1] is not None

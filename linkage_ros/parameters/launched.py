@@ -1,0 +1,122 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From launch arguments to the parameters of the nodes that a launch file starts.
+
+Nothing of launch is imported here: the tests read this on machines without it.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from linkage_ros.parameters.configuration import configure, read_values
+from linkage_ros.parameters.parameter_file import read_scalar
+from linkage_ros.wire.codecs import ROOT_FRAME
+from linkage_ros.wire.urdf import make_urdf
+
+# Arguments that are text even where they look like a number; empty arguments are not given.
+_TEXTS = ('log', 'viewer', 'joint_prefix')
+
+
+class Demo(NamedTuple):
+    """What demo.launch.py starts.
+
+    Attributes:
+        node: Parameters of linkage_node.
+        publisher: Parameters of robot_state_publisher.
+        fixed_frame: Name in tf of the link that carries the fixed pivots.
+    """
+
+    node: dict[str, object]
+    publisher: dict[str, object]
+    fixed_frame: str
+
+
+def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, object]:
+    """The parameters that launch arguments set.
+
+    Args:
+        arguments: Texts by name; an empty one sets nothing.
+        names: Of the arguments that are parameters.
+
+    Returns:
+        Values of the types that `-p NAME:=VALUE` gives them.
+    """
+    texts = {name: arguments[name] for name in names if arguments[name]}
+    return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
+
+
+def demo(arguments: Mapping[str, str]) -> Demo:
+    """The parameters of the demo: those of the file, and arguments that replace them.
+
+    Args:
+        arguments: Of demo.launch.py, all of them.
+
+    Returns:
+        What to start. The node gets the values themselves, not the file: what rcl makes of one
+        name in two sections and an argument depends on their order.
+
+    Raises:
+        ConfigurationError: The file or a value cannot be used.
+    """
+    names = ('rpm', 'use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer')
+    file = read_values(arguments['params'], arguments['namespace'])
+    values = {**file, **given(arguments, names)}
+    configuration = configure(values)
+    session, prefix = configuration.session, arguments['frame_prefix']
+    fixed_frame = prefix + session.frame_id
+    publisher = {
+        'robot_description': make_urdf(
+            configuration.mechanism, session.joint_prefix, session.frame_id
+        ),
+        'frame_prefix': prefix,
+        'use_sim_time': values.get('use_sim_time', False),
+    }
+    return Demo({**values, 'frame_id': fixed_frame}, publisher, fixed_frame)
+
+
+def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> Path:
+    """RViz's configuration for the frames of a launch.
+
+    Args:
+        template: The file for a linkage without prefixes.
+        fixed_frame: As in `Demo`.
+        frame_prefix: Of robot_state_publisher. RViz puts a '/' behind the one that it has.
+
+    Returns:
+        The template, or a temporary file.
+    """
+    if fixed_frame == ROOT_FRAME:
+        return template
+    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, fixed_frame)
+    text = text.replace("TF Prefix: ''", f"TF Prefix: '{frame_prefix.removesuffix('/')}'")
+    with tempfile.NamedTemporaryFile(
+        'w', prefix='linkage_', suffix='.rviz', delete=False, encoding='utf-8'
+    ) as file:
+        file.write(text)
+    return Path(file.name)
+
+
+def is_installed(package: str) -> bool:
+    """Whether a ROS package is in one of the sourced workspaces."""
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    index = Path('share', 'ament_index', 'resource_index', 'packages', package)
+    return any(Path(prefix, index).is_file() for prefix in prefixes if prefix)
+
+
+def how_to_install(package: str, without: str) -> str:
+    """What to tell a user who lacks a ROS package.
+
+    Args:
+        package: Its name.
+        without: What there is not without it.
+
+    Returns:
+        One line.
+    """
+    debian = f'ros-jazzy-{package.replace("_", "-")}'
+    return f'{package} is not installed, so there is no {without}: sudo apt install {debian}'

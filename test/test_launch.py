@@ -1,0 +1,277 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The launch files.
+
+No wheel of launch exists. So most tests run the files with stand-ins for the few names that they
+import, and start the nodes as launch_ros would. The last ones use `ros2 launch` where it is there.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from xml.etree import ElementTree as ET
+
+import pytest
+import yaml
+from ros_harness import Listener, environment, fresh_domain, running, wait_for
+from test_node import stop
+
+from linkage_ros import ConfigurationError
+from linkage_ros.parameters.configuration import configure
+
+ROOT = Path(__file__).resolve().parents[1]
+DEMO, CONTROLLER = ROOT / 'launch' / 'demo.launch.py', ROOT / 'launch' / 'controller.launch.py'
+# Each argument that the task of these files needs; frame_prefix is for robot_state_publisher.
+COMMON = {'rpm', 'namespace', 'use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer'}
+OWN = """
+/left/linkage_node:
+  ros__parameters:
+    mechanism: slider_crank
+    rpm: 30.0
+    crank: {length: 0.05, mass: 1.0}
+    coupler: {length: 0.2, mass: 0.5, point: [0.1, 0.0]}
+    joint_prefix: file_
+/**:
+  ros__parameters: {rpm: 31.0}
+"""
+
+
+class Recorded(SimpleNamespace):
+    """An action with the arguments that it was made with."""
+
+    def __init__(self, *positional, **named):
+        super().__init__(positional=positional, **named)
+
+
+def stand_in(monkeypatch):
+    """Puts classes that only record their arguments in the place of launch and launch_ros."""
+    names = {
+        'launch': ('LaunchContext', 'LaunchDescription'),
+        'launch.actions': ('DeclareLaunchArgument', 'LogInfo', 'OpaqueFunction', 'Shutdown'),
+        'launch.events': (),
+        'launch.events.process': ('ProcessExited',),
+        'launch_ros': (),
+        'launch_ros.actions': ('Node',),
+    }
+    for module, classes in names.items():
+        made = ModuleType(module)
+        for name in classes:
+            setattr(made, name, type(name, (Recorded,), {}))
+        monkeypatch.setitem(sys.modules, module, made)
+
+
+@pytest.fixture
+def launched(monkeypatch, tmp_path):
+    """Runs a launch file with arguments; returns what it starts, by executable, and its words."""
+    stand_in(monkeypatch)
+
+    def launch(file, *installed, **arguments):
+        index = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
+        index.mkdir(parents=True, exist_ok=True)
+        for package in installed:
+            (index / package).touch()
+        monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+        (*declared, function) = runpy.run_path(file)['generate_launch_description']().positional[0]
+        given = {action.positional[0]: action.default_value for action in declared}
+        assert set(arguments) <= set(given)
+        context = SimpleNamespace(launch_configurations={**given, **arguments})
+        actions = function.function(context)
+        nodes = {action.executable: action for action in actions if hasattr(action, 'executable')}
+        return nodes, [action.msg for action in actions if hasattr(action, 'msg')]
+
+    return launch
+
+
+def ros_arguments(node, folder):
+    """The command line that launch_ros makes of a node: a parameter file for any node."""
+    path = folder / f'{node.executable}.yaml'
+    (parameters,) = node.parameters
+    path.write_text(yaml.dump({'/**': {'ros__parameters': parameters}}))
+    namespace = f'/{node.namespace}'
+    return ['--ros-args', '-r', f'__ns:={namespace}', '--params-file', path]
+
+
+@pytest.mark.parametrize('file', [DEMO, CONTROLLER], ids=lambda path: path.name)
+def test_every_argument_is_declared_with_a_meaning(file, monkeypatch):
+    stand_in(monkeypatch)
+    *declared, _ = runpy.run_path(file)['generate_launch_description']().positional[0]
+    names = {action.positional[0] for action in declared}
+    assert names >= COMMON
+    assert ('frame_prefix' in names) == (file == DEMO)
+    assert all(action.description for action in declared)
+
+
+def test_without_arguments_the_demo_starts_the_preset_alone(launched):
+    nodes, words = launched(DEMO)
+    assert set(nodes) == {'linkage_node'}
+    assert configure(nodes['linkage_node'].parameters[0]).kind.mechanism == 'four_bar'
+    (line,) = words
+    assert line.startswith('robot_state_publisher is not installed, so there is no tf: sudo apt ')
+    assert line.endswith(' ros-jazzy-robot-state-publisher')
+
+
+def test_rviz_is_missed_only_where_it_is_asked_for(launched):
+    _, words = launched(DEMO, 'robot_state_publisher')
+    assert words == []
+    nodes, words = launched(DEMO, 'robot_state_publisher', rviz='true')
+    assert set(nodes) == {'linkage_node', 'robot_state_publisher'}
+    (line,) = words
+    assert 'rviz2 is not installed' in line
+    nodes, words = launched(DEMO, 'robot_state_publisher', 'rviz2', rviz='True')
+    assert 'rviz2' in nodes
+    assert words == []
+
+
+def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_path):
+    (tmp_path / 'own.yaml').write_text(OWN)
+    file = str(tmp_path / 'own.yaml')
+    nodes, _ = launched(DEMO, 'robot_state_publisher', params=file, namespace='left')
+    (values,) = nodes['linkage_node'].parameters
+    assert (values['mechanism'], values['rpm']) == ('slider_crank', 31.0)  # the later section
+    assert values['joint_prefix'] == 'file_'
+    nodes, _ = launched(
+        DEMO, 'robot_state_publisher', 'rviz2', params=file, namespace='left', rpm='45',
+        joint_prefix='l_', frame_prefix='left/', log='1e3', log_overwrite='yes',
+        use_sim_time='true', rviz='true',
+    )  # fmt: skip
+    (values,) = nodes['linkage_node'].parameters
+    assert configure(values).session.log == '1e3'  # text, though it looks like a number
+    assert (values['rpm'], values['joint_prefix']) == (45, 'l_')
+    assert values['log_overwrite'] is values['use_sim_time'] is True
+    (values,) = nodes['robot_state_publisher'].parameters
+    assert values['use_sim_time'] is True
+    assert {node.namespace for node in nodes.values()} == {'left'}
+
+
+def test_a_file_of_another_namespace_is_refused(launched, tmp_path):
+    (tmp_path / 'own.yaml').write_text(OWN.partition('/**')[0])
+    with pytest.raises(
+        ConfigurationError, match=r'no parameters of right/linkage_node: .*/right/'
+    ):
+        launched(DEMO, params=str(tmp_path / 'own.yaml'), namespace='right')
+
+
+def test_wrong_values_are_refused_before_anything_is_started(launched):
+    with pytest.raises(ConfigurationError, match="rpm = 'fast': must be a number"):
+        launched(DEMO, rpm='fast')
+    with pytest.raises(ConfigurationError, match='joint_prefix'):
+        launched(DEMO, joint_prefix='l/')
+
+
+def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
+    nodes, _ = launched(
+        DEMO, 'robot_state_publisher', 'rviz2', frame_prefix='left/', joint_prefix='l_',
+        rviz='true',
+    )  # fmt: skip
+    (values,) = nodes['robot_state_publisher'].parameters
+    links = {link.get('name') for link in ET.fromstring(values['robot_description']).iter('link')}
+    in_tf = {values['frame_prefix'] + link for link in links}
+    assert 'left/l_crank_link' in in_tf
+    (values,) = nodes['linkage_node'].parameters
+    assert values['frame_id'] in in_tf
+    option, file = nodes['rviz2'].arguments
+    assert option == '-d'
+    rviz = yaml.safe_load(Path(file).read_text())['Visualization Manager']
+    Path(file).unlink()
+    assert rviz['Global Options']['Fixed Frame'] == values['frame_id']
+    assert rviz['Views']['Current']['Target Frame'] == values['frame_id']
+    (model,) = (show for show in rviz['Displays'] if show['Class'].endswith('RobotModel'))
+    assert f'{model["TF Prefix"]}/' == 'left/'  # RViz puts the '/' there itself
+    (_, topic), = nodes['robot_state_publisher'].remappings  # fmt: skip
+    assert model['Description Topic']['Value'] == topic
+
+
+def test_without_a_frame_prefix_rviz_gets_the_installed_file(launched):
+    nodes, _ = launched(DEMO, 'robot_state_publisher', 'rviz2', rviz='true')
+    assert Path(nodes['rviz2'].arguments[1]) == ROOT / 'rviz' / 'linkage.rviz'
+
+
+@pytest.mark.parametrize('file', [DEMO, CONTROLLER], ids=lambda path: path.name)
+def test_the_launch_ends_with_each_node_and_fails_if_it_failed(file, launched):
+    nodes, _ = launched(file)
+    for name, node in nodes.items():
+        (action,) = node.on_exit(SimpleNamespace(process_name=name, returncode=0), None)
+        assert type(action).__name__ == 'Shutdown'
+        with pytest.raises(RuntimeError, match=f'{name} ended with exit code 2'):
+            node.on_exit(SimpleNamespace(process_name=name, returncode=2), None)
+
+
+def test_the_node_takes_what_the_demo_gives_it(launched, tmp_path):
+    (tmp_path / 'own.yaml').write_text(OWN)
+    nodes, _ = launched(
+        DEMO, params=str(tmp_path / 'own.yaml'), namespace='left', rpm='45', joint_prefix='l_',
+        frame_prefix='left/', log=str(tmp_path / 'run.mcap'),
+    )  # fmt: skip
+    point = {'/left/coupler_point': 'geometry_msgs/msg/PointStamped'}
+    arguments, domain = ros_arguments(nodes['linkage_node'], tmp_path), fresh_domain()
+    with Listener(domain, point) as heard, running('node', *arguments, domain=domain) as node:
+        wait_for(lambda: heard.received['/left/coupler_point'])
+        code, output = stop(node)
+    assert code == 0, output
+    assert '45 rpm' in output
+    assert b'left/base_link\0' in heard.received['/left/coupler_point'][0]
+
+
+def test_controller_and_plant_take_what_their_launch_file_gives_them(launched, tmp_path):
+    nodes, _ = launched(CONTROLLER, namespace='left', joint_prefix='l_', rpm='60', viewer='')
+    plant, controller = (
+        ros_arguments(nodes[name], tmp_path) for name in ('linkage_node', 'linkage_controller')
+    )
+    topic, domain = '/left/joint_commands', fresh_domain()
+    with (
+        Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as heard,
+        running('node', *plant, domain=domain) as node,
+        running('controller', *controller, domain=domain) as other,
+    ):
+        wait_for(lambda: len(heard.received[topic]) > 20)
+        codes = stop(other)[0], stop(node)[0]
+    assert codes == (0, 0)
+    assert b'l_crank\0' in heard.received[topic][0]
+
+
+# ---------------------------------------------------------------- the real command line
+
+ROS2_LAUNCH = 'import sys; from ros2cli.cli import main; sys.exit(main())'
+real = pytest.mark.skipif(find_spec('ros2launch') is None, reason='needs ros2 launch')
+
+
+def ros2_launch(prefix, file, *arguments):
+    """Runs `ros2 launch` on a launch file of the checkout, as if it were installed."""
+    (prefix / 'share' / 'ament_index' / 'resource_index' / 'packages').mkdir(parents=True)
+    (prefix / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'linkage_ros').touch()
+    (prefix / 'lib' / 'linkage_ros').mkdir(parents=True)
+    for name in ('node', 'controller'):
+        program = prefix / 'lib' / 'linkage_ros' / f'linkage_{name}'
+        program.write_text(f'#!/bin/sh\nexec {sys.executable} -m linkage_ros.{name} "$@"\n')
+        program.chmod(0o755)
+    path = os.pathsep.join((str(prefix), os.environ.get('AMENT_PREFIX_PATH', '')))
+    variables = {**environment(fresh_domain()), 'AMENT_PREFIX_PATH': path}
+    variables['PYTHONPATH'] = os.pathsep.join((str(ROOT), os.environ.get('PYTHONPATH', '')))
+    return subprocess.run(
+        [sys.executable, '-c', ROS2_LAUNCH, 'launch', file, *arguments], env=variables,
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+
+
+@real
+def test_ros2_launch_ends_with_the_node_and_shows_its_exit_code(tmp_path):
+    log = tmp_path / 'run.mcap'
+    log.touch()
+    done = ros2_launch(tmp_path, DEMO, f'log:={log}')
+    assert done.returncode == 1
+    output = done.stdout + done.stderr
+    assert 'run.mcap exists already' in output
+    assert 'exit code 2' in output
+
+
+@real
+def test_ros2_launch_shows_a_wrong_value_in_one_line(tmp_path):
+    done = ros2_launch(tmp_path, CONTROLLER, 'rpm:=fast')
+    assert done.returncode == 1
+    assert "rpm = 'fast': must be a number" in done.stdout + done.stderr
