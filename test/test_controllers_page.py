@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import shlex
 import signal
@@ -13,6 +14,7 @@ import time
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import pytest
 from pages import block, read
 from ros_harness import Listener, environment, fresh_domain, running, wait_for
 from sensor_msgs.msg import JointState
@@ -23,6 +25,15 @@ from linkage_ros.wire.codecs import JointStateCodec
 PAGE = read('docs/controllers.md')
 CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))
 STATES = {'/joint_states': 'sensor_msgs/msg/JointState'}
+# The node beside ros2_control, as a launch file has it.
+BESIDE = eval(block(PAGE, 'Node('), {'Node': dict})
+
+
+def beside_ros2_control(*, remapped=True):
+    parameters = [f'{name}:={value}' for name, value in BESIDE['parameters'][0].items()]
+    remaps = [f'{old}:={new}' for old, new in BESIDE['remappings'] if remapped]
+    words = [*zip(itertools.repeat('-p'), parameters), *zip(itertools.repeat('-r'), remaps)]
+    return ['--ros-args', *itertools.chain.from_iterable(words)]
 
 
 def test_way_1_the_subscriber_turns_the_crank(tmp_path):
@@ -77,7 +88,7 @@ def test_way_2_the_tag_names_what_the_node_has():
     tag = ET.fromstring(block(PAGE, '<ros2_control'))
     parameters = {element.get('name'): element.text for element in tag.iter('param')}
     assert parameters['joint_commands_topic'] == '/joint_commands'
-    assert parameters['joint_states_topic'] == '/joint_states'
+    assert parameters['joint_states_topic'] == f'/{dict(BESIDE["remappings"])["joint_states"]}'
     # JointStateTopicSystem names every joint of the tag in its commands, and gives an effort for
     # those alone that have the interface: with one more joint each command would be refused.
     (joint,) = tag.iter('joint')
@@ -85,15 +96,31 @@ def test_way_2_the_tag_names_what_the_node_has():
     assert [i.get('name') for i in joint.iter('command_interface')] == ['effort']
 
 
-def test_way_2_commands_as_joint_state_topic_system_sends_them_move_the_plant(tmp_path):
-    domain = fresh_domain()
-    arguments = ['--ros-args', '-p', 'drive:=torque', '-p', 'rate_hz:=1000.0']
-    with Listener(domain, STATES) as listener, running('node', *arguments, domain=domain) as node:
+@pytest.mark.parametrize('remapped', [True, False])
+def test_way_2_the_remaps_leave_ros2_controls_topics_to_it(remapped):
+    topic = '/plant/joint_states' if remapped else '/joint_states'
+    domain, states = fresh_domain(), {topic: 'sensor_msgs/msg/JointState'}
+    arguments = beside_ros2_control(remapped=remapped)
+    with Listener(domain, states) as listener, running('node', *arguments, domain=domain) as node:
+        wait_for(lambda: listener.received[topic])
+        publishers = [
+            listener.node.count_publishers(name)
+            for name in ('/joint_states', '/robot_description')
+        ]
+        code, output = stop(node)
+    assert code == 0, output
+    assert publishers == ([0, 0] if remapped else [1, 1])
+
+
+def test_way_2_commands_as_joint_state_topic_system_sends_them_move_the_plant():
+    domain, topic = fresh_domain(), '/plant/joint_states'
+    states, arguments = {topic: 'sensor_msgs/msg/JointState'}, beside_ros2_control()
+    with Listener(domain, states) as listener, running('node', *arguments, domain=domain) as node:
         publisher = listener.node.create_publisher(JointState, '/joint_commands', 1)
-        wait_for(lambda: publisher.get_subscription_count() and listener.received['/joint_states'])
+        wait_for(lambda: publisher.get_subscription_count() and listener.received[topic])
 
         def efforts():
-            return {CODEC.decode(data)[1][6] for data in listener.received['/joint_states'][-5:]}
+            return {CODEC.decode(data)[1][6] for data in listener.received[topic][-5:]}
 
         def send(effort):
             message = JointState(name=['crank'], effort=[effort])
