@@ -40,6 +40,12 @@ def test_it_is_short():
     assert len(README.split()) <= 1300
 
 
+def test_its_set_up_is_the_one_that_its_page_explains():
+    lines = block(README, 'rosdep')
+    assert lines == block(read('docs/ros2.md'), 'rosdep')
+    assert len(lines.splitlines()) == 5
+
+
 def test_the_first_linkage_moves_as_described(tmp_path):
     for name, text in page_files(README).items():
         assert len(text.splitlines()) <= 10
