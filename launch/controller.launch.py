@@ -10,7 +10,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
-from linkage_ros.parameters.launched import given
+from linkage_ros.parameters.launched import given, parameter_file
 from linkage_ros.parameters.viewers import VIEWERS
 
 # Name, default and meaning.
@@ -46,7 +46,7 @@ def start(context: LaunchContext) -> list:
             package='linkage_ros',
             executable=name,
             namespace=arguments['namespace'],
-            parameters=[values],
+            parameters=[parameter_file(values)],
             output='screen',
             on_exit=end,
         )

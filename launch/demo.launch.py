@@ -12,7 +12,13 @@ from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutd
 from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
-from linkage_ros.parameters.launched import demo, how_to_install, is_installed, rviz_file
+from linkage_ros.parameters.launched import (
+    demo,
+    how_to_install,
+    is_installed,
+    parameter_file,
+    rviz_file,
+)
 from linkage_ros.parameters.viewers import VIEWERS
 
 # Name, default and meaning. An empty argument leaves the value of the parameter file.
@@ -39,7 +45,7 @@ def start(context: LaunchContext) -> list:
             package='linkage_ros',
             executable='linkage_node',
             namespace=namespace,
-            parameters=[run.node],
+            parameters=[parameter_file(run.node)],
             output='screen',
             on_exit=end,
         )
@@ -49,7 +55,7 @@ def start(context: LaunchContext) -> list:
             package='robot_state_publisher',
             executable='robot_state_publisher',
             namespace=namespace,
-            parameters=[run.publisher],
+            parameters=[parameter_file(run.publisher)],
             # Both would publish it, latched; the node's is the one that belongs to the log.
             remappings=[('robot_description', 'robot_state_publisher/robot_description')],
         )
@@ -64,7 +70,7 @@ def start(context: LaunchContext) -> list:
                 package='rviz2',
                 executable='rviz2',
                 namespace=namespace,
-                arguments=['-d', str(file)],
+                arguments=['-d', file],
                 parameters=[{'use_sim_time': run.publisher['use_sim_time']}],
             )
             actions.append(rviz)

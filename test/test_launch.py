@@ -12,6 +12,7 @@ import os
 import runpy
 import subprocess
 import sys
+import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -70,6 +71,7 @@ def stand_in(monkeypatch):
 def launched(monkeypatch, tmp_path):
     """Runs a launch file with arguments; returns what it starts, by executable, and its words."""
     stand_in(monkeypatch)
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
 
     def launch(file, *installed, **arguments):
         index = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
@@ -88,13 +90,14 @@ def launched(monkeypatch, tmp_path):
     return launch
 
 
-def ros_arguments(node, folder):
-    """The command line that launch_ros makes of a node: a parameter file for any node."""
-    path = folder / f'{node.executable}.yaml'
-    (parameters,) = node.parameters
-    path.write_text(yaml.dump({'/**': {'ros__parameters': parameters}}))
-    namespace = f'/{node.namespace}'
-    return ['--ros-args', '-r', f'__ns:={namespace}', '--params-file', path]
+def values_of(node):
+    (path,) = node.parameters
+    return yaml.safe_load(Path(path).read_text())['/**']['ros__parameters']
+
+
+def ros_arguments(node):
+    """The command line that launch_ros makes of a node."""
+    return ['--ros-args', '-r', f'__ns:=/{node.namespace}', '--params-file', *node.parameters]
 
 
 @pytest.mark.parametrize('file', [DEMO, CONTROLLER], ids=lambda path: path.name)
@@ -110,7 +113,7 @@ def test_every_argument_is_declared_with_a_meaning(file, monkeypatch):
 def test_without_arguments_the_demo_starts_the_preset_alone(launched):
     nodes, words = launched(DEMO)
     assert set(nodes) == {'linkage_node'}
-    assert configure(nodes['linkage_node'].parameters[0]).kind.mechanism == 'four_bar'
+    assert configure(values_of(nodes['linkage_node'])).kind.mechanism == 'four_bar'
     (line,) = words
     assert line.startswith('robot_state_publisher is not installed, so there is no tf: sudo apt ')
     assert line.endswith(' ros-jazzy-robot-state-publisher')
@@ -132,7 +135,7 @@ def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_p
     (tmp_path / 'own.yaml').write_text(OWN)
     file = str(tmp_path / 'own.yaml')
     nodes, _ = launched(DEMO, 'robot_state_publisher', params=file, namespace='left')
-    (values,) = nodes['linkage_node'].parameters
+    values = values_of(nodes['linkage_node'])
     assert (values['mechanism'], values['rpm']) == ('slider_crank', 31.0)  # the later section
     assert values['joint_prefix'] == 'file_'
     nodes, _ = launched(
@@ -140,11 +143,11 @@ def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_p
         joint_prefix='l_', frame_prefix='left/', log='1e3', log_overwrite='yes',
         use_sim_time='true', rviz='true',
     )  # fmt: skip
-    (values,) = nodes['linkage_node'].parameters
+    values = values_of(nodes['linkage_node'])
     assert configure(values).session.log == '1e3'  # text, though it looks like a number
     assert (values['rpm'], values['joint_prefix']) == (45, 'l_')
     assert values['log_overwrite'] is values['use_sim_time'] is True
-    (values,) = nodes['robot_state_publisher'].parameters
+    values = values_of(nodes['robot_state_publisher'])
     assert values['use_sim_time'] is True
     assert {node.namespace for node in nodes.values()} == {'left'}
 
@@ -169,16 +172,15 @@ def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
         DEMO, 'robot_state_publisher', 'rviz2', frame_prefix='left/', joint_prefix='l_',
         rviz='true',
     )  # fmt: skip
-    (values,) = nodes['robot_state_publisher'].parameters
+    values = values_of(nodes['robot_state_publisher'])
     links = {link.get('name') for link in ET.fromstring(values['robot_description']).iter('link')}
     in_tf = {values['frame_prefix'] + link for link in links}
     assert 'left/l_crank_link' in in_tf
-    (values,) = nodes['linkage_node'].parameters
+    values = values_of(nodes['linkage_node'])
     assert values['frame_id'] in in_tf
     option, file = nodes['rviz2'].arguments
     assert option == '-d'
     rviz = yaml.safe_load(Path(file).read_text())['Visualization Manager']
-    Path(file).unlink()
     assert rviz['Global Options']['Fixed Frame'] == values['frame_id']
     assert rviz['Views']['Current']['Target Frame'] == values['frame_id']
     (model,) = (show for show in rviz['Displays'] if show['Class'].endswith('RobotModel'))
@@ -205,23 +207,24 @@ def test_the_launch_ends_with_each_node_and_fails_if_it_failed(file, launched):
 def test_the_node_takes_what_the_demo_gives_it(launched, tmp_path):
     (tmp_path / 'own.yaml').write_text(OWN)
     nodes, _ = launched(
-        DEMO, params=str(tmp_path / 'own.yaml'), namespace='left', rpm='45', joint_prefix='l_',
+        DEMO, params=str(tmp_path / 'own.yaml'), namespace='left', rpm='45', joint_prefix='1e3',
         frame_prefix='left/', log=str(tmp_path / 'run.mcap'),
     )  # fmt: skip
     point = {'/left/coupler_point': 'geometry_msgs/msg/PointStamped'}
-    arguments, domain = ros_arguments(nodes['linkage_node'], tmp_path), fresh_domain()
+    arguments, domain = ros_arguments(nodes['linkage_node']), fresh_domain()
     with Listener(domain, point) as heard, running('node', *arguments, domain=domain) as node:
         wait_for(lambda: heard.received['/left/coupler_point'])
         code, output = stop(node)
     assert code == 0, output
     assert '45 rpm' in output
+    assert (tmp_path / 'run.mcap').exists()
     assert b'left/base_link\0' in heard.received['/left/coupler_point'][0]
 
 
-def test_controller_and_plant_take_what_their_launch_file_gives_them(launched, tmp_path):
+def test_controller_and_plant_take_what_their_launch_file_gives_them(launched):
     nodes, _ = launched(CONTROLLER, namespace='left', joint_prefix='l_', rpm='60', viewer='')
     plant, controller = (
-        ros_arguments(nodes[name], tmp_path) for name in ('linkage_node', 'linkage_controller')
+        ros_arguments(nodes[name]) for name in ('linkage_node', 'linkage_controller')
     )
     topic, domain = '/left/joint_commands', fresh_domain()
     with (

@@ -7,6 +7,7 @@ Nothing of launch is imported here: the tests read this on machines without it.
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 from collections.abc import Iterable, Mapping
@@ -79,7 +80,19 @@ def demo(arguments: Mapping[str, str]) -> Demo:
     return Demo({**values, 'frame_id': fixed_frame}, publisher, fixed_frame)
 
 
-def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> Path:
+def parameter_file(values: Mapping[str, object]) -> str:
+    """Writes parameters to a temporary file: launch_ros would make a number of the text 1e3.
+
+    Args:
+        values: By dotted name, for any node.
+
+    Returns:
+        Its path.
+    """
+    return _write(json.dumps({'/**': {'ros__parameters': values}}), '.yaml')
+
+
+def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
     """RViz's configuration for the frames of a launch.
 
     Args:
@@ -88,17 +101,22 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> Path:
         frame_prefix: Of robot_state_publisher. RViz puts a '/' behind the one that it has.
 
     Returns:
-        The template, or a temporary file.
+        Path of the template, or of a temporary file.
     """
     if fixed_frame == ROOT_FRAME:
-        return template
+        return str(template)
     text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, fixed_frame)
-    text = text.replace("TF Prefix: ''", f"TF Prefix: '{frame_prefix.removesuffix('/')}'")
+    return _write(
+        text.replace("TF Prefix: ''", f"TF Prefix: '{frame_prefix.removesuffix('/')}'"), '.rviz'
+    )
+
+
+def _write(text: str, suffix: str) -> str:
     with tempfile.NamedTemporaryFile(
-        'w', prefix='linkage_', suffix='.rviz', delete=False, encoding='utf-8'
+        'w', prefix='linkage_', suffix=suffix, delete=False, encoding='utf-8'
     ) as file:
         file.write(text)
-    return Path(file.name)
+    return file.name
 
 
 def is_installed(package: str) -> bool:
