@@ -28,7 +28,7 @@ from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import check_parameter_files, declare, given_values
 from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.ros.stderr import never_waited_for
-from linkage_ros.run.health import Health, Watch
+from linkage_ros.run.health import SPAN, Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.scheduling import freeze_heap
 from linkage_ros.run.ticker import Calls, Ticker
@@ -221,8 +221,10 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
     def _troubles(self) -> list[str]:
         waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
         troubles = ['waiting for /clock'] if waiting else []
-        if self._inbox and self._inbox.fell_silent():
-            troubles.append('no command within command_timeout: the motor drives alone')
+        if self._inbox and self._inbox.commands.silent_within(SPAN):
+            troubles.append(
+                f'no command within command_timeout: the motor drove alone in the last {SPAN} s'
+            )
         return troubles
 
     def _figures(self) -> dict[str, str]:

@@ -124,7 +124,7 @@ def test_a_killed_controller_is_noticed_and_a_new_one_takes_over(tmp_path):
             first.communicate()
         code, output = stop(node)
     assert code == 0, output
-    assert 'no command within command_timeout: the motor drives alone' in output
+    assert 'no command within command_timeout: the motor drove alone' in output
     with LogReader(path) as log:
         report = verify(log)
     assert report.difference == ''

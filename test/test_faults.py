@@ -29,9 +29,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.recovery.recover import recover
-from linkage_ros.run.health import Health, Watch
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import encode_float64
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN
@@ -258,26 +256,6 @@ def test_a_viewer_may_come_stop_go_on_and_end_and_each_is_said_once(tmp_path):
     assert re.search(r' states published.*, \d+ lost to the viewer$', output, re.MULTILINE)
     # Nothing but what the node says of it: the SDK has been told to be quiet.
     assert all(re.match(r'\[(INFO|WARN)\] \[', line) for line in output.splitlines())
-
-
-def report(watch, *parts):
-    """The lines that reports of a viewer's health are worth, one after the other."""
-    lines = []
-    for part in parts:
-        statuses = watch.report(Timekeeping(), {}, {'viewer': part}, [])
-        lines.append([status.message for status in watch.news(statuses)])
-    return lines
-
-
-def test_a_part_that_lags_is_said_to_do_so_and_to_be_well_again_and_not_each_second():
-    lags, well = 'the viewer lags: what comes is left out', 'well, but 7 items were left out'
-    parts = Health('x'), Health('x', 3), Health('x', 7), Health('x', 7), Health('x', 7)
-    assert report(Watch('node'), *parts) == [[], [lags], [], [well], []]
-    # What is lost until a trouble ends belongs to it.
-    parts = Health('x', 3, trouble='gone'), Health('x', 7), Health('x', 9)
-    assert report(Watch('node'), *parts) == [['gone'], [well], [lags]]
-    # A failure is said by what fails, when it does.
-    assert report(Watch('node'), Health('x', 1, OSError('gone'))) == [[]]
 
 
 @pytest.mark.parametrize(

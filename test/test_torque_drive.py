@@ -163,6 +163,25 @@ def test_a_command_counts_from_when_it_came_and_timeouts_are_counted():
     assert commands.figures()['command timeouts'] == '2'
 
 
+def test_commands_with_gaps_are_silent_until_there_was_no_gap_for_a_while():
+    clock = Clock()
+    commands = TorqueCommands(5.0, 0.5, clock)
+    commands.torque()
+    assert not commands.silent_within(10.0)  # none was ever sent
+    for _ in range(8):
+        commands.hear(['crank'], [1.5], 0.0)
+        clock.now += 0.6
+        commands.torque()
+        assert commands.silent_within(10.0)
+    for _ in range(19):
+        clock.now += 0.5
+        commands.hear(['crank'], [1.5], 0.0)
+        commands.torque()
+        assert commands.silent_within(10.0)
+    clock.now += 0.5
+    assert not commands.silent_within(10.0)
+
+
 @pytest.mark.parametrize(
     ('names', 'efforts', 'words'),
     [

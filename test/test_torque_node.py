@@ -110,7 +110,7 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
     # Refused one by one, and said at most once a second.
     assert output.count('a command on joint_commands is refused: effort nan') == 1
     assert output.count('is refused') <= 2
-    assert 'no command within command_timeout: the motor drives alone' in output
+    assert 'no command within command_timeout: the motor drove alone' in output
     report = check(path)
     assert report.states > 500
     assert '/joint_commands' in report.others

@@ -57,7 +57,6 @@ class CommandInbox:
         self.commands = TorqueCommands(drive.torque_limit, drive.command_timeout, crank=crank)
         self._logger = node.get_logger()
         self._silent_until = 0.0
-        self._ended = 0
         self._subscription = node.create_subscription(
             JointState, JOINT_COMMANDS.name, lambda _: None, _DEPTH, raw=True,
             callback_group=_NeverServed(),
@@ -85,11 +84,6 @@ class CommandInbox:
                 self._logger.warning(f'a command on {JOINT_COMMANDS.name} is refused: {wrong}')
         # Megabytes would be a log's largest chunk, and nobody's command.
         return [(came, data) for came, data in fetched if len(data) <= LARGEST_COMMAND]
-
-    def fell_silent(self) -> bool:
-        """Whether no command counts, or none did for a while since the last call."""
-        before, self._ended = self._ended, self.commands.ended
-        return self.commands.timed_out or self._ended > before
 
     def _hear(self, data: bytes, age: float) -> str:
         try:

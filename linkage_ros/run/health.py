@@ -1,10 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How well a run goes: diagnostic_msgs statuses of its motion, log and viewer."""
+"""Health of a run: diagnostic_msgs statuses of its motion, log and viewer."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,9 +14,15 @@ from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status
 
+# s, and reports, over which a run is judged.
+SPAN = 10
+# Shares of missed ticks above which the warning begins, and below which it ends. They differ, so
+# that a share near one of them does not switch the warning on and off.
+_BEGIN, _END = 0.10, 0.05
+
 
 class Health(NamedTuple):
-    """What is known of a log or a view.
+    """Health of a log or a view.
 
     Attributes:
         target: Its path or URL; empty: there is none.
@@ -30,18 +37,26 @@ class Health(NamedTuple):
     trouble: str = ''
 
 
+class _Seen(NamedTuple):
+    """What one report was made from; time in s."""
+
+    time: float
+    counts: Timekeeping
+    parts: dict[str, Health]
+
+
 class Watch:
-    """Tells how a run goes, report by report."""
+    """Judges a run by its last seconds, report by report."""
 
     def __init__(self, node: str) -> None:
-        """Begins to watch.
+        """Starts with a run that has done nothing yet.
 
         Args:
             node: Name of the node, for the names of the statuses.
         """
         self._node = node
-        self._before, self._time = Timekeeping(), time.monotonic()
-        self._health: dict[str, Health] = {}
+        self._seen = deque([_Seen(time.monotonic(), Timekeeping(), {})], maxlen=SPAN + 1)
+        self._is_busy = False
         self._told: dict[str, Status] = {}
 
     def report(
@@ -51,31 +66,28 @@ class Watch:
         parts: dict[str, Health],
         troubles: Sequence[str],
     ) -> list[Status]:
-        """How it went since the last report.
+        """The statuses of the motion and of each part.
 
         Args:
-            counts: What became of the ticks so far.
+            counts: Counts of ticks so far.
             figures: Further values of the motion.
             parts: Log and viewer.
-            troubles: What else is not well with the motion.
+            troubles: What else is wrong with the motion now.
 
         Returns:
-            A status of the motion and one of each part.
+            The motion's status first.
         """
-        counts, now = replace(counts), time.monotonic()
-        statuses = [self._motion(counts, now - self._time, figures, list(troubles))]
-        statuses += [self._part(part, health) for part, health in parts.items()]
-        self._before, self._time = counts, now
-        return statuses
+        self._seen.append(_Seen(time.monotonic(), replace(counts), parts))
+        return [self._motion(figures, troubles), *(self._part(part) for part in parts)]
 
     def news(self, statuses: Sequence[Status]) -> list[Status]:
-        """What of a report is worth a line: other warnings than last time, and their end.
+        """The statuses of a report that are worth a line: a new warning, or the end of one.
 
         Args:
             statuses: Of the report.
 
         Returns:
-            Those; what has failed was said when it did.
+            Those; whatever fails reports its failure by itself.
         """
         told, nothing = [], Status(OK, '', '', {})
         for status in statuses:
@@ -86,21 +98,22 @@ class Watch:
         self._told = {status.name: status for status in statuses}
         return told
 
-    def _motion(
-        self, counts: Timekeeping, seconds: float, figures: dict[str, str], troubles: list[str]
-    ) -> Status:
-        missed = counts.missed - self._before.missed
-        stepped = counts.clock_steps - self._before.clock_steps
-        rate = (counts.kept - self._before.kept) / seconds
-        if missed and stepped:
-            troubles.append(f'{missed} ticks skipped where the clock jumped')
-        elif missed:
+    def _motion(self, figures: dict[str, str], troubles: Sequence[str]) -> Status:
+        first, last = self._seen[0], self._seen[-1]
+        counts, troubles = last.counts, list(troubles)
+        kept, missed = counts.kept - first.counts.kept, counts.missed - first.counts.missed
+        if counts.clock_steps > first.counts.clock_steps:
+            troubles.append(f'the clock was stepped in the last {SPAN} s')
+            missed = 0  # simulated time that jumps skips ticks, however fast the machine is
+        share = missed / max(1, kept + missed)
+        is_full = len(self._seen) > SPAN
+        self._is_busy = is_full and share > (_END if self._is_busy else _BEGIN)
+        if self._is_busy:
             troubles.append(
-                f'{missed} ticks missed in the last second, {counts.missed} so far: the machine '
-                'is too busy for this rate_hz'
+                f'more than {_END:.0%} of the ticks of the last {SPAN} s were missed: '
+                'the machine is too busy for this rate_hz'
             )
-        if stepped:
-            troubles.append(f'the clock was stepped {stepped} times')
+        rate = kept / (last.time - first.time)
         values = {
             'rate kept, Hz': f'{rate:.2f}',
             'states': str(counts.kept),
@@ -115,18 +128,18 @@ class Watch:
         words = '; '.join(troubles) or f'{rate:.1f} Hz kept'
         return Status(WARN if troubles else OK, f'{self._node}: motion', words, values)
 
-    def _part(self, part: str, health: Health) -> Status:
+    def _part(self, part: str) -> Status:
+        past = [seen.parts.get(part, Health('')) for seen in self._seen]
+        health = past[-1]
         values = {'target': health.target, 'lost': str(health.dropped)}
-        name = f'{self._node}: {part}'
-        before = self._health.get(part, Health(''))
-        self._health[part] = health
+        level, words = OK, 'well' if health.target else 'off'
         if health.error is not None:
-            return Status(ERROR, name, f'failed: {health.error}', values)
-        if health.trouble:
-            return Status(WARN, name, health.trouble, values)
-        # What was lost up to the end of a trouble was said when that began.
-        if health.dropped > before.dropped and not before.trouble:
-            words = f'the {part} lags: what comes is left out'
-            return Status(WARN, name, words, values)
-        well = f'well, but {health.dropped} items were left out' if health.dropped else 'well'
-        return Status(OK, name, well if health.target else 'off', values)
+            level, words = ERROR, f'failed: {health.error}'
+        elif health.trouble:
+            level, words = WARN, health.trouble
+        # Losses during a trouble belong to it.
+        elif health.dropped > past[0].dropped and not any(one.trouble for one in past):
+            level, words = WARN, f'the {part} lags: items were left out in the last {SPAN} s'
+        elif health.dropped:
+            words = f'well, but {health.dropped} items were left out'
+        return Status(level, f'{self._node}: {part}', words, values)

@@ -38,6 +38,7 @@ class TorqueCommands:
         self._crank = crank
         self._last: tuple[float, float] | None = None  # torque, and until when it counts
         self._counts = False
+        self._silent_at = -math.inf
 
     def hear(self, names: Sequence[str], efforts: Sequence[float], age: float) -> str:
         """Takes a command, or refuses it.
@@ -80,11 +81,17 @@ class TorqueCommands:
         """Whether commands came, and come no more."""
         return self._last is not None and self._clock() > self._last[1]
 
+    def silent_within(self, seconds: float) -> bool:
+        """Whether a tick of the last seconds had no command any more."""
+        return self._clock() - self._silent_at < seconds
+
     def torque(self) -> float:
         """The torque that counts now, N m: 0 before the first command and after the timeout."""
-        last = self._last
-        if last and self._clock() <= last[1]:
+        last, now = self._last, self._clock()
+        if last and now <= last[1]:
             return last[0]
+        if last:
+            self._silent_at = now
         self.ended += self._counts
         self._counts = False
         return 0.0

@@ -1,0 +1,146 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Health of a run: which reports warn, and which of them are worth a line in the log."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from itertools import pairwise
+
+import pytest
+
+from linkage_ros.run import health
+from linkage_ros.run.health import Health, Watch
+from linkage_ros.run.ticker import Timekeeping
+from linkage_ros.wire.diagnostics import ERROR, OK, WARN
+
+TICKS = 200  # a second
+BUSY = (
+    'more than 5% of the ticks of the last 10 s were missed: '
+    'the machine is too busy for this rate_hz'
+)
+STEPPED = 'the clock was stepped in the last 10 s'
+
+
+@pytest.fixture(autouse=True)
+def seconds_pass(monkeypatch):
+    """Every reading of the clock is a second later."""
+    monkeypatch.setattr(health.time, 'monotonic', itertools.count().__next__)
+
+
+def motion(missed, steps=None):
+    """The level of the motion in every report, and the lines of the log, from misses a second."""
+    watch, counts = Watch('node'), Timekeeping()
+    levels, lines = [], []
+    for now, stepped in itertools.zip_longest(missed, steps or [], fillvalue=0):
+        counts.missed += now
+        counts.kept += TICKS - now
+        counts.clock_steps += stepped
+        statuses = watch.report(counts, {}, {}, [])
+        levels.append(statuses[0].level)
+        lines += [(status.level, status.message) for status in watch.news(statuses)]
+    return levels, lines
+
+
+def bursts(share, seconds, seed=7):
+    """Misses a second that make up a share of the ticks but come by the dozen, as under load."""
+    chance = random.Random(seed)
+    return [12 * sum(chance.random() < share for _ in range(TICKS // 12)) for _ in range(seconds)]
+
+
+@pytest.mark.parametrize(
+    'missed',
+    [
+        [1] * 30,
+        [0, 0, 60, 0, 0, 0, 0] * 5,  # a third of a second now and then
+        [200, *[0] * 20],  # while the node starts
+        bursts(0.03, 300),
+    ],
+    ids=['one each second', 'a pause now and then', 'at the start', '3 % in bursts'],
+)
+def test_a_few_missed_ticks_are_no_warning(missed):
+    assert motion(missed) == ([OK] * len(missed), [])
+
+
+def test_a_busy_machine_is_said_once_and_its_end_once():
+    levels, lines = motion([0] * 10 + [40, 80, 30, 50] * 10 + [0] * 20)
+    assert lines == [(WARN, BUSY), (OK, '192.0 Hz kept')]
+    changes = [later for earlier, later in pairwise(levels) if later != earlier]
+    assert changes == [WARN, OK]
+
+
+def test_the_warning_takes_some_seconds_to_begin():
+    levels, _ = motion([100] * 12)
+    assert levels == [OK] * 9 + [WARN] * 3
+
+
+@pytest.mark.parametrize('share', [0.04, 0.06, 0.08, 0.10, 0.12])
+def test_a_share_near_a_limit_does_not_switch_the_warning_every_second(share):
+    levels, lines = motion(bursts(share, 1800))
+    lasting = [len(list(group)) for _, group in itertools.groupby(levels)]
+    assert min(lasting[1:-1], default=3) >= 3
+    assert len(lines) < 1800 / 30
+
+
+@pytest.mark.parametrize('every', [1, 2, 3, 5])
+def test_a_pause_every_few_seconds_never_alternates(every):
+    missed = [TICKS // 2 if second % every == 0 else 0 for second in range(60)]
+    _, lines = motion(missed)
+    assert len(lines) <= 1
+
+
+def test_a_clock_that_jumps_skips_ticks_on_a_machine_that_is_not_busy():
+    levels, lines = motion([0] * 12 + [190] * 2 + [0] * 12, [0] * 12 + [1])
+    assert lines == [(WARN, STEPPED), (OK, '181.0 Hz kept')]
+    assert levels == [OK] * 12 + [WARN] * 10 + [OK] * 4
+
+
+def test_the_rate_is_that_of_the_last_seconds():
+    watch, counts = Watch('node'), Timekeeping()
+    rates = []
+    for kept in (50, *[200] * 10):
+        counts.kept += kept
+        (status,) = watch.report(counts, {}, {}, [])
+        rates.append(status.values['rate kept, Hz'])
+    assert (rates[:2], rates[-2:]) == (['50.00', '125.00'], ['185.00', '200.00'])
+
+
+# ---------------------------------------------------------------- log and viewer
+
+
+LAGS = 'the viewer lags: items were left out in the last 10 s'
+
+
+def viewer(*parts):
+    """The lines that reports of a viewer's health are worth, report by report."""
+    watch, lines = Watch('node'), []
+    for part in parts:
+        statuses = watch.report(Timekeeping(), {}, {'viewer': part}, [])
+        lines.append([status.message for status in watch.news(statuses)])
+    return lines
+
+
+def test_a_part_that_lags_is_said_once_and_to_be_well_after_some_seconds():
+    found = viewer(Health('x'), Health('x', 3), Health('x', 3), *[Health('x', 7)] * 12)
+    assert found == [[], [LAGS], *[[]] * 11, ['well, but 7 items were left out'], []]
+
+
+def test_losses_during_a_trouble_are_no_lag():
+    gone, back = Health('x', 3, trouble='gone'), Health('x', 7)
+    well = 'well, but 7 items were left out'
+    assert viewer(gone, *[back] * 12) == [['gone'], [well], *[[]] * 11]
+    assert viewer(gone, *[back] * 12, Health('x', 9))[-1] == [LAGS]
+
+
+def test_a_failure_is_an_error_and_said_by_what_fails():
+    assert viewer(Health('x', 1, OSError('gone'))) == [[]]
+    _, status = Watch('node').report(
+        Timekeeping(), {}, {'log': Health('x', 1, OSError('gone'))}, []
+    )
+    assert (status.level, status.message) == (ERROR, 'failed: gone')
+
+
+def test_a_part_that_there_is_not_is_off():
+    _, status = Watch('node').report(Timekeeping(), {}, {'log': Health('')}, [])
+    assert (status.level, status.message) == (OK, 'off')
