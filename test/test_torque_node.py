@@ -11,8 +11,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
-from ros_harness import Listener, command, environment, fresh_domain, running, unbroken, wait_for
+from ros_harness import (
+    Listener,
+    command,
+    environment,
+    fresh_domain,
+    node_arguments,
+    running,
+    unbroken,
+    wait_for,
+)
 from sensor_msgs.msg import JointState
 from test_node import logged, set_parameter, stop
 
@@ -118,6 +128,24 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
     heard = [deserialize_message(m.data, JointState).effort for m in messages['/joint_commands']]
     assert heard[0].tolist() == [1.5]
     assert heard[-1].tolist() == [1.0, 2.0]  # bad ones too
+
+
+@pytest.mark.parametrize('reliability', ['RELIABLE', 'BEST_EFFORT'])
+def test_commands_are_heard_however_reliably_they_are_sent(reliability):
+    domain = fresh_domain()
+    arguments = node_arguments(drive='torque')
+    with Listener(domain, STATES) as listener, running('node', *arguments, domain=domain) as node:
+        qos = QoSProfile(depth=1, reliability=ReliabilityPolicy[reliability])
+        publisher = listener.node.create_publisher(JointState, 'joint_commands', qos)
+
+        def acts():
+            publisher.publish(JointState(name=['crank'], effort=[0.75]))
+            last = listener.received['/joint_states'][-1:]
+            return [FOUR_BAR.decode(data)[1][6] for data in last] == [0.75]
+
+        wait_for(acts)
+        code, output = stop(node)
+    assert code == 0, output
 
 
 @pytest.mark.parametrize('effort', [1.0, math.nan])

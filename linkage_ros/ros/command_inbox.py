@@ -8,6 +8,7 @@ import time
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from linkage_ros.motion.drives import TorqueDrive
@@ -18,6 +19,9 @@ from linkage_ros.wire.untrusted_command import LARGEST_COMMAND, decode_command
 
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
 _DEPTH = 100
+# Best effort hears every publisher, whatever its quality of service; reliable would not hear a
+# best-effort one. A command that the network loses is not sent again: the next one replaces it.
+_QOS = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class _NeverServed(CallbackGroup):  # type: ignore[misc]  # rclpy has no types
@@ -58,7 +62,7 @@ class CommandInbox:
         self._logger = node.get_logger()
         self._silent_until = 0.0
         self._subscription = node.create_subscription(
-            JointState, JOINT_COMMANDS.name, lambda _: None, _DEPTH, raw=True,
+            JointState, JOINT_COMMANDS.name, lambda _: None, _QOS, raw=True,
             callback_group=_NeverServed(),
         )  # fmt: skip
 
