@@ -22,8 +22,8 @@ from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quanti
 
 DEFAULT_PRESET = 'quadrilateral'
 
-# Parameters that every ROS 2 node has.
-_ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
+# Parameters that every node of rclpy has.
+_ROS_OWN = ('use_sim_time', 'start_type_description_service')
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ def parameter_leaves(kind: Kind) -> tuple[Leaf, ...]:
 
 
 def without_ros_own(values: Mapping[str, object]) -> dict[str, object]:
-    """Parameters without those that every ROS 2 node has, which pass unchecked."""
-    return {name: value for name, value in values.items() if name.split('.')[0] not in _ROS_OWN}
+    """Parameters without those that every node of rclpy has, which pass unchecked."""
+    return {name: value for name, value in values.items() if name not in _ROS_OWN}
 
 
 def check_live(name: str, value: object) -> None:
