@@ -73,13 +73,13 @@ def write_as_the_node(path):
                     Status(WARN, 'node: motion', 'ä, 3 ticks missed', {'states': str(tick)}),
                     Status(OK, 'node: log', '', {}),
                 ]
-                log.write(health, stamp, encode_diagnostics(stamp, statuses))
+                log.write(health, stamp, encode_diagnostics(stamp, 'four_bar', statuses))
                 told = [
                     {
                         'level': status.level,
                         'name': status.name,
                         'message': status.message,
-                        'hardware_id': '',
+                        'hardware_id': 'four_bar',
                         'values': [{'key': k, 'value': v} for k, v in status.values.items()],
                     }
                     for status in statuses

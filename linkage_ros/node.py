@@ -10,7 +10,6 @@ import time
 from typing import TYPE_CHECKING
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
@@ -25,7 +24,12 @@ from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
 from linkage_ros.ros.live_view import LiveView
-from linkage_ros.ros.parameters import check_parameter_files, declare, given_values
+from linkage_ros.ros.parameters import (
+    ParameterNode,
+    check_parameter_files,
+    declare,
+    given_values,
+)
 from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.run.health import SPAN, Health, Watch
@@ -48,7 +52,7 @@ _NAME = 'linkage_node'
 _CLOCK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
+class LinkageNode(ParameterNode):
     """Publishes the states of one mechanism at its rate.
 
     Publishes: the machine's topics, robot_description and, once a second, /diagnostics.
@@ -64,6 +68,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         declare(self, configuration, self._set_live)
         self._stop = stop
         self._machine = Machine(configuration)
+        self._hardware = configuration.kind.mechanism
         self._target = configuration.drive.target
         with reported_as_configuration():  # a topic may have the name of another
             self._outputs = [create_publisher(self, topic) for topic in self._machine.topics]
@@ -88,6 +93,10 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
         """Starts turning."""
         await_listeners(self._outputs)
         freeze_heap()
+        # Before the first tick, which with use_sim_time may be a long time away.
+        self._description.publish(self._machine.description)
+        if self._log is not None:
+            self._log.write(ROBOT_DESCRIPTION, time.time_ns(), self._machine.description)
         self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
         self._ticker.start(self._begin)
         # Simulated time may stand still; whether all goes well is asked in real time.
@@ -154,11 +163,8 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _begin(self, stamp: int) -> None:
         self._motion = self._machine.begin(stamp)
-        now = time.time_ns()
-        self._description.publish(self._machine.description)
         if self._log is not None:
             self._log.write_motion(self._motion)
-            self._log.write(ROBOT_DESCRIPTION, now, self._machine.description)
 
     def _tick(self, stamp: int) -> None:
         """One tick, in the ticker's thread."""
@@ -207,7 +213,7 @@ class LinkageNode(Node):  # type: ignore[misc]  # rclpy has no types
                 self.get_logger().warning(status.message)
             else:
                 self.get_logger().info(status.message)
-        diagnosis = encode_diagnostics(self._ticker.now(), statuses)
+        diagnosis = encode_diagnostics(self._ticker.now(), self._hardware, statuses)
         self._diagnostics.publish(diagnosis)
         if self._log is not None:
             self._log.note(DIAGNOSTICS, diagnosis)

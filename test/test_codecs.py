@@ -409,7 +409,7 @@ STATUSES = [
 
 @pytest.mark.parametrize('count', range(4))
 def test_diagnostics_are_read_back(count, fast_dds):
-    data = encode_diagnostics(STAMPS[5], STATUSES[:count])
+    data = encode_diagnostics(STAMPS[5], 'four_bar', STATUSES[:count])
     assert len(data) % 4 == 0
     for message in every_decoding(data, DIAGNOSTIC_ARRAY, fast_dds):
         assert stamp_of(message) == STAMPS[5]
@@ -417,6 +417,7 @@ def test_diagnostics_are_read_back(count, fast_dds):
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
             values = {pair.key: pair.value for pair in status.values}
             assert (level, status.name, status.message, values) == tuple(expected)
+            assert status.hardware_id == 'four_bar'
 
 
 def every_decoding(data, interface, fast_dds):

@@ -12,8 +12,13 @@ from itertools import pairwise
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import GetParameters, ListParameters
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import (
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
 from rclpy.serialization import deserialize_message
 from ros_harness import Listener, fresh_domain, node_arguments, running, wait_for
 from rosgraph_msgs.msg import Clock
@@ -101,6 +106,21 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(tmp_p
         )
 
 
+def test_the_description_does_not_wait_for_the_clock(tmp_path):
+    path, domain = tmp_path / 'run.mcap', fresh_domain()
+    topic = '/robot_description'
+    with (
+        Listener(domain, {topic: TYPES[topic]}) as listener,
+        running('node', *node_arguments(use_sim_time='true', log=path), domain=domain) as process,
+    ):
+        wait_for(lambda: listener.received[topic])
+        code, output = stop(process)
+    assert code == 0
+    assert ' 0 states published' in output
+    _, messages = logged(path)
+    assert [message.data for message in messages[topic]] == listener.received[topic]
+
+
 def test_a_clock_that_tells_no_time_ends_nothing(tmp_path):
     path, domain = tmp_path / 'run.mcap', fresh_domain()
     arguments = node_arguments(use_sim_time='true', rate_hz=100.0, log=path)
@@ -141,6 +161,14 @@ def test_simulated_time_cannot_be_switched_while_running():
         assert stop(process)[0] == 0
 
 
+def dump(listener):
+    """The names and the values of all parameters, as `ros2 param dump` asks for them."""
+    listed = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
+    names = sorted(listed.result.names)
+    got = call(listener, GetParameters, 'get_parameters', GetParameters.Request(names=names))
+    return names, got.values
+
+
 def test_parameters_dumped_as_ros2_param_does_give_the_same_run_again(tmp_path):
     domain = fresh_domain()
     with (
@@ -148,12 +176,10 @@ def test_parameters_dumped_as_ros2_param_does_give_the_same_run_again(tmp_path):
         running('node', *node_arguments(rpm='-42.5'), domain=domain) as process,
     ):
         wait_for(lambda: listener.received['/joint_states'])
-        listed = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
-        names = sorted(listed.result.names)
-        got = call(listener, GetParameters, 'get_parameters', GetParameters.Request(names=names))
+        names, values = dump(listener)
         assert stop(process)[0] == 0
     tree = {}
-    for name, value in zip(names, map(plain, got.values), strict=True):
+    for name, value in zip(names, map(plain, values), strict=True):
         *folders, leaf = name.split('.')
         place = tree
         for folder in folders:
@@ -164,6 +190,35 @@ def test_parameters_dumped_as_ros2_param_does_give_the_same_run_again(tmp_path):
     original = load('quadrilateral')
     drive = replace(original.drive, rpm=-42.5, start_rpm=-42.5)
     assert load(str(dumped)) == replace(original, drive=drive)
+
+
+@pytest.mark.parametrize('kind', [SetParameters, SetParametersAtomically])
+def test_a_node_takes_its_own_dump_back_and_nothing_else_that_is_read_only(kind):
+    domain = fresh_domain()
+    with (
+        Listener(domain, STATES) as listener,
+        running('node', *node_arguments(), domain=domain) as process,
+    ):
+        wait_for(lambda: listener.received['/joint_states'])
+
+        def load_values(**changes):
+            parameters = [Parameter(name=n, value=v) for n, v in {**dumped, **changes}.items()]
+            name = 'set_parameters' + '_atomically' * (kind is SetParametersAtomically)
+            answer = call(listener, kind, name, kind.Request(parameters=parameters))
+            results = getattr(answer, 'results', None) or [answer.result]
+            return [result.reason for result in results if not result.successful]
+
+        dumped = dict(zip(*dump(listener), strict=True))
+        assert {'mechanism', 'coupler.center', 'use_sim_time', 'rpm'} <= set(dumped)
+        assert load_values() == []
+        assert load_values(rpm=ParameterValue(type=3, double_value=60.0)) == []
+        assert dict(zip(*dump(listener), strict=True))['rpm'].double_value == 60.0
+        center = ParameterValue(type=8, double_array_value=[0.1, 0.0])
+        (reason,) = load_values(**{'coupler.center': center})
+        assert 'read-only parameter: coupler.center' in reason
+        (reason,) = load_values(nonsense=center)
+        assert 'undeclared' in reason
+        assert stop(process)[0] == 0
 
 
 def plain(value):
@@ -223,6 +278,7 @@ def test_diagnostics_come_once_a_second_and_stand_in_the_log(tmp_path):
     assert float(values['loop residual, m']) < 1e-15
     assert float(values['crank speed, rad/s']) == pytest.approx(15.708)
     assert (log.level, log.message, viewer.message) == (b'\0', 'well', 'off')
+    assert {status.hardware_id for status in told[2].status} == {'four_bar'}
     assert {pair.key: pair.value for pair in log.values} == {'target': str(path), 'lost': '0'}
     _, messages = logged(path)
     recorded = [message.data for message in messages['/diagnostics']]

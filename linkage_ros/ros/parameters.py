@@ -34,6 +34,33 @@ _TYPES = {
 }
 
 
+class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """A node whose read-only parameters may be set to the values that they have.
+
+    So `ros2 param load` accepts what `ros2 param dump` has written.
+    """
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Sets parameters, all or none; every service that sets parameters ends here.
+
+        Args:
+            parameter_list: The parameters; those that would not change are left out.
+
+        Returns:
+            The result for all of them.
+        """
+        changed = [
+            parameter
+            for parameter in parameter_list
+            if not self.has_parameter(parameter.name)
+            or parameter.get_parameter_value()
+            != self.get_parameter(parameter.name).get_parameter_value()
+        ]
+        if not changed:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changed)
+
+
 def describe(name: str, quantity: Quantity) -> ParameterDescriptor:
     """The descriptor of a parameter: meaning, unit, range, and whether it may be set live.
 

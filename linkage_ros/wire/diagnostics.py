@@ -29,11 +29,12 @@ class Status(NamedTuple):
     values: dict[str, str]
 
 
-def encode_diagnostics(stamp: int, statuses: Sequence[Status]) -> bytes:
+def encode_diagnostics(stamp: int, hardware: str, statuses: Sequence[Status]) -> bytes:
     """A diagnostic_msgs/DiagnosticArray message as CDR bytes.
 
     Args:
         stamp: ns.
+        hardware: The hardware_id of every status.
         statuses: One for each part.
 
     Returns:
@@ -42,7 +43,7 @@ def encode_diagnostics(stamp: int, statuses: Sequence[Status]) -> bytes:
     body = align(header('', stamp), 4) + struct.pack('<I', len(statuses))
     for level, name, message, values in statuses:
         body += struct.pack('<B', level)
-        for text in (name, message, ''):
+        for text in (name, message, hardware):
             body = string(align(body, 4), text)
         body = align(body, 4) + struct.pack('<I', len(values))
         for text in (text for pair in values.items() for text in pair):
