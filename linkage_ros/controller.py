@@ -15,7 +15,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
@@ -30,7 +29,12 @@ from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
-from linkage_ros.ros.parameters import check_parameter_files, declare_values, given_values
+from linkage_ros.ros.parameters import (
+    ParameterNode,
+    check_parameter_files,
+    declare_values,
+    given_values,
+)
 from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.units import NS_PER_S, radians_per_second
 
@@ -137,7 +141,7 @@ class SpeedController:
         return torque
 
 
-class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
+class ControllerNode(ParameterNode):
     """Answers each of joint_states with a command on joint_commands."""
 
     def __init__(self) -> None:
@@ -167,14 +171,18 @@ class ControllerNode(Node):  # type: ignore[misc]  # rclpy has no types
         )
 
     def _answer(self, state: JointState) -> None:
+        motions = zip(state.position, state.velocity, strict=False)  # either may be left out
+        measured = dict(zip(state.name, motions, strict=False))
+        angle, speed = measured.get(self._crank, (math.nan, math.nan))
+        if not math.isfinite(angle + speed):  # it would stay in the integral for ever
+            if self._crank in state.name:  # else it is of another robot
+                words = f'a state without finite position and velocity of {self._crank} is ignored'
+                self.get_logger().warning(words, throttle_duration_sec=1.0)
+            return
         now = state.header.stamp.sec * NS_PER_S + state.header.stamp.nanosec
         last, self._last = self._last, now
         passed = 0 if last is None else now - last
         elapsed = passed / NS_PER_S if 0 < passed < _LONGEST else 0.0
-        crank = state.name.index(self._crank)
-        angle, speed = state.position[crank], state.velocity[crank]
-        if not math.isfinite(angle + speed):  # it would stay in the integral for ever
-            return
         torque = self._controller.torque(angle, speed, elapsed)
         command = JointState(name=[self._crank], effort=[torque])
         command.header.stamp = state.header.stamp

@@ -26,6 +26,8 @@ from linkage_ros.wire.untrusted_command import decode_command
 pytest.importorskip('rclpy')
 import rclpy
 from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
 
 from linkage_ros.controller import ControllerNode, SpeedController
 
@@ -167,6 +169,60 @@ def test_plant_and_controller_agree_on_a_prefix(tmp_path, told):
     words = command('replay', path, '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10)
     done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, '')
+
+
+# Of other robots, and of a crank without what a controller needs.
+OTHERS = [
+    {},
+    {'name': ['wheel', 'arm'], 'position': [1.0, 2.0], 'velocity': [3.0, 4.0]},
+    {'name': ['wheel', 'crank'], 'position': [1.0], 'velocity': [3.0, 4.0]},
+    {'name': ['crank'], 'position': [1.0]},
+    {'name': ['crank'], 'velocity': [1.0]},
+    {'name': ['crank'], 'position': [math.nan], 'velocity': [1.0]},
+]
+
+
+def test_states_of_other_robots_and_without_velocity_change_no_command():
+    domain = fresh_domain()
+    law = SpeedController(MECHANISM, 150.0, 15.0, 0.0015)
+    topic = '/joint_commands'
+    with (
+        Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as listener,
+        running('controller', domain=domain) as process,
+    ):
+        states = listener.node.create_publisher(JointState, 'joint_states', 10)
+
+        def send(tick, **fields):
+            message = JointState(**fields)
+            message.header.stamp.nanosec = tick * 10**6
+            states.publish(message)
+
+        # Both ways must have been found before the law's sums begin.
+        commands = listener.received[topic]
+        wait_for(lambda: send(500, name=['crank'], position=[0.0], velocity=[0.0]) or commands)
+        send(0, name=['crank'], position=[0.0], velocity=[15.0])
+        wait_for(lambda: 0 in sent_back(commands))
+        expected = {0: law.torque(0.0, 15.0, 0.0)}
+        for tick in range(1, 6):
+            for number, other in enumerate(OTHERS):
+                send(10 * tick - number - 1, **other)
+            place, speed = 0.15 * tick, 15.0 + 0.1 * tick
+            send(10 * tick, name=['x', 'crank'], position=[9.0, place], velocity=[9.0, speed])
+            wait_for(lambda tick=tick: 10 * tick in sent_back(commands))
+            expected[10 * tick] = law.torque(place, speed, 0.01)
+        code, output = stop(process)
+    assert code == 0, output
+    answers = sent_back(commands)
+    del answers[500]
+    assert answers == expected
+    assert output.count('without finite position and velocity of crank is ignored') == 1
+    assert 'a callback failed' not in output
+
+
+def sent_back(commands):
+    """The torque of each command, by its stamp in ms."""
+    found = [deserialize_message(data, JointState) for data in commands]
+    return {m.header.stamp.nanosec // 10**6: m.effort[0] for m in found}
 
 
 @pytest.mark.parametrize(
