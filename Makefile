@@ -7,14 +7,16 @@ help:
 	@echo 'make check        set up a virtual environment and run every check, as CI does'
 	@echo 'make reliability  kill, fill, cut, soak and fuzz: two hours and a half, as root'
 	@echo 'make clean        remove what these made'
-	@echo 'PYTHON=python3.12 make ...  uses that Python; any from 3.10 to 3.13 will do'
+	@echo 'PYTHON=$(or $(ANY),/path/to/python) make ...  uses that Python; any from 3.10 to 3.13 will do'
 
-# The first Python that fits; one that can also make virtual environments, if there is any.
-find = $(shell for python in $(or $(PYTHON),python3 python python3.13 python3.12 python3.11 \
-	python3.10); do "$$python" -c 'import sys; [__import__(name) for name in "$(1)".split()]; \
+# The first Python of a list that fits; one that can also make virtual environments, if any can.
+fits = $(shell for python in $(1); do "$$python" -c 'import sys; \
+	[__import__(name) for name in "$(2)".split()]; \
 	sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1 \
 	&& echo "$$python" && break; done)
-BASE := $(or $(call find,venv ensurepip),$(call find))
+first = $(or $(call fits,$(1),venv ensurepip),$(call fits,$(1)))
+ANY = $(call first,python3.13 python3.12 python3.11 python3.10 python3 python)
+BASE := $(call first,$(or $(PYTHON),python3 python python3.13 python3.12 python3.11 python3.10))
 VERSION := $(if $(BASE),$(shell "$(BASE)" -c 'import sys; print("%d.%d" % sys.version_info[:2])'))
 
 # Where ROS 2 Jazzy is sourced, the environment takes that rclpy and must not hide it.
@@ -70,7 +72,8 @@ check: $(VENV)/check-ready
 
 $(VENV)/demo-ready: $(SETUP)
 	@$(if $(BASE),,$(error $(if $(PYTHON),$(PYTHON) is no,No) Python from 3.10 to 3.13 \
-	$(if $(PYTHON),that runs here,was found). Install one, or name it: PYTHON=python3.12 make))
+	$(if $(PYTHON),that runs here,was found). Install one, or name it: \
+	PYTHON=$(or $(ANY),/path/to/python) make))
 	@"$(BASE)" -c 'import venv, ensurepip' 2>/dev/null || { \
 	echo 'Python $(VERSION) lacks venv. On Debian or Ubuntu: apt install python$(VERSION)-venv' \
 	>&2; exit 1; }
