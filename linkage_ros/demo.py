@@ -29,6 +29,7 @@ _NAME = 'demo'
 _FOLDER = Path('demo')
 _LOG, _VIEW = _FOLDER / 'quadrilateral.mcap', _FOLDER / 'quadrilateral.rrd'
 _SECONDS, _RPM, _RATE = 8.0, 150.0, 200.0
+_PATIENCE = 60.0  # s for the node to start on a busy machine
 
 
 class Heard:
@@ -83,6 +84,9 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
     with on_ros([_NAME]), bar:
         node = rclpy.create_node('demo_listener')
         node.create_subscription(JointState, 'joint_states', hear, 10)
+        start = time.monotonic()
+        while not heard.stamps and time.monotonic() < start + _PATIENCE and process.poll() is None:
+            rclpy.spin_once(node, timeout_sec=0.1)
         start = time.monotonic()
         while (passed := time.monotonic() - start) < seconds and process.poll() is None:
             rclpy.spin_once(node, timeout_sec=0.1)

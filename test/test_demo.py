@@ -1,13 +1,20 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `make demo` runs does nothing else than what it is asked for."""
+"""What `make demo` runs: what it prints, and that it does nothing else than it is asked for."""
 
 from __future__ import annotations
 
+import os
+import re
+import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
+from ros_harness import environment, fresh_domain
 
 import linkage_ros
 
@@ -34,3 +41,39 @@ def test_an_argument_does_not_start_it(tmp_path, argument, code, out, err):
     )  # fmt: skip
     assert (done.returncode, done.stdout[: len(out)], done.stderr) == (code, out, err)
     assert not list(tmp_path.iterdir())
+
+
+def children(pid):
+    found = Path(f'/proc/{pid}/task/{pid}/children').read_text().split()
+    return [int(child) for child in found]
+
+
+def test_a_shared_machine_makes_no_warning_and_few_lines(tmp_path):
+    """Half of a tenth of a second is taken from the node, twice a second: 5 % of its ticks."""
+    without_screen = {
+        name: value
+        for name, value in environment(fresh_domain()).items()
+        if name not in ('DISPLAY', 'WAYLAND_DISPLAY')
+    }
+    demo = subprocess.Popen(
+        [sys.executable, '-m', 'linkage_ros.demo'], env=without_screen, cwd=tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    try:
+        while demo.poll() is None:
+            for node in children(demo.pid):
+                with suppress(ProcessLookupError):
+                    os.kill(node, signal.SIGSTOP)
+                    time.sleep(0.03)
+                    os.kill(node, signal.SIGCONT)
+            time.sleep(0.5)
+        said = demo.stdout.read()
+    finally:
+        demo.kill()
+        demo.communicate()
+    assert demo.returncode == 0, said
+    published, missed = re.search(r'(\d+) states published, (\d+) ticks missed', said).groups()
+    assert int(missed) > 0.03 * int(published), said
+    # `make demo` adds one line, where it sets up.
+    assert len(said.splitlines()) <= 7, said
+    assert 'WARN' not in said
