@@ -75,7 +75,7 @@ TOPICS = (
 JOINT_COMMANDS = Topic(
     'joint_commands',
     JOINT_STATE,
-    meaning="with `drive: torque`: effort of the crank is added to the motor's torque",
+    meaning="best effort, with `drive: torque`: the crank's effort is added to the motor's torque",
 )
 # Depth 1: a reader that lags needs only the latest time.
 SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: the time')
