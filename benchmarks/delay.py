@@ -17,7 +17,6 @@ import json
 import math
 from pathlib import Path
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.motion.plant import Plant
 from linkage_ros.palette import BLACK, FIRST, fractions
@@ -40,7 +39,7 @@ def wander(delay: float) -> float:
     """
     configuration = configure({'drive': 'torque', 'start_rpm': RPM})
     solver, speed = Solver(configuration.mechanism), radians_per_second(RPM)
-    plant = Plant(EquationsOfMotion(configuration.mechanism), configuration.drive)
+    plant = Plant(solver, configuration.drive)
     worst, motor = 0.0, configuration.drive.motor.torque
     for tick in range(round(TURNS * 60 / RPM * RATE)):
         crank = speed * (tick + 0.5 - delay) / RATE

@@ -12,7 +12,7 @@ import timeit
 from dataclasses import replace
 from pathlib import Path
 
-from linkage_ros import EquationsOfMotion
+from linkage_ros import Solver
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.parameters.configuration import configure, load
@@ -32,15 +32,11 @@ def main():
     """Times the wind pump and the quadrilateral."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     for configuration in (load('wind_pump'), configure({'drive': 'torque'})):
-        equations = EquationsOfMotion(configuration.mechanism)
-        count = len(equations.coordinates)
+        solver = Solver(configuration.mechanism)
+        count = len(solver.coordinates)
         q, u = (0.3, 1.5)[:count], (2.0, 0.4)[:count]
-        one = best(
-            'accelerations', lambda e=equations, q=q, u=u: e.accelerations(q, u, 3.0), 5_000
-        )
-        steps = FixedSteps(
-            DrivenMechanism(equations, lambda _, speed: 8.4 - 1.2 * speed), (*q, *u)
-        )
+        one = best('accelerations', lambda s=solver, q=q, u=u: s.forward(q, u, 3.0), 5_000)
+        steps = FixedSteps(DrivenMechanism(solver, lambda _, speed: 8.4 - 1.2 * speed), (*q, *u))
         tick = best('steps', lambda steps=steps: steps.advance(steps.time + 1e-3), 500)
         with tempfile.TemporaryDirectory() as folder:
             longer = replace(configuration, session=replace(configuration.session, rate_hz=200.0))

@@ -23,7 +23,6 @@ STAMP = 123_456_789  # ns after the start
 
 def cases(folder):
     """Writes the URDFs, and for each what a reader needs to close the loop."""
-    from linkage_ros import EquationsOfMotion
     from linkage_ros.parameters.configuration import configure, load
     from linkage_ros.parameters.presets import preset_names
     from linkage_ros.run.machine import Machine
@@ -33,7 +32,7 @@ def cases(folder):
         for prefix in ('', 'left_'):
             configuration = configure({**load(preset).parameters(), 'joint_prefix': prefix})
             machine, mechanism = Machine(configuration), configuration.mechanism
-            joints = EquationsOfMotion(mechanism).structure.joints
+            joints = mechanism.structure().links
             positions = machine.snapshot_at(machine.begin(0), STAMP).values.position
             # The tree is cut where the last two links meet: at their ends, a slider's at its pin.
             ends = {

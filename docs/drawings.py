@@ -20,10 +20,8 @@ import numpy as np
 from sheet import Sheet
 
 import linkage_ros as lr
-from linkage_ros.mechanisms.kinematics import kinematics_of
-from linkage_ros.mechanisms.registry import Mechanism
-from linkage_ros.mechanisms.structure import Point
-from linkage_ros.numeric import SCALAR
+from linkage_ros.model.registry import Mechanism
+from linkage_ros.model.structure import Point
 from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color
 from linkage_ros.view.drawing import Drawing
 
@@ -60,19 +58,19 @@ class Picture(Sheet):
             self.text(self.at[name], name, shift=shift)
 
     def _links(self, mechanism: Mechanism, crank: float, look: str) -> None:
-        kinematics = kinematics_of(mechanism)
-        structure = kinematics.structure
-        slider = structure.free_slider
-        position, *_ = kinematics.links((crank, *(slider.start[:1] if slider else ())), SCALAR)
+        structure, (places, _) = mechanism.structure(), mechanism.start()
+        position = [link.position for link in mechanism.loop().pose((crank, *places)).links]
         drawing = Drawing(mechanism, crank)
-        self.directions = [position[joint.link] for joint in structure.joints if not joint.slides]
+        self.directions = [
+            angle for angle, link in zip(position, structure.links, strict=True) if not link.slides
+        ]
         turned = [cmath.rect(1, angle) for angle in self.directions]
 
         def place_of(point: Point) -> complex:
             return point.fixed + sum(w * t for w, t in zip(point.weights, turned, strict=False))
 
         self.at = {name: place_of(point) for name, point in structure.points.items()}
-        self.centers = [place_of(body.center) for body in structure.bodies]
+        self.centers = [place_of(link.center) for link in structure.links if not link.slides]
         lines = drawing.links(drawing.place(np.array([position])))
         if not look:
             for ground in drawing.ground:

@@ -24,7 +24,7 @@ from unittest.mock import MagicMock, patch
 
 from linkage_ros import executables
 from linkage_ros.controller import Settings
-from linkage_ros.mechanisms.registry import MECHANISMS
+from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, Session
 from linkage_ros.parameters.presets import preset_names, preset_path

@@ -4,7 +4,6 @@
 
 __version__ = '0.1.0'
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.dynamics.reactions import Reactions
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import PointMotion, State
@@ -18,11 +17,11 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.mobility import Mobility
-from linkage_ros.mechanisms.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Piston, Slider
-from linkage_ros.mechanisms.slider_crank import SliderCrank
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Piston, Slider
+from linkage_ros.model.reach import Reach
+from linkage_ros.model.slider_crank import SliderCrank
+from linkage_ros.model.wind_pump import WindPump
 
 __all__ = [
     'CROSSED',
@@ -30,17 +29,16 @@ __all__ = [
     'Body',
     'ConfigurationError',
     'Coupler',
-    'EquationsOfMotion',
     'FourBar',
     'Frame',
     'Guide',
     'LinkageError',
     'LogError',
     'MechanismError',
-    'Mobility',
     'MotionError',
     'Piston',
     'PointMotion',
+    'Reach',
     'Reactions',
     'Slider',
     'SliderCrank',

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, LinkageError
-from linkage_ros.mechanisms.registry import Linkage, Mechanism
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.parameters.configuration import load, without_ros_own
 from linkage_ros.parameters.help import help_on
 from linkage_ros.parameters.presets import preset_names
@@ -84,7 +84,7 @@ def _usable_presets() -> str:
     names = []
     for name in preset_names():
         with suppress(LinkageError):  # of an overlay, and broken
-            if isinstance(load(name).mechanism, Linkage):
+            if load(name).mechanism.reach():
                 names.append(name)
     return f'a linkage, such as {", ".join(names)}' if names else 'a linkage'
 
@@ -107,14 +107,15 @@ class SpeedController:
         Raises:
             ConfigurationError: No crank angle tells the state of this mechanism.
         """
-        if not isinstance(mechanism, Linkage):
+        if not mechanism.reach():
             raise ConfigurationError(
                 f'plant: a wind_pump keeps its own speed; name {_usable_presets()}'
             )
         self._solver, self._lead = Solver(mechanism), lead
-        self._solver.require_full_turn()
+        self._solver.reach.require_full_turn()
         self._speed = radians_per_second(rpm)
-        inertia = float(np.mean(self._solver.inertia(np.linspace(0, 4 * math.pi, 720))))
+        ((inertias,),) = self._solver.matrix(np.linspace(0, 4 * math.pi, 720))
+        inertia = float(np.mean(inertias))
         self._kp = 2 * math.pi * bandwidth * inertia
         self._ki = self._kp * 2 * math.pi * bandwidth / 5
         self._integral = 0.0

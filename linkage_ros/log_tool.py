@@ -48,7 +48,7 @@ def info(log: LogReader) -> Iterator[str]:
     yield f'mechanism:  {machine.summary()}'
     yield from (
         f'            {words}'
-        for words in (machine.solver.mobility.equalities if machine.solver else ())
+        for words in (machine.solver.mobility.equalities if machine.solver.mobility else ())
     )
     yield 'topics:'
     width = min(max((len(topic.name) for topic in log.topics), default=0), _WIDEST)

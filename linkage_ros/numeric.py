@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -54,6 +55,16 @@ ARRAY = Functions(
     sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, where=np.where,
     lowest=lambda values: np.min(values, initial=np.inf),
 )  # fmt: skip
+
+
+def by_element(function: Callable[..., float]) -> Callable[..., Array]:
+    """A function of floats, for arrays: to the bit, where NumPy's may differ in the last."""
+
+    def apply(*values: Real) -> Array:
+        rows = (x.tolist() if isinstance(x, np.ndarray) else itertools.repeat(x) for x in values)
+        return np.array(list(map(function, *rows)))
+
+    return apply
 
 
 def functions_of(value: Real) -> Functions:
@@ -134,6 +145,22 @@ def is_rounding(longest: float, total: float) -> bool:
     return abs(total) < 4 * math.ulp(longest)
 
 
+def equalities(longest: float, sums: Mapping[str, Sequence[float]]) -> Iterator[str]:
+    """Sums of lengths that are not 0 in binary and count as 0, in words.
+
+    Args:
+        longest: Longest link, m.
+        sums: Their signed terms by their words.
+
+    Yields:
+        A clause for people.
+    """
+    for words, terms in sums.items():
+        total = math.fsum(terms)
+        if total and is_rounding(longest, total):
+            yield f'{words} = {total:.2g} m counts as 0'
+
+
 def rounded(length: float, *, up: bool) -> str:
     """A bound in six digits: rounded to the side on which it still holds.
 
@@ -190,9 +217,7 @@ def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
         ConfigurationError: One is text, complex, None or anything else that is not a real number,
             or the shapes do not broadcast.
     """
-    values = [
-        value if isinstance(value, float) else _real(name, value) for name, value in named.items()
-    ]
+    values = [float(x) if isinstance(x, float) else _real(name, x) for name, x in named.items()]
     shapes = [np.shape(value) for value in values]
     try:
         return values, np.broadcast_shapes(*shapes)

@@ -32,8 +32,14 @@ COLORS: dict[str, Color] = {
     'rod': PURPLE,
     'slider': GREEN,
 }
+_OTHER_LINK = GREY  # of a link with a name of its own
 # Of two things that are no link; what is third is grey.
 FIRST, SECOND = SKY, ORANGE
+
+
+def color_of(link: str) -> Color:
+    """The colour of a link, by its name."""
+    return COLORS.get(link, _OTHER_LINK)
 
 
 def mixed(color: Color, other: Color, share: float) -> Color:

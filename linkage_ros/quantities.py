@@ -14,7 +14,7 @@ import dataclasses
 import math
 import re
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, NamedTuple, TypeVar
 
@@ -44,7 +44,7 @@ class Quantity:
     unit: str = ''
     low: float = -math.inf
     high: float = math.inf
-    choices: tuple[str, ...] = ()
+    choices: Collection[str] = ()
     pattern: str = ''
     live: bool = False
 
@@ -135,7 +135,7 @@ def quantity(
     unit: str = '',
     *,
     span: tuple[float, float] = (-math.inf, math.inf),
-    choices: tuple[str, ...] = (),
+    choices: Collection[str] = (),
     pattern: str = '',
     live: bool = False,
     default: Any = MISSING,

@@ -14,7 +14,7 @@ FILES = sorted(PACKAGE.rglob('*.py'))
 # The floors, lowest first: each imports those below it. What lies in no folder is an edge, what
 # edges share, or one of the few files that all may import.
 FLOORS = (
-    *('mechanisms', 'dynamics', 'motion', 'methods', 'analysis', 'wire', 'parameters', 'log'),
+    *('model', 'dynamics', 'motion', 'methods', 'analysis', 'wire', 'parameters', 'log'),
     *('recovery', 'run', 'verification', 'view', 'charts', 'chart_commands', 'ros', 'playback'),
 )
 # What a shell starts: nothing of the package is built on these, but the demo on the recorder.

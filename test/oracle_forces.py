@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points and forces of both mechanisms, in 50 digits and by other routes than the package's.
+"""Points and forces of all mechanisms, in 50 digits and by other routes than the package's.
 
 Every body is cut free; all Newton-Euler equations, about the bodies' centres of mass, make one
 linear system for all unknown forces and the torque at once. What acts on the frame is summed
@@ -9,19 +9,22 @@ from these, and from the momenta whose rates it has to balance.
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import NamedTuple
 
 import mpmath
+import oracle_pump
 from mpmath import mp
+from oracle import complex_of, cross, mpf
 
 _DIGITS = 150
 
 
 class Part(NamedTuple):
-    """A body on its own: one that turns, or the slider, a mass at B."""
+    """A body on its own: one that turns, or a slider, a mass at its pin with no inertia."""
 
     mass: mpmath.mpf
-    inertia: mpmath.mpf
+    inertia: mpmath.mpf | None
     spin: mpmath.mpf
     angular_acceleration: mpmath.mpf
     place: mpmath.mpc
@@ -39,11 +42,30 @@ class Forces(NamedTuple):
     torque: mpmath.mpf
 
 
+class PumpOracle:
+    """States of one wind pump under a torque."""
+
+    def __init__(self, mechanism):
+        self.mechanism = mechanism
+        bodies = mechanism.crank, mechanism.coupler, mechanism.rod
+        self.lengths = tuple(Fraction(body.length) for body in bodies)
+        self._pump = oracle_pump.Pump(
+            tuple(body.length for body in bodies), tuple(body.center for body in bodies),
+            tuple(body.mass for body in bodies), tuple(body.inertia for body in bodies),
+            mechanism.slider.mass, mechanism.slider.damping, mechanism.gravity,
+            1 if mechanism.assembly == 'open' else -1,
+        )  # fmt: skip
+
+    def state(self, q, u, torque):
+        """Of its free motion, to nearly 50 digits."""
+        return oracle_pump.exact_accelerations(self._pump, q, u, torque)
+
+
 def points(oracle, state):
-    """Position, velocity and acceleration of A, B and, if it is traced, C.
+    """Position, velocity and acceleration of A, B, a wind pump's D and, if it is traced, C.
 
     Args:
-        oracle: Oracle or SliderOracle.
+        oracle: Oracle, SliderOracle or PumpOracle.
         state: One of its states.
     """
     mechanism = oracle.mechanism
@@ -51,43 +73,49 @@ def points(oracle, state):
     with mp.workdps(_DIGITS):
 
         def on_link(link, pair, pin):
-            lever = _complex(pair) * mp.expj(position[link])
+            lever = complex_of(pair) * mp.expj(position[link])
             turning = mp.mpc(-(velocity[link] ** 2), acceleration[link])
             motion = lever, 1j * velocity[link] * lever, turning * lever
             return tuple(x + y for x, y in zip(pin, motion, strict=True))
 
-        found = {'A': on_link(0, (_mpf(oracle.lengths[0]), 0), (0, 0, 0))}
+        found = {'A': on_link(0, (mpf(oracle.lengths[0]), 0), (0, 0, 0))}
+        if hasattr(mechanism, 'rod'):
+            found['B'] = on_link(1, (mpf(oracle.lengths[1]), 0), found['A'])
+        elif not hasattr(mechanism, 'slider'):
+            found['B'] = on_link(2, (mpf(oracle.lengths[2]), 0), (_pivot(oracle), 0, 0))
         if hasattr(mechanism, 'slider'):
-            guide = mp.expj(mp.mpf(mechanism.frame.angle))
-            foot = 1j * _mpf(oracle.lengths[2]) * guide
-            slide = position[2], velocity[2], acceleration[2]
-            found['B'] = foot + slide[0] * guide, slide[1] * guide, slide[2] * guide
-        else:
-            found['B'] = on_link(2, (_mpf(oracle.lengths[2]), 0), (_pivot(oracle), 0, 0))
+            guide, foot = _guide(oracle), mp.mpc(0)
+            if not hasattr(mechanism, 'rod'):
+                foot = 1j * mpf(oracle.lengths[2]) * guide
+            slide = position[-1], velocity[-1], acceleration[-1]
+            slider_pin = foot + slide[0] * guide, slide[1] * guide, slide[2] * guide
+            found['D' if hasattr(mechanism, 'rod') else 'B'] = slider_pin
         if mechanism.coupler.point is not None:
             found['C'] = on_link(1, mechanism.coupler.point, found['A'])
     return found
 
 
 def parts(oracle, state):
-    """Crank, coupler, and rocker or slider, in the caller's precision."""
+    """All bodies along the chain, in the caller's precision."""
     mechanism = oracle.mechanism
     position, velocity, acceleration = state[:3]
     pins = points(oracle, state)
-    links = [(0, mechanism.crank, (mp.mpc(0),) * 3), (1, mechanism.coupler, pins['A'])]
-    if not hasattr(mechanism, 'slider'):
-        links.append((2, mechanism.rocker, (_pivot(oracle), mp.mpc(0), mp.mpc(0))))
+    links = [(mechanism.crank, (mp.mpc(0),) * 3), (mechanism.coupler, pins['A'])]
+    if hasattr(mechanism, 'rod'):
+        links.append((mechanism.rod, pins['B']))
+    elif not hasattr(mechanism, 'slider'):
+        links.append((mechanism.rocker, (_pivot(oracle), mp.mpc(0), mp.mpc(0))))
     found = []
-    for link, body, pin in links:
-        lever = _complex(body.center) * mp.expj(position[link])
+    for link, (body, pin) in enumerate(links):
+        lever = complex_of(body.center) * mp.expj(position[link])
         spin, faster = velocity[link], acceleration[link]
         motion = lever, 1j * spin * lever, mp.mpc(-(spin**2), faster) * lever
         mass, inertia = mp.mpf(body.mass), mp.mpf(body.inertia)
         centre = (x + y for x, y in zip(pin, motion, strict=True))
         found.append(Part(mass, inertia, spin, faster, *centre))
     if hasattr(mechanism, 'slider'):
-        mass = mp.mpf(mechanism.slider.mass)
-        found.append(Part(mass, mp.mpf(0), mp.mpf(0), mp.mpf(0), *pins['B']))
+        slider_pin = pins['D' if hasattr(mechanism, 'rod') else 'B']
+        found.append(Part(mp.mpf(mechanism.slider.mass), None, mp.mpf(0), mp.mpf(0), *slider_pin))
     return found
 
 
@@ -96,51 +124,66 @@ def momenta(oracle, state):
     bodies = parts(oracle, state)
     linear = sum(body.mass * body.velocity for body in bodies)
     angular = sum(
-        body.mass * _cross(body.place, body.velocity) + body.inertia * body.spin for body in bodies
+        body.mass * cross(body.place, body.velocity) + (body.inertia or 0) * body.spin
+        for body in bodies
     )
     return linear, angular
 
 
-def reactions(oracle, crank, speed=0.0, acceleration=0.0):
-    """All forces at a crank angle that is not a change point.
+def applied_forces(oracle, state):
+    """On each body: its weight, and on the slider the external force; then the damper's."""
+    mechanism = oracle.mechanism
+    applied = [body.mass * complex_of(mechanism.gravity) for body in parts(oracle, state)]
+    damper = mp.mpc(0)
+    if hasattr(mechanism, 'slider'):
+        guide = _guide(oracle)
+        applied[-1] += mp.mpf(getattr(mechanism.slider, 'force', 0)) * guide
+        damper = -mp.mpf(mechanism.slider.damping) * state[1][-1] * guide
+    return applied, damper
+
+
+def reactions(oracle, *motion):
+    """All forces in a state that is not a change point.
 
     Args:
-        oracle: Oracle or SliderOracle.
-        crank: Crank angle, rad.
-        speed: Crank speed, rad/s.
-        acceleration: Crank acceleration, rad/s^2.
+        oracle: Oracle, SliderOracle or PumpOracle.
+        *motion: As for its `state`.
     """
-    state = oracle.state(crank, speed, acceleration)
+    state = oracle.state(*motion)
     mechanism = oracle.mechanism
     with mp.workdps(_DIGITS):
         bodies = parts(oracle, state)
-        pins = points(oracle, state)
-        A, B = pins['A'][0], pins['B'][0]
+        place = {name: motion[0] for name, motion in points(oracle, state).items()}
         # Unknown forces: name, where, along which direction, on which body, from which body.
-        joints = [('A0', mp.mpc(0), 0, None), ('A', A, 1, 0), ('B', B, 2, 1)]
-        if not hasattr(mechanism, 'slider'):
+        joints = [('A0', mp.mpc(0), 0, None), ('A', place['A'], 1, 0), ('B', place['B'], 2, 1)]
+        if hasattr(mechanism, 'rod'):
+            joints.append(('D', place['D'], 3, 2))
+        elif not hasattr(mechanism, 'slider'):
             joints.append(('B0', _pivot(oracle), 2, None))
         unknown = [
-            (name, place, unit, onto, source)
-            for name, place, onto, source in joints
+            (name, at, unit, onto, source)
+            for name, at, onto, source in joints
             for unit in (mp.mpc(1), mp.mpc(0, 1))
         ]
-        applied = [body.mass * _complex(mechanism.gravity) for body in bodies]
-        damper = mp.mpc(0)
+        applied, damper = applied_forces(oracle, state)
+        end = joints[-1][1]
         if hasattr(mechanism, 'slider'):
-            guide = mp.expj(mp.mpf(mechanism.frame.angle))
-            unknown.append(('guide', B, 1j * guide, 2, None))
-            damper = -mp.mpf(mechanism.slider.damping) * state[1][2] * guide
-            applied[2] += mp.mpf(mechanism.slider.force) * guide + damper
+            guide = _guide(oracle)
+            applied[-1] += damper
+            unknown.append(('guide', end, 1j * guide, len(bodies) - 1, None))
+        if hasattr(mechanism, 'rod'):
+            # Nothing drives the slider: what would have to is found to be 0.
+            unknown.append(('drive', end, guide, len(bodies) - 1, None))
         values = _solve_all(bodies, unknown, applied)
         torque = values[-1]
         forces = {}
-        on_frame, moment = -damper, -torque - _cross(B, damper)
-        for value, (name, place, unit, _, source) in zip(values, unknown, strict=False):
+        on_frame, moment = -damper, -torque - cross(end, damper)
+        for value, (name, at, unit, _, source) in zip(values, unknown, strict=False):
             forces[name] = forces.get(name, 0) + value * unit
             if source is None:
                 on_frame -= value * unit
-                moment -= _cross(place, value * unit)
+                moment -= cross(at, value * unit)
+        assert abs(forces.pop('drive', 0)) < 1e-30
         force = forces.pop('guide', None)
         along = None if force is None else (force / (1j * guide)).real
         return Forces(forces, along, on_frame, moment, torque)
@@ -149,7 +192,7 @@ def reactions(oracle, crank, speed=0.0, acceleration=0.0):
 def _solve_all(bodies, unknown, applied):
     """The unknown forces' sizes, and last the torque: per body two force balances and a moment.
 
-    The slider does not turn: of it only the forces count.
+    A slider does not turn: of it only the forces count.
     """
     rows, right = [], []
     for number, (body, force) in enumerate(zip(bodies, applied, strict=True)):
@@ -159,10 +202,10 @@ def _solve_all(bodies, unknown, applied):
         for part, size in (('real', needed.real), ('imag', needed.imag)):
             rows.append([x * getattr(u, part) for x, u in zip(acts, units, strict=True)] + [0])
             right.append(size)
-        if len(unknown) == 7 and number == 2:
+        if body.inertia is None:
             continue
-        levers = [place - body.place for _, place, *_ in unknown]
-        row = [x * _cross(y, u) for x, y, u in zip(acts, levers, units, strict=True)]
+        levers = [at - body.place for _, at, *_ in unknown]
+        row = [x * cross(y, u) for x, y, u in zip(acts, levers, units, strict=True)]
         rows.append([*row, 1 if number == 0 else 0])
         right.append(body.inertia * body.angular_acceleration)
     return list(mp.lu_solve(mp.matrix(rows), mp.matrix(right)))
@@ -170,16 +213,10 @@ def _solve_all(bodies, unknown, applied):
 
 def _pivot(oracle):
     frame = oracle.mechanism.frame
-    return _mpf(oracle.lengths[3]) * mp.expj(mp.mpf(frame.angle))
+    return mpf(oracle.lengths[3]) * mp.expj(mp.mpf(frame.angle))
 
 
-def _mpf(fraction):
-    return mp.mpf(fraction.numerator) / fraction.denominator
-
-
-def _complex(pair):
-    return mp.mpc(mp.mpf(pair[0]), mp.mpf(pair[1]))
-
-
-def _cross(u, v):
-    return (mp.conj(u) * v).imag
+def _guide(oracle):
+    """Direction of the guide; a wind pump's is the x axis."""
+    frame = getattr(oracle.mechanism, 'frame', None)
+    return mp.mpc(1) if frame is None else mp.expj(mp.mpf(frame.angle))

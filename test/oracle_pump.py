@@ -220,7 +220,7 @@ class Exact(NamedTuple):
 
 def exact_accelerations(pump, q, u, tau):
     """The state at exactly these doubles and this torque (a number), to nearly 50 digits."""
-    with mp.workdps(_DIGITS):
+    with mp.workdps(max(_DIGITS, mp.dps)):
         links, spins = _motion(pump, q, u)
         # Unknown: three angular accelerations, xD'', x and y of the forces in O, A, B and D, and
         # the guide's force on the slider. Rows: x, y and moment about the centre for each link,
@@ -262,7 +262,7 @@ def exact_accelerations(pump, q, u, tau):
 
 def exact_energy(pump, q, u):
     """Kinetic and potential energy, J; the latter is 0 with all centres of mass in O."""
-    with mp.workdps(_DIGITS):
+    with mp.workdps(max(_DIGITS, mp.dps)):
         links, spins = _motion(pump, q, u)
         gravity, slide = _complex(pump.gravity), mp.mpf(u[1])
         kinetic = mp.mpf(pump.slider_mass) * slide**2 / 2

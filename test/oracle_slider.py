@@ -13,22 +13,9 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import NamedTuple
 
-import mpmath
-import numpy as np
 from mpmath import mp
-
-_ASIDE = '1e-60'
-
-
-class Reference(NamedTuple):
-    """As linkage_ros.State, in mpf: of crank, coupler and slider."""
-
-    position: tuple
-    velocity: tuple
-    acceleration: tuple
-    torque: mpmath.mpf
+from oracle import ASIDE, Reference, complex_of, cross, dot, mean, mpf, solve, wrap
 
 
 class SliderOracle:
@@ -37,6 +24,8 @@ class SliderOracle:
     lengths (crank, coupler, offset), as fractions or decimal text, replace the doubles of the
     mechanism where those only stand for rounded decimals.
     """
+
+    turning = True, True, False
 
     def __init__(self, mechanism, lengths=None):
         self.mechanism = mechanism
@@ -47,8 +36,9 @@ class SliderOracle:
         # pi/2 from the guide) and on the other. There the coupler stands across it as well.
         self.upper = r - e == b
         self.lower = r + e == b
+        self.passes_change_point = self.upper or self.lower
 
-    def alpha(self, crank):
+    def angle(self, crank):
         """Crank angle counted from the guide, whose own angle is taken nearest to zero."""
         angle = mp.mpf(self.mechanism.frame.angle)
         return mp.mpf(crank) - wrap(angle)
@@ -56,13 +46,13 @@ class SliderOracle:
     def closes(self, crank):
         """Whether the circle about A meets the guide's line."""
         with mp.workdps(100):
-            r, b, e = (_mpf(x) for x in self.lengths)
-            return bool(abs(e - r * mp.sin(self.alpha(crank))) <= b)
+            r, b, e = (mpf(x) for x in self.lengths)
+            return bool(abs(e - r * mp.sin(self.angle(crank))) <= b)
 
     def state(self, crank, speed=0.0, acceleration=0.0):
         """The state at exactly these doubles, to 50 digits or more."""
         with mp.workdps(400):
-            quarter = self.alpha(crank) / mp.pi - mp.mpf(0.5)
+            quarter = self.angle(crank) / mp.pi - mp.mpf(0.5)
             nearest = abs(quarter - mp.nint(quarter))
             # Nearer than any difference of doubles: only the rounding of these 400 digits.
             hit = nearest < mp.mpf('1e-350')
@@ -73,7 +63,7 @@ class SliderOracle:
             motion = mp.mpf(crank), mp.mpf(speed), mp.mpf(acceleration)
             if not singular:
                 return self._state(*motion)
-            aside = mp.mpf(_ASIDE)
+            aside = mp.mpf(ASIDE)
             before = self._state(motion[0] - aside, *motion[1:])
             after = self._state(motion[0] + aside, *motion[1:])
             turned = wrap(after.position[1] - before.position[1])
@@ -83,8 +73,8 @@ class SliderOracle:
                     wrap(before.position[1] + turned / 2),
                     (before.position[2] + after.position[2]) / 2,
                 ),
-                _mean(before.velocity, after.velocity),
-                _mean(before.acceleration, after.acceleration),
+                mean(before.velocity, after.velocity),
+                mean(before.acceleration, after.acceleration),
                 (before.torque + after.torque) / 2,
             )
 
@@ -92,19 +82,34 @@ class SliderOracle:
         """Kinetic plus potential energy, J, in the caller's precision; not at change points."""
         mechanism = self.mechanism
         A, coupler, B = self._pose(mp.mpf(crank))
-        gravity = _complex(mechanism.gravity)
+        gravity = complex_of(mechanism.gravity)
         spin, slide = self._rates(A, coupler, speed)
-        total = mp.mpf(mechanism.slider.mass) * (slide**2 / 2 - _dot(gravity, B))
+        total = mp.mpf(mechanism.slider.mass) * (slide**2 / 2 - dot(gravity, B))
         for body, pin, pin_velocity, vector, rate in (
             (mechanism.crank, 0, 0, A, speed),
             (mechanism.coupler, A, 1j * speed * A, coupler, spin),
         ):
             lever = _lever(body, vector)
             speed_squared = abs(pin_velocity + 1j * rate * lever) ** 2
-            weight = _dot(gravity, pin + lever)
+            weight = dot(gravity, pin + lever)
             total += mp.mpf(body.mass) * (speed_squared / 2 - weight)
             total += mp.mpf(body.inertia) * rate**2 / 2
         return total
+
+    def natural(self, speed, acceleration):
+        """What each quantity is like in a mechanism of this size at this speed."""
+        mechanism = self.mechanism
+        r, b, e = (abs(float(x)) for x in self.lengths)
+        square, gravity = speed**2 + abs(acceleration), math.hypot(*mechanism.gravity)
+        force = abs(mechanism.slider.force) + mechanism.slider.damping * r * abs(speed)
+        force += mechanism.slider.mass * (r * square + gravity)
+        torque = r * force
+        for body in (mechanism.crank, mechanism.coupler):
+            torque += body.inertia * square
+            torque += body.mass * max(r, b) * (max(r, b) * square + gravity)
+        slide = 1.0, 1.0, r
+        rates = [abs(speed) * x for x in slide]
+        return 1.0, 1.0, r + b + e, *rates, *(square * x for x in slide), torque
 
     def _guide(self):
         return mp.expj(mp.mpf(self.mechanism.frame.angle))
@@ -113,19 +118,19 @@ class SliderOracle:
         A, coupler, B = self._pose(crank)
         spin, slide = self._rates(A, coupler, speed)
         rest = A * mp.mpc(-(speed**2), acceleration) - coupler * spin**2
-        spin_up, slide_up = _solve(1j * coupler, -self._guide(), -rest)
+        spin_up, slide_up = solve(1j * coupler, -self._guide(), -rest)
         velocity = speed, spin, slide
         accelerations = acceleration, spin_up, slide_up
         torque = self._torque(A, coupler, velocity, accelerations)
-        position = crank, mp.arg(coupler), _dot(self._guide(), B)
+        position = crank, mp.arg(coupler), dot(self._guide(), B)
         return Reference(position, velocity, accelerations, torque)
 
     def _pose(self, crank):
         """Crank pin, coupler as a vector from it, slider pin."""
-        r, b, e = (_mpf(x) for x in self.lengths)
+        r, b, e = (mpf(x) for x in self.lengths)
         guide = self._guide()
         A = r * mp.expj(crank)
-        foot = 1j * e * guide + _dot(guide, A) * guide
+        foot = 1j * e * guide + dot(guide, A) * guide
         half_chord = mp.sqrt(b**2 - abs(foot - A) ** 2)
         B = foot + self._side(crank) * half_chord * guide
         return A, B - A, B
@@ -136,131 +141,37 @@ class SliderOracle:
         The assembly names the side at alpha in (-pi/2, pi/2). Each change point between there
         and alpha is passed straight through: the slider changes sides.
         """
-        interval = int(mp.floor(self.alpha(crank) / mp.pi + mp.mpf(0.5)))
+        interval = int(mp.floor(self.angle(crank) / mp.pi + mp.mpf(0.5)))
         # The change point between interval j - 1 and j is the upper one for odd j.
         passed = range(1, interval + 1) if interval > 0 else range(interval + 1, 1)
         changes = sum(self.upper if j % 2 else self.lower for j in passed)
         return (1 if self.mechanism.assembly == 'open' else -1) * (-1) ** changes
 
     def _rates(self, A, coupler, speed):
-        return _solve(1j * coupler, -self._guide(), -1j * A * speed)
+        return solve(1j * coupler, -self._guide(), -1j * A * speed)
 
     def _torque(self, A, coupler, velocity, accelerations):
         mechanism, guide = self.mechanism, self._guide()
-        gravity = _complex(mechanism.gravity)
+        gravity = complex_of(mechanism.gravity)
         slider = mechanism.slider
         # Along the guide, the coupler pushes the slider with what its other forces lack.
-        along = mp.mpf(slider.mass) * (accelerations[2] - _dot(gravity, guide))
+        along = mp.mpf(slider.mass) * (accelerations[2] - dot(gravity, guide))
         along += mp.mpf(slider.damping) * velocity[2] - mp.mpf(slider.force)
         lever = _lever(mechanism.coupler, coupler)
         at_A = A * mp.mpc(-(velocity[0] ** 2), accelerations[0])
         centre = at_A + lever * mp.mpc(-(velocity[1] ** 2), accelerations[1])
         force = mp.mpf(mechanism.coupler.mass) * (centre - gravity)
         # Across it, with what the coupler's moments about A require.
-        moment = mp.mpf(mechanism.coupler.inertia) * accelerations[1] + _cross(lever, force)
-        across = -(moment + along * _cross(coupler, guide)) / _cross(coupler, 1j * guide)
+        moment = mp.mpf(mechanism.coupler.inertia) * accelerations[1] + cross(lever, force)
+        across = -(moment + along * cross(coupler, guide)) / cross(coupler, 1j * guide)
         on_coupler_at_A = force + along * guide + across * 1j * guide
         crank = _lever(mechanism.crank, A)
         centre = crank * mp.mpc(-(velocity[0] ** 2), accelerations[0])
         force = mp.mpf(mechanism.crank.mass) * (centre - gravity)
-        moment = mp.mpf(mechanism.crank.inertia) * accelerations[0] + _cross(crank, force)
-        return moment + _cross(A, on_coupler_at_A)
-
-
-def wrap(angle):
-    """Brought into [-pi, pi]."""
-    return angle - 2 * mp.pi * mp.nint(angle / (2 * mp.pi))
+        moment = mp.mpf(mechanism.crank.inertia) * accelerations[0] + cross(crank, force)
+        return moment + cross(A, on_coupler_at_A)
 
 
 def _lever(body, vector):
     """From the body's first pin to its centre of mass."""
-    return _complex(body.center) * vector / abs(vector)
-
-
-def _mpf(fraction):
-    return mp.mpf(fraction.numerator) / fraction.denominator
-
-
-def _complex(pair):
-    return mp.mpc(mp.mpf(pair[0]), mp.mpf(pair[1]))
-
-
-def _dot(u, v):
-    return (mp.conj(u) * v).real
-
-
-def _cross(u, v):
-    return (mp.conj(u) * v).imag
-
-
-def _solve(u, v, w):
-    """Real x, y with x u + y v = w, all three complex."""
-    determinant = _cross(u, v)
-    return _cross(w, v) / determinant, _cross(u, w) / determinant
-
-
-def _mean(first, second):
-    return tuple((x + y) / 2 for x, y in zip(first, second, strict=True))
-
-
-def worst_errors(
-    solver, angles, speed=1.0, acceleration=0.0, lengths=None, period=24, floor=1e-20
-):
-    """Errors of position, velocity, acceleration and torque, over each one's largest value.
-
-    The coupler's direction counts in rad. The largest values are those over these angles and
-    `period` more, spread over two turns. A quantity below `floor` of its natural size, such as
-    the place of a slider that stays at 0, is held to that.
-
-    Args:
-        solver: The solver under test.
-        angles: Crank angles, rad; each is asked for alone and as one array.
-        speed: Crank speed, rad/s.
-        acceleration: Crank acceleration, rad/s^2.
-        lengths: As for SliderOracle.
-        period: Number of angles added for the largest values only; 0 for a limited crank.
-        floor: See above.
-
-    Returns:
-        The four largest errors, whichever the link and the way of asking.
-    """
-    oracle = SliderOracle(solver.mechanism, lengths)
-    expected = [_row(oracle.state(x, speed, acceleration)) for x in angles]
-    start = float(mp.mpf(angles[0]) - oracle.alpha(angles[0])) + 0.1
-    spread = [start + 4 * math.pi * i / period for i in range(period)]
-    around = [_row(oracle.state(x, speed, acceleration)) for x in spread]
-    largest = [max(abs(row[i]) for row in expected + around) for i in range(10)]
-    largest[:2] = [mp.mpf(1)] * 2
-    natural = _natural(oracle, speed, acceleration)
-    scales = [x if x > floor * n else mp.mpf(n) for x, n in zip(largest, natural, strict=True)]
-    one_by_one = [_row(solver.state(x, speed, acceleration)) for x in angles]
-    together = solver.state(np.array(angles), speed, acceleration)
-    worst = [0.0] * 10
-    for got in (one_by_one, np.array(_row(together)).T.tolist()):
-        for row, right in zip(got, expected, strict=True):
-            for i in range(10):
-                error = mp.mpf(row[i]) - right[i]
-                if i == 1:
-                    error = wrap(error)
-                worst[i] = max(worst[i], float(abs(error) / scales[i]) if scales[i] else 0.0)
-    return max(worst[:3]), max(worst[3:6]), max(worst[6:9]), worst[9]
-
-
-def _row(state):
-    return *state.position, *state.velocity, *state.acceleration, state.torque
-
-
-def _natural(oracle, speed, acceleration):
-    """What each quantity is like in a mechanism of this size at this speed."""
-    mechanism = oracle.mechanism
-    r, b, e = (abs(float(x)) for x in oracle.lengths)
-    square = speed**2 + abs(acceleration)
-    force = abs(mechanism.slider.force) + mechanism.slider.damping * r * abs(speed)
-    force += mechanism.slider.mass * (r * square + math.hypot(*mechanism.gravity))
-    torque = r * force
-    for body in (mechanism.crank, mechanism.coupler):
-        weight = math.hypot(*mechanism.gravity)
-        torque += body.inertia * square + body.mass * max(r, b) * (max(r, b) * square + weight)
-    slide = 1.0, 1.0, r
-    rates = [abs(speed) * x for x in slide]
-    return 1.0, 1.0, r + b + e, *rates, *(square * x for x in slide), torque
+    return complex_of(body.center) * vector / abs(vector)

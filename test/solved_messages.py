@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import struct
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import point_motion
 from linkage_ros.motion.joints import joint_values
 from linkage_ros.wire.interfaces import (
     FLOAT64,
@@ -72,21 +70,20 @@ def solved_messages(configuration, motion, stamps):
     Returns:
         (stamp, message) in order, for each topic; the robot's description has the first stamp.
     """
-    equations = EquationsOfMotion(configuration.mechanism)
-    joints, points = equations.structure.joints, equations.structure.points
+    solver = Solver(configuration.mechanism)
+    links, points = solver.structure.links, solver.structure.points
     messages = {topic: [] for topic in TYPES}
     description = {'data': make_urdf(configuration.mechanism)}
     messages['/robot_description'].append((stamps[0], description))
-    names = [joint.name for joint in joints]
+    names = [link.name for link in links]
     for stamp in stamps:
         crank = motion.at(stamp)
         if crank.slide:
             q, u, a = zip((crank.angle, crank.speed, crank.acceleration), crank.slide, strict=True)
-            state = equations.state(q, u, a)
+            state = solver.state(q, u, a)
         else:
-            solver = Solver(configuration.mechanism)
             state = solver.state(crank.angle, crank.speed, crank.acceleration)
-        position, velocity, acceleration, effort = joint_values(joints, state, crank)
+        position, velocity, acceleration, effort = joint_values(links, state, crank)
         header = {'stamp': time_of(stamp), 'frame_id': 'base_link'}
         rates = {'position': position, 'velocity': velocity, 'effort': effort}
         point = {
@@ -102,7 +99,7 @@ def solved_messages(configuration, motion, stamps):
             '/mechanism_state': {'header': header, 'joint_names': names, 'points': [point]},
         }
         if 'C' in points:
-            x, y = point_motion(points['C'], state).position
+            x, y = solver.point(state, 'C').position
             found['/coupler_point'] = {'header': header, 'point': {'x': x, 'y': y, 'z': 0.0}}
         for topic, message in found.items():
             messages[topic].append((stamp, plain(message)))

@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linkage_ros import ConfigurationError, EquationsOfMotion, MechanismError, Solver, WindPump
-from linkage_ros.mechanisms.registry import MECHANISMS
+from linkage_ros import ConfigurationError, MechanismError, Solver, WindPump
+from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import (
@@ -145,9 +145,9 @@ def test_every_preset_loads_by_name_and_by_path_and_turns(path):
     configuration = load(str(path))
     assert load(path.stem) == configuration
     if isinstance(configuration.mechanism, WindPump):
-        equations = EquationsOfMotion(configuration.mechanism)
+        solver = Solver(configuration.mechanism)
         position = configuration.mechanism.slider.position
-        assert np.isfinite(equations.accelerations((0.0, position), (15.0, 0.1), 1.0)).all()
+        assert np.isfinite(solver.accelerations((0.0, position), (15.0, 0.1), 1.0)).all()
     else:
         solver = Solver(configuration.mechanism)
         assert solver.mobility.turns_fully

@@ -14,7 +14,7 @@ import pytest
 from ros_harness import Listener, command, environment, fresh_domain, running, wait_for
 from test_node import stop
 
-from linkage_ros import ConfigurationError, EquationsOfMotion
+from linkage_ros import ConfigurationError, Solver
 from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.configuration import configure, load
@@ -49,7 +49,7 @@ def heavier(factor):
 def ripple(rpm, believed, lead):
     """The peak deviation of the speed, after 2 s of 4; a command acts a tick after its state."""
     configuration = configure({'drive': 'torque', 'start_rpm': rpm})
-    plant = Plant(EquationsOfMotion(MECHANISM), configuration.drive)
+    plant = Plant(Solver(MECHANISM), configuration.drive)
     controller = SpeedController(believed, rpm, 15.0, lead)
     wanted, worst = rpm * math.pi / 30, 0.0
     waiting = deque([0.0])

@@ -1,192 +1,72 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The driving torque against energy, superposition and sums over the bodies one by one."""
+"""The equations of motion, for any links and coordinates, against sums over the bodies.
+
+What holds for every mechanism of the package is in test_laws.py.
+"""
 
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mechanisms import ALL, TURN, four_bar, oracle_of
 from mpmath import mp
-from oracle import Oracle
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Solver
-from linkage_ros.dynamics.driving_torque import MassDistribution
-from linkage_ros.mechanisms.structure import Point, Structure, TurningBody
+from linkage_ros.formulas import cos, sin
+from linkage_ros.model.loads import LinkLoad
+from linkage_ros.model.pose import LinkPose, Pose
+from linkage_ros.model.structure import Link, Mechanism, Point, Structure
 
-TURN = 2 * math.pi
-DOCUMENT_SPEED = 150 * TURN / 60
-DOCUMENT = FourBar(
-    Frame(0.425, 5.497787143782138),
-    Body(0.1, inertia=0.0245),
-    Coupler(0.315, 2.0, 0.016, (0.1575, 0.0)),
-    Body(0.5, 3.5, 0.066, (0.25, 0.0)),
-)
-
-
-def four_bar(lengths, assembly='open', gravity=(1.3, -9.7)):
-    """A linkage with mass everywhere and no symmetry."""
-    r, b, c, d = lengths
-    return FourBar(
-        Frame(d, 0.3),
-        Body(r, 0.7, 0.02, (0.3 * r, -0.2 * r)),
-        Coupler(b, 2.0, 0.5, (0.6 * b, 0.3 * b)),
-        Body(c, 3.0, 0.3, (0.4 * c, -0.25 * c)),
-        assembly,
-        gravity,
-    )
-
-
-LINKAGES = {
-    'document': DOCUMENT,
-    'crank_rocker': four_bar((1, 3, 2.5, 2.2)),
-    'crank_rocker_crossed': four_bar((1, 3, 2.5, 2.2), 'crossed'),
-    'double_crank': four_bar((3, 2.5, 2.2, 1)),
-    'parallelogram': four_bar((1, 2, 1, 2)),
-    'antiparallelogram': four_bar((1, 2, 1, 2), 'crossed'),
-    'one_change_point': four_bar((1, 2.5, 1.5, 3)),
-    'kite': four_bar((1, 2, 2, 1)),
-}
-linkages = pytest.mark.parametrize('name', LINKAGES)
 cranks = st.floats(-TURN, TURN)
-
-
-def bodies_at(linkage, crank, speed):
-    """For each body: mass, inertia, spin, and position and velocity of its centre, one by one."""
-    state = Solver(linkage).state(crank, speed)
-    crank_pin = cmath.rect(linkage.crank.length, crank)
-    pins = (
-        (0, 0),
-        (crank_pin, 1j * speed * crank_pin),
-        (cmath.rect(linkage.frame.length, linkage.frame.angle), 0),
-    )
-    bodies = linkage.crank, linkage.coupler, linkage.rocker
-    for body, angle, spin, (place, velocity) in zip(
-        bodies, state.position, state.velocity, pins, strict=True
-    ):
-        lever = complex(*body.center) * cmath.exp(1j * angle)
-        yield body.mass, body.inertia, spin, place + lever, velocity + 1j * spin * lever
-
-
-def kinetic_energy(linkage, crank, speed):
-    return sum(
-        0.5 * (mass * abs(velocity) ** 2 + inertia * spin**2)
-        for mass, inertia, spin, _, velocity in bodies_at(linkage, crank, speed)
-    )
-
-
-def power_of_weights(linkage, crank, speed):
-    gravity = complex(*linkage.gravity)
-    return sum(
-        mass * (gravity.conjugate() * velocity).real
-        for mass, _, _, _, velocity in bodies_at(linkage, crank, speed)
-    )
-
-
-# Work and energy.
-
-
-@linkages
-@pytest.mark.parametrize('acceleration', [0.0, -3.0])
-def test_torque_times_speed_is_the_rate_of_the_energy(name, acceleration):
-    """The energy is the reference's, differentiated in 50 digits: no forces are involved."""
-    linkage = LINKAGES[name]
-    oracle, solver, speed = Oracle(linkage), Solver(linkage), 2.0
-    errors, largest = [], 0.0
-    for crank in np.linspace(-6.0, 6.0, 13).tolist():
-        with mp.workdps(60):
-
-            def energy(t, crank=crank):
-                return oracle.energy(
-                    crank + speed * t + acceleration * t**2 / 2, speed + acceleration * t
-                )
-
-            expected = mp.diff(energy, 0) / speed
-            assert abs(expected - oracle.state(crank, speed, acceleration).torque) < 1e-35
-        errors.append(abs(solver.state(crank, speed, acceleration).torque - float(expected)))
-        largest = max(largest, abs(float(expected)))
-    assert max(errors) < 1e-14 * largest
-
-
-@linkages
-def test_work_over_the_period_vanishes_at_constant_speed(name):
-    """The trapezoid rule is exact to all digits here: the torque is smooth and periodic."""
-    solver = Solver(LINKAGES[name])
-    period = TURN * solver.mobility.period_turns
-    crank = np.arange(1440) * (period / 1440)
-    torque = solver.state(crank, DOCUMENT_SPEED).torque
-    assert abs(np.sum(torque)) * period / 1440 < 1e-10
-    assert np.sum(np.abs(torque)) * period / 1440 > 1.0
-
-
-def test_work_between_two_angles_is_the_gain_of_energy():
-    linkage, speed = LINKAGES['crank_rocker'], 3.0
-    nodes, weights = np.polynomial.legendre.leggauss(60)
-    start, end = 0.4, 2.9
-    crank = (start + end) / 2 + (end - start) / 2 * nodes
-    work = np.sum(weights * Solver(linkage).state(crank, speed).torque) * (end - start) / 2
-
-    def energy(angle):
-        gravity = complex(*linkage.gravity)
-        return kinetic_energy(linkage, angle, speed) - sum(
-            mass * (gravity.conjugate() * place).real
-            for mass, _, _, place, _ in bodies_at(linkage, angle, speed)
-        )
-
-    gain = energy(end) - energy(start)
-    assert abs(gain) > 1.0
-    assert work == pytest.approx(gain, rel=1e-12)
+of_one_coordinate = pytest.mark.parametrize(
+    'name', [name for name, mechanism in ALL.items() if len(mechanism.coordinates) == 1]
+)
 
 
 # The terms of the equation of motion, one at a time.
 
 
-@linkages
-@given(crank=cranks)
-def test_torque_at_rest_is_mass_matrix_times_acceleration_less_weights(name, crank):
-    linkage = LINKAGES[name]
-    solver = Solver(linkage)
-    inertia = 2 * kinetic_energy(linkage, crank, 1.0)  # M, kg m^2
-    weights = power_of_weights(linkage, crank, 1.0)
-    assert inertia > 0
-    torque = solver.state(crank, 0.0, 1.5).torque
-    assert torque == pytest.approx(1.5 * inertia - weights, rel=1e-13, abs=1e-13 * 1.5 * inertia)
+@of_one_coordinate
+def test_torque_at_rest_is_mass_matrix_times_acceleration_less_weights_and_force(name):
+    """The reference's energy gives both: no force is involved."""
+    mechanism = ALL[name]
+    oracle, solver = oracle_of(mechanism), Solver(mechanism)
+    push = mp.mpf(getattr(getattr(mechanism, 'slider', None), 'force', 0.0))
+    for crank in (0.1, 1.0, 2.2, 4.0, 5.7, -3.0):
+        with mp.workdps(60):
+            inertia = 2 * (oracle.energy(crank, 1) - oracle.energy(crank, 0))
+            held = mp.diff(lambda x: oracle.energy(x, 0), crank)
+            held = float(held - push * oracle.state(crank, 1.0).velocity[2])
+            inertia = float(inertia)
+        assert inertia > 0
+        assert solver.matrix(crank)[0][0] == pytest.approx(inertia, rel=1e-13)
+        for form in (lambda x: x, lambda x: [x]):
+            torque = solver.state(form(crank), 0.0, 0.0).torque
+            assert torque == pytest.approx(held, rel=1e-13, abs=1e-13)
+            torque = solver.state(form(crank), 0.0, 1.5).torque
+            expected = 1.5 * inertia + held
+            assert torque == pytest.approx(expected, rel=1e-13, abs=1e-13 * 1.5 * inertia)
 
 
-@linkages
-@given(crank=cranks)
-def test_torque_at_rest_holds_the_weights(name, crank):
-    linkage = LINKAGES[name]
-    bound = sum(body.mass for body in (linkage.crank, linkage.coupler, linkage.rocker)) * 9.81
-    held = power_of_weights(linkage, crank, 1.0)
-    assert Solver(linkage).state(crank).torque == pytest.approx(
-        -held, rel=1e-13, abs=1e-13 * bound
-    )
-
-
-@linkages
-@given(crank=cranks, speed=st.floats(-50, 50), acceleration=st.floats(-50, 50))
-def test_torques_of_weight_speed_and_acceleration_add_up(name, crank, speed, acceleration):
-    linkage = LINKAGES[name]
-    solver = Solver(linkage)
-
-    def torque(*motion):
-        return solver.state(crank, *motion).torque
-
-    held, of_speed, of_acceleration = torque(), torque(speed), torque(0.0, acceleration)
-    # The bodies' shares may cancel: what each of them amounts to bounds the rounding.
-    square = 4 * speed**2 + abs(acceleration)
-    rounding = 1e-14 * sum(
-        body.mass * (10 * body.length + 8 * square * body.length**2) + body.inertia * square
-        for body in (linkage.crank, linkage.coupler, linkage.rocker)
-    )
-    assert abs(torque(speed, acceleration) - (of_speed + of_acceleration - held)) <= rounding
-    # The inertia terms grow by the square of the speed.
-    assert abs((torque(2 * speed) - held) - 4 * (of_speed - held)) <= rounding
+def test_work_between_two_angles_is_the_gain_of_energy():
+    linkage, speed = ALL['crank_rocker'], 3.0
+    oracle = oracle_of(linkage)
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    start, end = 0.4, 2.9
+    crank = (start + end) / 2 + (end - start) / 2 * nodes
+    work = np.sum(weights * Solver(linkage).state(crank, speed).torque) * (end - start) / 2
+    with mp.workdps(40):
+        gain = float(oracle.energy(end, speed) - oracle.energy(start, speed))
+    assert abs(gain) > 1.0
+    assert work == pytest.approx(gain, rel=1e-12)
 
 
 def test_gravity_at_any_angle_is_the_sum_of_its_components():
@@ -223,68 +103,187 @@ def test_crank_inertia_alone_takes_torque_only_while_it_accelerates():
     assert Solver(linkage).state(0.7, 3.0, 2.0).torque == 1.0
 
 
-# The equations of motion for any number of speeds, against a sum over the bodies.
+# A mechanism that the package does not know: four links that turn and one that slides, which
+# follow one, two or three coordinates by polynomials of the second degree.
 
 
-def random_case(seed, shape=(), speeds=2):
-    """Bodies and a motion; `shape` is that of the angles."""
-    random = np.random.default_rng(seed)
+class Polynomials(NamedTuple):
+    """The position of each link is constant + sum slope q_i + sum bend q_i q_k / 2."""
 
-    def three():
-        return tuple(random.uniform(-2, 2, shape) for _ in range(3))
+    constants: tuple
+    slopes: tuple
+    bends: tuple
+    guide: tuple
 
-    def center():
-        return Point(tuple(complex(*random.uniform(-1, 1, 2)) for _ in range(3)))
-
-    bodies = [TurningBody(link, *random.uniform(0.1, 3, 2), center()) for link in (0, 1, 2, 2)]
-    bodies.append(TurningBody(1, 1.5, 0.0, Point((0.5 + 0j, 0j, 0.2j))))
-    angle, rates, accelerations = three(), three(), three()
-    cos, sin = tuple(np.cos(x) for x in angle), tuple(np.sin(x) for x in angle)
-    partial = tuple(three() for _ in range(speeds))
-    return bodies, (angle, cos, sin, partial, ()), rates, accelerations
-
-
-def summed_over_bodies(bodies, gravity, links, rates, accelerations):
-    """M_jk = sum m v_j.v_k + J w_j w_k; balance_j = sum m v_j.(a - g) + J w_j eps."""
-    angle, _, _, partial, _ = links
-    speeds = range(len(partial))
-    M, balance = [[0.0 for _ in speeds] for _ in speeds], [0.0 for _ in speeds]
-    for body in bodies:
-        terms = [rho * np.exp(1j * x) for rho, x in zip(body.center.weights, angle, strict=True)]
-        velocity = [sum(1j * k * x for k, x in zip(row, terms, strict=True)) for row in partial]
-        acceleration = -complex(*gravity) + sum(
-            (1j * e - w * w) * x for e, w, x in zip(accelerations, rates, terms, strict=True)
+    def pose(self, q):
+        links, pairs = [], list(itertools.combinations_with_replacement(range(len(q)), 2))
+        for constant, slope, bend in zip(self.constants, self.slopes, self.bends, strict=True):
+            position = constant
+            for factor, x in zip(slope, q, strict=True):
+                position = position + factor * x
+            jacobian, curvature = list(slope), []
+            for factor, (i, k) in zip(bend, pairs, strict=True):
+                position = position + 0.5 * (factor * (q[i] * q[k]))
+                jacobian[i] = jacobian[i] + 0.5 * (factor * q[k])
+                jacobian[k] = jacobian[k] + 0.5 * (factor * q[i])
+                curvature.append(factor)
+            links.append((position, tuple(jacobian), tuple(curvature)))
+        directions = [(cos(position), sin(position)) for position, *_ in links[:-1]]
+        return Pose(
+            tuple(
+                LinkPose(position, *direction, jacobian, curvature)
+                for (position, jacobian, curvature), direction in zip(
+                    links, [*directions, self.guide], strict=True
+                )
+            ),
+            (),
         )
-        for j in speeds:
-            spin, v = partial[j][body.link], velocity[j].conjugate()
-            balance[j] = balance[j] + body.mass * (v * acceleration).real
-            balance[j] = balance[j] + body.inertia * spin * accelerations[body.link]
-            for k in speeds:
-                M[j][k] = M[j][k] + body.mass * (v * velocity[k]).real
-                M[j][k] = M[j][k] + body.inertia * spin * partial[k][body.link]
-    return M, balance
 
 
-@pytest.mark.parametrize('speeds', [1, 2])
-@pytest.mark.parametrize('shape', [(), (5,)])
+class Spring(NamedTuple):
+    """A load that the package does not know."""
+
+    link: int
+    stiffness: float
+
+    def forces(self, links, rates):
+        del rates
+        return {self.link: -(self.stiffness * links[self.link].position)}
+
+    def resistance(self, rates):
+        del rates
+        return {}
+
+    def potential(self, links):
+        position = links[self.link].position
+        return 0.5 * (self.stiffness * (position * position))
+
+
+class Made(Mechanism):
+    """Random masses, centres, loads and polynomials."""
+
+    NAMES = 'crank', 'arm', 'second', 'leg', 'slider'
+
+    def __init__(self, seed, count):
+        random = np.random.default_rng(seed)
+
+        def uniform(low, high, *shape):
+            return random.uniform(low, high, shape).tolist()
+
+        self.coordinates = ('crank', 'second', 'slider')[:count]
+        self.gravity = (1.7, -9.5)
+        self.masses, self.inertias = uniform(0.1, 3, 5), [*uniform(0.1, 3, 4), 0.0]
+        self.centers = [
+            Point((*(complex(*uniform(-1, 1, 2)) for _ in range(4)), 0j), 0.5 - 0.2j)
+            for _ in range(5)
+        ]
+        self.force, self.drag, self.stiffness = uniform(1, 5, 3)
+        self.guide = 0.4
+        self.slopes = np.array(uniform(-2, 2, 5, count))
+        self.bends = np.array(uniform(-1, 1, 5, count * (count + 1) // 2))
+        self.constants = np.array(uniform(-2, 2, 5))
+        for i, name in enumerate(self.coordinates):
+            link = self.NAMES.index(name)
+            self.slopes[link] = np.eye(count)[i]
+            self.bends[link] = self.constants[link] = 0.0
+
+    def structure(self):
+        rows = zip(self.NAMES, self.masses, self.inertias, self.centers, strict=True)
+        links = tuple(Link(*row, slides=row[0] == 'slider', angle=self.guide) for row in rows)
+        return Structure(links, {}, closure=Point((0j,) * 5))
+
+    def loop(self):
+        def frozen(rows):
+            return tuple(map(tuple, rows.tolist()))
+
+        guide = math.cos(self.guide), math.sin(self.guide)
+        constants = tuple(self.constants.tolist())
+        return Polynomials(constants, frozen(self.slopes), frozen(self.bends), guide)
+
+    def loads(self):
+        push = LinkLoad(4, self.force, self.drag)
+        return push, LinkLoad(2, None, 0.3), Spring(3, self.stiffness)
+
+
+def summed_over_bodies(made, q, u, a):
+    """M_jk = sum m v_j.v_k + J w_j w_k; balance_j = sum m v_j.(a - g) + J w_j eps - loads.
+
+    And the potential energy of weights and spring. No formula of the package is used: positions
+    and their derivatives are those of the polynomials.
+    """
+    count = len(q)
+    pairs = list(itertools.combinations_with_replacement(range(count), 2))
+    full = np.zeros((5, count, count))
+    for column, (i, k) in enumerate(pairs):
+        full[:, i, k] += made.bends[:, column] / 2
+        full[:, k, i] += made.bends[:, column] / 2
+    position = made.constants + made.slopes @ q + np.einsum('lik,i,k->l', full, q, q) / 2
+    partial = made.slopes + full @ q
+    rates = partial @ u
+    # bend / 2 q_i q_k: its second derivative while no rate changes is bend u_i u_k.
+    changes = partial @ a + np.einsum('lik,i,k->l', full, u, u)
+    gravity, potential = complex(*made.gravity), 0.0
+    M, balance = np.zeros((count, count)), np.zeros(count)
+    for link in range(5):
+        mass, inertia = made.masses[link], made.inertias[link]
+        if link == 4:
+            guide = cmath.rect(1.0, made.guide)
+            place, directions = guide * position[4], guide * partial[4]
+            acceleration = guide * changes[4]
+        else:
+            terms = np.array(made.centers[link].weights[:4]) * np.exp(1j * position[:4])
+            place = terms.sum()
+            directions = 1j * terms @ partial[:4]
+            acceleration = terms @ (1j * changes[:4] - rates[:4] ** 2)
+        potential -= mass * (gravity.conjugate() * place).real
+        M += mass * np.outer(directions.conj(), directions).real
+        M += inertia * np.outer(partial[link], partial[link])
+        balance += mass * (directions.conj() * (acceleration - gravity)).real
+        balance += inertia * partial[link] * changes[link]
+    balance -= partial[4] * (made.force - made.drag * rates[4])
+    balance += partial[2] * 0.3 * rates[2] + partial[3] * made.stiffness * position[3]
+    return M, balance, potential + made.stiffness * position[3] ** 2 / 2
+
+
+@pytest.mark.parametrize('count', [1, 2, 3])
 @pytest.mark.parametrize('seed', range(10))
-def test_equations_of_motion_are_the_sum_over_the_bodies(seed, shape, speeds):
-    bodies, links, rates, accelerations = random_case(seed, shape, speeds)
-    gravity = (1.7, -9.5)
-    M, balance = summed_over_bodies(bodies, gravity, links, rates, accelerations)
-    masses = MassDistribution(Structure((), {}, tuple(bodies), Point((0j, 0j, 0j))), gravity)
-    assert np.allclose(masses.matrix(links), M, rtol=1e-13, atol=1e-13)
-    got = masses.balance(links, rates, accelerations)
-    assert np.allclose(got, balance, rtol=1e-12, atol=1e-12)
+def test_equations_of_motion_are_the_sum_over_the_bodies(seed, count):
+    made = Made(seed, count)
+    solver = Solver(made)
+    q, u, a = np.random.default_rng(seed + 100).uniform(-2, 2, (3, count))
+    M, balance, potential = summed_over_bodies(made, q, u, a)
+    *motion, torque = *(tuple(x.tolist()) for x in (q, u, a)), 3.0
+    assert np.allclose(solver.matrix(motion[0]), M, rtol=1e-13, atol=1e-13)
+    assert np.array_equal(solver.matrix(motion[0]), np.transpose(solver.matrix(motion[0])))
+    assert solver.state(*motion).torque == pytest.approx(balance[0], rel=1e-12, abs=1e-12)
+    held = summed_over_bodies(made, q, u, 0 * a)[1]
+    driven = np.eye(count)[0] * torque - held
+    found = solver.accelerations(*motion[:2], torque)
+    size = np.max(np.abs(driven)) * np.linalg.cond(M) / np.linalg.norm(M)
+    assert np.allclose(found, np.linalg.solve(M, driven), rtol=0, atol=1e-13 * size)
+    kinetic, height = solver.energy(*motion[:2])
+    assert kinetic == pytest.approx(u @ M @ u / 2, rel=1e-13)
+    elsewhere = tuple((q + 1).tolist())
+    gained = summed_over_bodies(made, q + 1, u, a)[2] - potential
+    assert solver.energy(elsewhere, motion[1])[1] - height == pytest.approx(gained, abs=1e-12)
 
 
-@pytest.mark.parametrize('seed', range(5))
-def test_mass_matrix_is_symmetric_and_positive(seed):
-    bodies, links, _, _ = random_case(seed)
-    M = np.array(
-        MassDistribution(Structure((), {}, tuple(bodies), Point((0j, 0j, 0j))), (0.0, 0.0)).matrix(
-            links
-        )
-    )
-    assert M[0, 1] == pytest.approx(M[1, 0], rel=1e-14)
-    assert np.all(np.linalg.eigvalsh(M) > 0)
+@pytest.mark.parametrize('count', [1, 2, 3])
+@pytest.mark.parametrize('seed', range(3))
+def test_arrays_of_coordinates_give_what_floats_give(seed, count):
+    solver = Solver(Made(seed, count))
+    q, u, a = np.random.default_rng(seed).uniform(-2, 2, (3, count, 5))
+    state = solver.state(tuple(q), tuple(u), tuple(a))
+    found = solver.accelerations(tuple(q), tuple(u), 3.0)
+    matrix = np.array(solver.matrix(tuple(q)))
+    energies = np.array(solver.energy(tuple(q), tuple(u)))
+    for i in range(5):
+        at, rates, changes = (tuple(x[:, i].tolist()) for x in (q, u, a))
+        alone = solver.state(at, rates, changes)
+        for many, one in zip(state[:3], alone[:3], strict=True):
+            assert [row[i] for row in many] == pytest.approx(one, rel=1e-13, abs=1e-13)
+        assert state.torque[i] == pytest.approx(alone.torque, rel=1e-12, abs=1e-12)
+        one = solver.accelerations(at, rates, 3.0)
+        assert [row[i] for row in found] == pytest.approx(one, rel=1e-11, abs=1e-11)
+        assert np.allclose(matrix[:, :, i], solver.matrix(at), rtol=1e-13, atol=1e-13)
+        assert energies[:, i] == pytest.approx(solver.energy(at, rates), rel=1e-13, abs=1e-12)

@@ -13,7 +13,6 @@ from pages import read
 from linkage_ros import (
     Body,
     Coupler,
-    EquationsOfMotion,
     FourBar,
     Frame,
     Guide,
@@ -148,8 +147,8 @@ def test_eq_25_and_26_divide_by_zero_where_a_link_points_back():
 
 def pump_motion():
     q, u = (0.7, 1.6), (2.0, -0.4)
-    equations = EquationsOfMotion(load('wind_pump').mechanism)
-    return equations.mechanism, equations.state(q, u, (3.0, -1.5))
+    solver = Solver(load('wind_pump').mechanism)
+    return solver.mechanism, solver.state(q, u, (3.0, -1.5))
 
 
 def test_velocities_close_the_loop_as_printed_and_accelerations_lack_the_squared_rates():

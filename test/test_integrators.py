@@ -15,7 +15,7 @@ import pytest
 from mpmath import mp
 from oracle import Oracle
 
-from linkage_ros import EquationsOfMotion, FourBar
+from linkage_ros import FourBar, Solver
 from linkage_ros.methods import linkages, motion_accuracy, registry
 from linkage_ros.methods.bench import LIMIT
 from linkage_ros.methods.cut_loop import CutLoop, eliminate
@@ -123,8 +123,8 @@ def test_the_cut_loop_accelerates_as_virtual_power_does(seed):
     for problem in problems:
         start = tuple(map(float, problem.start))
         q, u = start[: problem.count], start[problem.count :]
-        equations = EquationsOfMotion(problem.mechanism)
-        state = equations.state(q, u, (0.0,) * problem.count)
+        solver = Solver(problem.mechanism)
+        state = solver.state(q, u, (0.0,) * problem.count)
         directions = [(math.cos(x), math.sin(x)) for x in state.position[:3]]
         found = CutLoop(
             problem.mechanism, float, lambda x: (math.cos(x), math.sin(x))
@@ -132,7 +132,7 @@ def test_the_cut_loop_accelerates_as_virtual_power_does(seed):
             directions, state.velocity[:3], u[1] if len(u) > 1 else None, 3.0, eliminate
         )
         chosen = (found[0], found[3]) if len(u) > 1 else (found[0],)
-        assert chosen == pytest.approx(equations.accelerations(q, u, 3.0), rel=1e-10)
+        assert chosen == pytest.approx(solver.accelerations(q, u, 3.0), rel=1e-10)
 
 
 def test_elimination_takes_the_largest_pivot():
@@ -203,11 +203,15 @@ def apart(exact, values):
 
 
 class Counted(DrivenMechanism):
-    """A motion that counts how often it is looked at."""
+    """A motion that counts how often its accelerations are computed."""
 
     def look(self, time, phase):
         counts.append(time)
         return super().look(time, phase)
+
+    def slope(self, time, phase):
+        counts.append(time)
+        return super().slope(time, phase)
 
 
 counts: list[float] = []
@@ -217,7 +221,7 @@ def counted(problem):
     """The same run, with its motion counted from now on."""
     counts.clear()
     problem = replace(problem)
-    problem.__dict__['driven'] = Counted(problem.driven.equations, problem.driven.torque)
+    problem.__dict__['driven'] = Counted(problem.driven.solver, problem.driven.torque)
     return problem
 
 

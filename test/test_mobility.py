@@ -12,31 +12,19 @@ from fractions import Fraction
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mechanisms import ASSEMBLIES, CHANGE_POINTS, FULL, LIMITED, TURN, oracle_of
+from mechanisms import of as made_of
 from mpmath import mp
-from oracle import Oracle
 
 from linkage_ros import (
-    Body,
-    Coupler,
-    FourBar,
-    Frame,
     MechanismError,
-    Slider,
-    SliderCrank,
     Solver,
     UnreachableError,
 )
 
-TURN = 2 * math.pi
-
-
-def four_bar(lengths, angle=0.0, assembly='open'):
-    r, b, c, d = (float(x) for x in lengths)
-    return FourBar(Frame(d, angle), Body(r), Coupler(b), Body(c), assembly)
-
 
 def mobility(lengths, angle=0.0):
-    return Solver(four_bar(lengths, angle)).mobility
+    return Solver(made_of(lengths, angle)).reach
 
 
 # Crank, coupler, rocker, frame; what each link is, read off a textbook's definition.
@@ -95,22 +83,30 @@ def test_class_follows_from_shortest_and_longest_link(lengths):
         assert found.turns_fully == (shortest in (r, d))
 
 
-@given(any_lengths, st.floats(-7, 7))
-def test_crank_reaches_just_where_the_loop_closes(lengths, angle):
+any_slider_crank = st.tuples(st.integers(1, 40), st.integers(1, 40), st.integers(-40, 40)).filter(
+    lambda x: abs(x[2]) < x[0] + x[1]
+)
+
+
+@pytest.mark.parametrize(
+    'every', [any_lengths, any_slider_crank], ids=['four_bar', 'slider_crank']
+)
+@given(data=st.data(), angle=st.floats(-7, 7), assembly=st.sampled_from(ASSEMBLIES))
+def test_crank_reaches_just_where_the_loop_closes(every, data, angle, assembly):
     """The crank's circle, 48 angles of it, against the reach in closed form."""
-    solver = Solver(four_bar(lengths, angle))
-    oracle = Oracle(solver.mechanism)
+    solver = Solver(made_of(data.draw(every), angle, assembly))
+    oracle = oracle_of(solver.mechanism)
     for i in range(48):
         crank = i * TURN / 48 + 0.01
         inside = any(
-            start < crank + turn < end for start, end in solver.mobility.arcs for turn in (0, TURN)
+            start < crank + turn < end for start, end in solver.reach.arcs for turn in (0, TURN)
         )
         near_an_end = any(
             abs(math.remainder(crank - end, TURN)) < 1e-9
-            for arc in solver.mobility.arcs
+            for arc in solver.reach.arcs
             for end in arc
         )
-        if solver.mobility.turns_fully or not near_an_end:
+        if solver.reach.turns_fully or not near_an_end:
             assert oracle.closes(crank) == inside
             if inside:
                 solver.state(crank)
@@ -134,32 +130,38 @@ def end_by_bisection(oracle, inside, outside):
         return inside
 
 
-LIMITED = (
+MORE_LIMITED = (
     (3, 1, 2.5, 2.2), (3, 2.5, 1, 2.2), (2, 2.1, 2.2, 4), (4, 2.1, 2.2, 2), (2, 4, 2.1, 2.2),
-    (2, 2.1, 4, 2.2), (2, 4, 1, 3), (2, 2, 1, 3), (2, 1, 1.5, 2), (1, 1e-3, 2e-3, 1.0005),
-    (0.3, 0.7, 0.5, 1.4999), (3.0, 7.0, 4.0, 0.01),
+    (2, 2.1, 4, 2.2), (2, 2, 1, 3), (1, 1e-3, 2e-3, 1.0005), (0.3, 0.7, 0.5, 1.4999),
+    (3.0, 7.0, 4.0, 0.01),
 )  # fmt: skip
 
 
 @pytest.mark.parametrize('angle', [0.0, 0.3, -2.5, 5.5, 100.0])
-@pytest.mark.parametrize('lengths', LIMITED)
+@pytest.mark.parametrize('lengths', [*LIMITED.values(), *MORE_LIMITED])
 def test_ends_of_the_reach_are_where_the_loop_just_closes(lengths, angle):
-    solver = Solver(four_bar(lengths, angle))
-    oracle = Oracle(solver.mechanism)
-    assert not solver.mobility.turns_fully
-    for start, end in solver.mobility.arcs:
+    solver = Solver(made_of(lengths, angle))
+    oracle = oracle_of(solver.mechanism)
+    assert not solver.reach.turns_fully
+    for start, end in solver.reach.arcs:
         assert 0 <= start < TURN
         assert start < end < start + TURN
         step = 0.1 * min(end - start, TURN - (end - start))
         for limit, out in ((start, -step), (end, step)):
             exact = end_by_bisection(oracle, limit - out, limit + out)
-            # Besides the rounding of the angles: the limit is where L = |b - c| or b + c, and
-            # d(theta)/dL = L/(r d sin theta) carries an ulp or two of the lengths into it.
-            r, _, _, d = lengths
-            theta = oracle.theta(exact)
-            L = math.sqrt(r * r + d * d - 2 * r * d * math.cos(theta))
-            slope = L / (r * d * abs(math.sin(theta)))
-            rounding = math.ulp(TURN) + 2 * math.ulp(angle) + 2 * slope * math.ulp(max(lengths))
+            if len(lengths) == 4:
+                # Besides the rounding of the angles: the limit is where L = |b - c| or b + c, and
+                # d(theta)/dL = L/(r d sin theta) carries an ulp or two of the lengths into it.
+                r, _, _, d = lengths
+                theta = oracle.angle(exact)
+                L = math.sqrt(r * r + d * d - 2 * r * d * math.cos(theta))
+                slope, turned = L / (r * d * abs(math.sin(theta))), math.ulp(TURN)
+            else:
+                # The limit is where sin(alpha) = (e -+ b)/r.
+                slope = 1 / (lengths[0] * abs(math.cos(oracle.angle(exact))))
+                turned = math.ulp(limit)
+            longest = max(abs(x) for x in lengths)
+            rounding = turned + 2 * math.ulp(angle) + 2 * slope * math.ulp(longest)
             assert abs(exact - mp.mpf(limit)) <= rounding
 
 
@@ -173,39 +175,36 @@ def test_arcs_are_symmetric_about_the_frame():
 # Equalities.
 
 
+TURNS = dict.fromkeys(CHANGE_POINTS, 2) | dict.fromkeys(
+    ('parallelogram', 'kite_r_b', 'kite_r_b_long_crank', 'rhombus', 'both'), 1
+)
+
+
 @pytest.mark.parametrize('angle', [0.3, 5.5])
-@pytest.mark.parametrize(
-    ('lengths', 'turns'),
-    [
-        ((1, 2, 1, 2), 1), ((1, 1, 2, 2), 1), ((1, 1, 1, 1), 1), ((1, 3, 2.5, 2.2), 1),
-        ((1, 2.5, 1.5, 3), 2), ((2.5, 2, 1.5, 1), 2), ((1, 3.5, 2.5, 2), 2), ((3, 2.5, 1.5, 1), 2),
-        ((1, 2, 2, 1), 2),
-    ],
-)  # fmt: skip
-def test_period_is_the_fewest_turns_after_which_the_motion_repeats(lengths, turns, angle):
-    for assembly in ('open', 'crossed'):
-        linkage = four_bar(lengths, angle, assembly)
-        assert Solver(linkage).mobility.period_turns == turns
-        oracle = Oracle(linkage)
-
-        def angles(crank, oracle=oracle):
-            return oracle.state(crank).position[1:]
-
-        start = angles(1.0)
-        repeats = [
-            max(abs(mp.expj(x) - mp.expj(y)) for x, y in zip(start, after, strict=True)) < 1e-12
-            for after in (angles(1.0 + n * TURN) for n in (1, 2))
+@pytest.mark.parametrize('assembly', ASSEMBLIES)
+@pytest.mark.parametrize('name', [*FULL, *CHANGE_POINTS])
+def test_period_is_the_fewest_turns_after_which_the_motion_repeats(name, assembly, angle):
+    mechanism = made_of({**FULL, **CHANGE_POINTS}[name], angle, assembly)
+    assert Solver(mechanism).reach.period_turns == TURNS.get(name, 1)
+    oracle = oracle_of(mechanism)
+    start, repeats = oracle.state(1.0).position, []
+    for turns in (1, 2):
+        after = oracle.state(1.0 + turns * TURN).position
+        apart = [
+            abs(mp.expj(x) - mp.expj(y)) if is_angle else abs(x - y)
+            for x, y, is_angle in zip(start, after, oracle.turning, strict=True)
         ]
-        assert repeats.index(True) + 1 == turns
+        repeats.append(max(apart[1:]) < 1e-12)
+    assert repeats.index(True) + 1 == TURNS.get(name, 1)
 
 
-@pytest.mark.parametrize('assembly', ['open', 'crossed'])
-def test_one_turn_past_one_change_point_is_the_other_assembly(assembly):
-    other = {'open': 'crossed', 'crossed': 'open'}[assembly]
-    for lengths in ((1, 2.5, 1.5, 3), (1, 3.5, 2.5, 2), (1, 2, 2, 1)):
-        later = Solver(four_bar(lengths, 0.0, assembly)).state(1.0 + TURN).position
-        now = Solver(four_bar(lengths, 0.0, other)).state(1.0).position
-        assert later[1:] == pytest.approx(now[1:], abs=1e-14)
+@pytest.mark.parametrize('assembly', ASSEMBLIES)
+@pytest.mark.parametrize('name', [name for name, turns in TURNS.items() if turns == 2])
+def test_one_turn_past_one_change_point_is_the_other_assembly(name, assembly):
+    lengths, other = CHANGE_POINTS[name], ASSEMBLIES[assembly == 'open']
+    later = Solver(made_of(lengths, 0.0, assembly)).state(1.0 + TURN).position
+    now = Solver(made_of(lengths, 0.0, other)).state(1.0).position
+    assert later[1:] == pytest.approx(now[1:], abs=1e-14)
 
 
 @pytest.mark.parametrize('order', [(0, 1, 2, 3), (3, 1, 2, 0), (1, 0, 3, 2), (2, 1, 0, 3)])
@@ -240,7 +239,7 @@ def test_loop_that_cannot_close_is_refused_when_described(lengths):
     with pytest.raises(
         MechanismError, match=f'longest link, {longest}, is longer .* the loop cannot close; '
     ):
-        four_bar(lengths)
+        made_of(lengths)
 
 
 def test_limits_say_which_lengths_stop_the_crank():
@@ -262,14 +261,6 @@ CURES = {
 }
 
 
-def of(lengths):
-    """The mobility of a four-bar, or of a slider-crank where there are but three lengths."""
-    if len(lengths) == 4:
-        return mobility(lengths)
-    r, b, e = lengths
-    return Solver(SliderCrank(Body(r), Coupler(b), Slider(e))).mobility
-
-
 @pytest.mark.parametrize('lengths', [4, 3])
 def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
     """Four-bars and slider-cranks with random lengths, and with round ones."""
@@ -282,7 +273,7 @@ def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
         if count == 3:
             lengths[2] *= rng.choice([-1, 0, 1])
         try:
-            found = of(lengths)
+            found = mobility(lengths)
         except MechanismError:
             continue  # it cannot be put together
         assert bool(found.cures) != found.turns_fully
@@ -294,16 +285,16 @@ def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
             words = words if count == 4 else f'on a guide: {words}'
             seen.add(words)
             for bound in bounds:
-                assert of(CURES[words](*lengths, bound)).turns_fully, (lengths, cure)
+                assert mobility(CURES[words](*lengths, bound)).turns_fully, (lengths, cure)
             longer = 'lengthen' in words or 'at least' in words
             less = bounds[0] * 0.9999 if longer else bounds[-1] * 1.0001
             if 'crank to at most' not in words or count == 3 or lengths[1] != lengths[2]:
-                assert not of(CURES[words](*lengths, less)).turns_fully, (lengths, cure)
+                assert not mobility(CURES[words](*lengths, less)).turns_fully, (lengths, cure)
     assert seen == {words for words in CURES if (count == 3) == words.startswith('on a guide')}
 
 
 def test_error_of_a_state_carries_the_reach_and_the_cure():
-    solver = Solver(four_bar((4, 2.1, 2.2, 2)))
+    solver = Solver(made_of((4, 2.1, 2.2, 2)))
     with pytest.raises(
         UnreachableError,
         match=r'^the crank of this triple-rocker linkage cannot move at 180 deg: coupler '
@@ -312,14 +303,14 @@ def test_error_of_a_state_carries_the_reach_and_the_cure():
     ) as error:
         solver.state(math.pi)
     assert error.value.crank_angle == math.pi
-    assert error.value.arcs == solver.mobility.arcs
+    assert error.value.arcs == solver.reach.arcs
     assert '\n' not in str(error.value)
 
 
 def test_full_turn_can_be_required():
-    Solver(four_bar((1, 3, 2.5, 2.2))).require_full_turn()
+    Solver(made_of((1, 3, 2.5, 2.2))).reach.require_full_turn()
     with pytest.raises(
         MechanismError,
         match=r'triple-rocker linkage cannot turn fully: .* between 2\.1 and 2\.3 m',
     ):
-        Solver(four_bar((4, 2.1, 2.2, 2))).require_full_turn()
+        Solver(made_of((4, 2.1, 2.2, 2))).reach.require_full_turn()

@@ -22,7 +22,6 @@ import pytest
 from linkage_ros import (
     Body,
     Coupler,
-    EquationsOfMotion,
     FourBar,
     Frame,
     Guide,
@@ -370,9 +369,7 @@ def test_the_urdf_of_every_preset_loads(preset, prefix):
     mechanism = load(preset).mechanism
     model = mujoco.MjModel.from_xml_string(make_urdf(mechanism, prefix))
     joints = [model.joint(number).name for number in range(model.njnt)]
-    assert joints == [
-        f'{prefix}{joint.name}' for joint in EquationsOfMotion(mechanism).structure.joints
-    ]
+    assert joints == [f'{prefix}{joint.name}' for joint in mechanism.structure().links]
     bodies = {model.body(number).name for number in range(1, model.nbody)}
     assert bodies == {f'{joint}_link' for joint in joints}
 

@@ -27,7 +27,7 @@ from ros_harness import (
 )
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.mechanisms.registry import MECHANISMS
+from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
 from linkage_ros.parameters.presets import preset_path

@@ -117,7 +117,7 @@ def test_the_multipliers_shrink_phase_space_as_resistance_does(analysis, number)
     state = analysis.states[number]
     x, _, w, _ = analysis.poincare.orbit(np.array([state.point]).T, state.torque, 512)[..., 0]
     crank = np.linspace(0, 2 * math.pi, 513)
-    (m11, m12), (_, m22) = analysis.poincare.equations.matrix((crank, x))
+    (m11, m12), (_, m22) = analysis.poincare.solver.matrix((crank, x))
     shrink = (MOTOR.damping * m22 + PUMP.slider.damping * m11) / (m11 * m22 - m12 * m12)
     expected = math.exp(-2 * math.pi * np.mean((shrink / w)[:-1]))
     assert math.prod(state.multipliers) == pytest.approx(expected, rel=1e-7)
@@ -228,7 +228,7 @@ def test_a_flow_of_many_follows_each_as_the_map_does(analysis):
     # This one comes to the edge, where coupler and rod are in one line.
     assert spans[2] < 1e-7
     assert times[2] < 0.3
-    sine, words = analysis.poincare.equations.dyad(phases[:2, 2].tolist())
+    sine, words = analysis.poincare.solver.alignment(phases[:2, 2].tolist())
     assert sine < 1e-3
     assert words.endswith('stretched')
 
@@ -307,7 +307,7 @@ def test_every_bar_comes_to_its_end(analysis, bars):
 
 
 def test_a_run_that_leaves_says_where(analysis):
-    found = follow_run(analysis.poincare.equations, MOTOR, (1.5, 6.0, 2.0), 9.0, 'fast')
+    found = follow_run(analysis.poincare.solver, MOTOR, (1.5, 6.0, 2.0), 9.0, 'fast')
     assert 'the motion ends at t = 0.2' in found.ended
     assert found.record()['ended'] == found.ended
 

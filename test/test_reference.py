@@ -11,7 +11,7 @@ from dataclasses import MISSING
 import pytest
 from pages import ROOT, load_reference, read
 
-from linkage_ros.mechanisms.registry import MECHANISMS
+from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, parameter_leaves
 from linkage_ros.quantities import Leaf, Quantity

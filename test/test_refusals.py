@@ -271,7 +271,7 @@ EQUAL_ROD = SliderCrank(Body(1.0), Coupler(1.0), Slider(mass=1.0))
 OFFSET = SliderCrank(Body(2.0), Coupler(2.5), Slider(1.0))
 
 CANNOT_MOVE = 'the crank of this triple-rocker linkage cannot move at'
-OVERFLOW = 'the torque overflows at a speed up to 1e+200 rad/s … 0 rad/s^2: lower them'
+OVERFLOW = 'the torque or an acceleration overflows at … crank speed = 1e+200…: lower them'
 BAD_CALLS = [
     # Parts and mechanisms.
     (lambda: Body(-1.0), f'length = -1.0: {A_LENGTH}'),
@@ -301,12 +301,18 @@ BAD_CALLS = [
     (lambda: state(STRETCHED, [0.1, 3.0, 3.1]), f'{CANNOT_MOVE} 171.887339 deg: … reaches …'),
     (lambda: state(OFFSET, -math.pi / 2), '… cannot move at -90 deg: … it reaches … deg'),
     (lambda: state(OFFSET, np.full((2, 2), 5.0)), '… cannot move at 286.478898 deg: … reaches …'),
-    (lambda: Solver(STRETCHED).require_full_turn(), '… cannot turn fully: … it reaches … deg'),
+    (
+        lambda: Solver(STRETCHED).reach.require_full_turn(),
+        '… cannot turn fully: … it reaches … deg',
+    ),
     (lambda: state(CRANK_ROCKER, NAN), 'crank angle = nan: must be a finite number'),
     (lambda: state(CRANK_ROCKER, [0.0, -INF]), 'crank angle = -inf: must be a finite number'),
-    (lambda: state(CENTRIC, 0.0, INF), 'speed = inf: must be a finite number'),
-    (lambda: state(CENTRIC, [0.0, 1.0], [1.0, NAN]), 'speed = nan: must be a finite number'),
-    (lambda: state(CRANK_ROCKER, 0.0, 1.0, NAN), 'acceleration = nan: must be a finite number'),
+    (lambda: state(CENTRIC, 0.0, INF), 'crank speed = inf: must be a finite number'),
+    (lambda: state(CENTRIC, [0.0, 1.0], [1.0, NAN]), 'crank speed = nan: must be a finite number'),
+    (
+        lambda: state(CRANK_ROCKER, 0.0, 1.0, NAN),
+        'crank acceleration = nan: must be a finite number',
+    ),
     (lambda: state(TRACED, 1.0, 1e200), OVERFLOW),
     (lambda: state(CENTRIC, [1.0, 2.0], 1e200), OVERFLOW),
     (
@@ -428,7 +434,7 @@ def test_crank_that_cannot_turn_is_refused_with_class_and_reach(
 @pytest.mark.parametrize(('kind', 'grashof', 'lengths', 'stops', 'cure'), LIMITED)
 def test_state_out_of_reach_is_refused_with_the_same_words(kind, grashof, lengths, stops, cure):
     solver = Solver(described(kind, lengths))
-    full = refused(solver.require_full_turn, '…', MechanismError)
+    full = refused(solver.reach.require_full_turn, '…', MechanismError)
     crank = reach(full)[0][1] + 0.02
     words = refused(lambda: solver.state(crank, 1.0), '…', UnreachableError)
     assert words == full.replace('turn fully', f'move at {math.degrees(crank):.9g} deg')

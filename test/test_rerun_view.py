@@ -67,7 +67,7 @@ def run_of(configuration, count, rate=200, start=0):
         stamp = start + tick * 10**9 // rate
         crank = motion.at(stamp)
         state = solver.state(crank.angle, crank.speed, crank.acceleration)
-        values = joint_values(solver.structure.joints, state, crank)
+        values = joint_values(solver.structure.links, state, crank)
         samples.append(Sample(stamp, values.position, values.velocity, values.effort))
         angles.append(state.position)
     return samples, np.array(angles)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from linkage_ros import ConfigurationError, EquationsOfMotion, LogError, MotionError, Solver
+from linkage_ros import ConfigurationError, LogError, MotionError, Solver
 from linkage_ros import record as recorder
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
@@ -224,9 +224,9 @@ def test_a_record_of_a_free_pump_keeps_its_energy_for_a_minute(tmp_path, speed):
     )  # fmt: skip
     assert record(free, tmp_path / 'run.mcap', duration=60) == 12_000
     _, values = states(tmp_path / 'run.mcap')
-    equations = EquationsOfMotion(free.mechanism)
+    solver = Solver(free.mechanism)
     (crank, *_, slide), (speed_, *_, velocity) = values[:, 0].T, values[:, 1].T
-    energy = sum(equations.energy((crank, slide), (speed_, velocity)))
+    energy = sum(solver.energy((crank, slide), (speed_, velocity)))
     assert np.abs(energy - energy[0]).max() < 1e-10 * abs(energy[0])
     assert crank[-1] > 12 * math.pi
 
@@ -507,9 +507,9 @@ def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
 )
 def test_held_torque_of_a_constant_speed_keeps_it_as_far_as_it_is_in_time(delay, low, high):
     """Held over ticks of 1 ms, computed for a moment that many ticks before their middle."""
-    equations, speed = EquationsOfMotion(QUADRILATERAL.mechanism), 5 * math.pi
+    solver, speed = Solver(QUADRILATERAL.mechanism), 5 * math.pi
     drive = configure({'drive': 'torque', 'start_rpm': 150.0}).drive
-    solver, plant, worst = Solver(QUADRILATERAL.mechanism), Plant(equations, drive), 0.0
+    plant, worst = Plant(solver, drive), 0.0
     for tick in range(4000):
         crank = math.remainder(speed * (tick + 0.5 - delay) * 1e-3, 4 * math.pi)
         plant.drive(0.0, solver.state(crank, speed).torque)

@@ -15,7 +15,6 @@ from oracle_pump_symbolic import lagrange
 from linkage_ros import (
     Body,
     Coupler,
-    EquationsOfMotion,
     FourBar,
     Frame,
     LinkageError,
@@ -25,7 +24,7 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.mechanisms.parts import Guide, Slider
+from linkage_ros.model.parts import Guide, Slider
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
@@ -48,13 +47,13 @@ def idle(_, __):
 
 
 def begun(integrate, mechanism, phase, law=idle, **options):
-    return integrate(DrivenMechanism(EquationsOfMotion(mechanism), law), phase, **options)
+    return integrate(DrivenMechanism(Solver(mechanism), law), phase, **options)
 
 
 def energy(steps):
     count = len(steps.phase) // 2
-    equations = steps.driven.equations
-    return sum(equations.energy(steps.phase[:count], steps.phase[count:]))
+    solver = steps.driven.solver
+    return sum(solver.energy(steps.phase[:count], steps.phase[count:]))
 
 
 # ---------------------------------------------------------------- right
@@ -210,7 +209,7 @@ def limited_rest():
     solver = Solver(LIMITED)
     low, high = solver.mobility.arcs[0]
     cranks = np.linspace(low + 0.05, high - 0.05, 2000)
-    potential = EquationsOfMotion(LIMITED).energy((cranks,), (0.0,))[1]
+    potential = solver.energy((cranks,), (0.0,))[1]
     return float(cranks[np.argmin(potential)]), (low, high)
 
 
@@ -247,11 +246,11 @@ def test_change_points_that_are_missed_by_a_hair_are_passed(integrate, gap):
 def test_a_swing_that_turns_back_next_to_its_dead_centre_goes_on(integrate, sine):
     """Released at rest there; where it comes back, it has its energy."""
     low, high = limited_rest()[1]
-    equations = EquationsOfMotion(LIMITED)
+    solver = Solver(LIMITED)
     inside, outside = limited_rest()[0], high
     while outside - inside > 1e-15:
         middle = 0.5 * (inside + outside)
-        near = middle < high and equations.dyad((middle,))[0] < sine
+        near = middle < high and solver.alignment((middle,))[0] < sine
         inside, outside = (inside, middle) if near else (middle, outside)
     steps = begun(integrate, LIMITED, (inside, 0.0))
     start, angles = energy(steps), []
@@ -284,7 +283,7 @@ def test_a_stretched_dyad_ends_the_motion_with_time_and_place(integrate, velocit
         steps.advance(2.0)
     error = raised.value
     assert error.time == pytest.approx(time, abs=5e-6)
-    assert steps.driven.equations.dyad(error.coordinates)[0] < 0.01
+    assert steps.driven.solver.alignment(error.coordinates)[0] < 0.01
     assert f't = {error.time:.6g} s' in str(error)
     assert 'slider at' in str(error)
     assert 'start slower' in str(error)

@@ -97,7 +97,7 @@ def positions_at(mechanism, stamp, motion):
     crank = motion.at(stamp)
     solver = Solver(mechanism)
     state = solver.state(crank.angle, crank.speed, crank.acceleration)
-    values = joint_values(solver.structure.joints, state, crank)
+    values = joint_values(solver.structure.links, state, crank)
     return dict(zip(JOINTS, values.position, strict=True))
 
 
@@ -208,7 +208,7 @@ def test_a_slider_is_a_prismatic_joint_along_its_guide(preset):
     for stamp in STAMPS[::20]:
         crank = MOTION.at(stamp)
         state = solver.state(crank.angle, crank.speed, crank.acceleration)
-        position = joint_values(solver.structure.joints, state, crank).position
+        position = joint_values(solver.structure.links, state, crank).position
         # The coupler's end, by way of the two turning joints, is the slider's origin.
         a = mechanism.crank.length * cmath.exp(1j * position[0])
         end = a + mechanism.coupler.length * cmath.exp(1j * (position[0] + position[1]))

@@ -6,6 +6,7 @@ import numpy as np
 from contract import Peer
 
 from linkage_ros import Solver
+from linkage_ros.methods.rates import analytic
 from linkage_ros.numeric import SCALAR
 
 
@@ -14,26 +15,22 @@ class Adapter(Peer):
 
     name = 'linkage_ros'
     how = (
-        'Solver.state, each state by itself. It always computes the torque; without it, '
-        'Solver.kinematics.solve, its rates and curvatures multiplied by the speed.'
+        'Solver.state, each state by itself. It always computes the torque; without it, the '
+        'program of the pose alone, its rates and curvatures multiplied by the speed.'
     )
 
     def __init__(self, mechanism, speed, first):
         super().__init__(mechanism, speed, first)
-        solver = Solver(mechanism)
-        self.state, self.solve = solver.state, solver.kinematics.solve
-        self.solver, self.limited = solver, not solver.mobility.turns_fully
+        self.state, self.pose = Solver(mechanism).state, analytic(mechanism, SCALAR).second
 
     def torque(self, angles):
         state, speed = self.state, self.speed
         return [state(angle, speed) for angle in angles]
 
     def kinematics(self, angles):
-        solve, speed, square, rows = self.solve, self.speed, self.speed**2, []
+        pose, speed, square, rows = self.pose, self.speed, self.speed**2, []
         for angle in angles:
-            if self.limited:
-                self.solver.kinematics.require_reachable(angle, SCALAR)
-            (_, beta, gamma), _, _, ((_, k2, k3),), ((_, c2, c3),) = solve(angle, SCALAR)
+            (beta, gamma), (k2, k3), (c2, c3) = pose(angle)
             rows.append((beta, gamma, k2 * speed, k3 * speed, c2 * square, c3 * square))
         return rows
 

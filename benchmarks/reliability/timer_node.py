@@ -35,7 +35,7 @@ def main() -> None:
         late.append(round((stamp.nanoseconds - origin) % (period * 1e9)))
         crank = motion.at(stamp.nanoseconds)
         state = machine.solver.state(crank.angle, crank.speed, crank.acceleration)
-        position, velocity, _, effort = joint_values(machine.solver.structure.joints, state, crank)
+        position, velocity, _, effort = joint_values(machine.solver.structure.links, state, crank)
         message = JointState(
             name=machine.joints, position=position, velocity=velocity, effort=effort
         )

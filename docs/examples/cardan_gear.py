@@ -1,109 +1,188 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The Cardan gear: a pinion on the crank rolls in a fixed ring of twice its size.
+"""A mechanism and a load of your own: a Cardan gear with a spring on its slider.
 
-It turns back as fast as the crank turns, and a pin on its rim runs along a diameter, the guide of
-direction delta: beta = 2 delta - alpha, and the slider is at x = 2 r cos(alpha - delta).
+A pinion on the crank rolls in a fixed ring of twice its size. It turns back as fast as the crank
+turns, so that a pin on its rim runs along a diameter of the ring, the guide of direction delta:
+
+    beta = 2 delta - alpha        x = 2 r cos(alpha - delta)
+
+Importing this file makes `mechanism: cardan_gear` known to every program of the package.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import NamedTuple
 
 from linkage_ros.errors import MechanismError
-from linkage_ros.mechanisms.links import Links
-from linkage_ros.mechanisms.parts import Body, Coupler, Guide, Slider, gravity_quantity
-from linkage_ros.mechanisms.structure import Joint, Point, SlidingBody, Structure, TurningBody
-from linkage_ros.mechanisms.transmission import TransmissionMap
-from linkage_ros.numeric import HALF_PI, Functions, Real, two_sum
+from linkage_ros.formulas import Vector, atan2, cos, sin
+from linkage_ros.model.loads import LinkLoad, Load
+from linkage_ros.model.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
+from linkage_ros.model.pose import LinkPose, Pose
+from linkage_ros.model.reach import Reach
+from linkage_ros.model.registry import MECHANISMS
+from linkage_ros.model.structure import Link, Mechanism, Point, Structure
+from linkage_ros.numeric import Real, two_sum
 from linkage_ros.quantities import Checked, quantity
 
 
 @dataclass(frozen=True)
-class CardanGear(Checked):
-    """Crank A0-A, coupler A-B on the pinion and as long as the crank, slider at B."""
+class Spring(Checked):
+    """A linear spring between the frame and the slider.
+
+    Attributes:
+        stiffness: N/m; 0: there is no spring.
+        rest_position: Slider position at which the spring is relaxed, m.
+    """
+
+    stiffness: float = quantity(
+        'number', 'stiffness of the spring on the slider', 'N/m', span=(0.0, 1e12), default=0.0
+    )
+    rest_position: float = quantity(
+        'number', 'slider position at which the spring is relaxed', 'm',
+        span=(-1e9, 1e9), default=0.0,
+    )  # fmt: skip
+
+
+class SpringLoad(NamedTuple):
+    """The spring as a load: see `linkage_ros.model.loads.Load`.
+
+    Attributes:
+        link: Index of the link that it pushes.
+        stiffness: N/m.
+        rest_position: m.
+    """
+
+    link: int
+    stiffness: float
+    rest_position: float
+
+    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real | None]) -> dict[int, Real]:
+        """The force along the guide, N."""
+        del rates
+        stretch = links[self.link].position - self.rest_position
+        return {self.link: -(self.stiffness * stretch)}
+
+    def resistance(self, rates: Sequence[Real | None]) -> dict[int, Real]:
+        """No part of the force takes power for good."""
+        del rates
+        return {}
+
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """The energy in the spring, J."""
+        stretch = links[self.link].position - self.rest_position
+        return 0.5 * self.stiffness * (stretch * stretch)
+
+
+class CardanLoop(NamedTuple):
+    """The constants of the kinematics.
+
+    Attributes:
+        radius: Length r of crank and coupler, m.
+        angle: Direction delta of the guide, rad.
+        guide: Its unit vector.
+    """
+
+    radius: float
+    angle: float
+    guide: Vector
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """Where the links are at a crank angle, with the first and second derivatives."""
+        (crank,) = q
+        angle, error = two_sum(crank, -self.angle)
+        sine, cosine = sin(angle), cos(angle)
+        # Near a quarter turn the rounding of the difference is as large as the cosine's digits.
+        sine, cosine = sine + error * cosine, cosine - error * sine
+        x, y = 2 * self.radius * cosine, 2 * self.radius * sine
+        along, across = self.guide * cosine, self.guide.left() * sine
+        forth, back = along + across, along - across
+        return Pose(
+            (
+                LinkPose(crank, forth.x, forth.y, (1.0,), (None,)),
+                LinkPose(atan2(back.y, back.x), back.x, back.y, (-1.0,), (None,)),
+                LinkPose(x, self.guide.x, self.guide.y, (-y,), (-x,)),
+            ),
+            (),
+        )
+
+
+@dataclass(frozen=True)
+class CardanGear(Mechanism):
+    """Crank A0-A, coupler A-B on the pinion and as long as the crank, slider at B.
+
+    Attributes:
+        crank: Driven link, from A0, the origin.
+        coupler: From the crank pin A to B; the pinion is a part of it.
+        slider: At B; its position counts along the guide from A0.
+        spring: Between the frame and the slider.
+        frame: Direction of the guide.
+        assembly: There is one only.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+    """
 
     crank: Body
     coupler: Coupler
     slider: Slider = field(default_factory=Slider)
+    spring: Spring = field(default_factory=Spring)
     frame: Guide = field(default_factory=Guide)
-    assembly: str = quantity(
-        'choice', 'side of the crank pin on which the slider is', choices=('open',), default='open'
-    )
+    assembly: str = quantity('choice', 'the only assembly', choices=(OPEN,), default=OPEN)
     gravity: tuple[float, float] = gravity_quantity()
-    grashof: ClassVar[str] = 'crank-slider'
-    sums: ClassVar[dict[str, tuple[float, ...]]] = {}  # whose vanishing were a change point
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.coupler.length != self.crank.length or self.slider.offset:
-            raise MechanismError('coupler.length must be crank.length, and slider.offset 0')
+        r, b, e = self.crank.length, self.coupler.length, self.slider.offset
+        if b != r or e:
+            raise MechanismError(
+                f'coupler.length = {b:g} and slider.offset = {e:g}: in a Cardan gear they must be '
+                f'crank.length = {r:g} and 0'
+            )
 
-    @property
-    def longest(self) -> float:
-        """The longest link, m."""
-        return self.crank.length
+    def loop(self) -> CardanLoop:
+        """The constants of the pose."""
+        angle = self.frame.angle
+        return CardanLoop(self.crank.length, angle, Vector(math.cos(angle), math.sin(angle)))
 
-    def limits(self, **_: bool) -> tuple[str, ...]:
-        """What stops the crank, and what would free it: nothing."""
-        return ()
+    def reach(self) -> Reach:
+        """What the crank can do: it turns through every angle, and nowhere suddenly."""
+        return Reach('crank-slider')
 
-    cures = limits
+    def loads(self) -> tuple[Load, ...]:
+        """External force and resistance on the slider, and its spring."""
+        slider, spring = self.slider, self.spring
+        loads: list[Load] = []
+        if slider.force or slider.damping:
+            loads.append(LinkLoad(2, slider.force or None, slider.damping or None))
+        if spring.stiffness:
+            loads.append(SpringLoad(2, spring.stiffness, spring.rest_position))
+        return tuple(loads)
 
-
-class CardanGearKinematics:
-    """The constants of one Cardan gear, and its position at a crank angle."""
-
-    side = 1.0
-
-    def __init__(self, mechanism: CardanGear) -> None:
-        self.structure = structure(mechanism)
-        self._radius, self._angle = mechanism.crank.length, mechanism.frame.angle
-        self._guide = math.cos(self._angle), math.sin(self._angle)
-        # The angle between the coupler and the guide's normal grows as the crank's.
-        high, low = two_sum(self._angle, -HALF_PI[0])
-        self.map = TransmissionMap((high, low - HALF_PI[1]), 1.0, p=0.0, q=0.0, far=1.0, near=1.0)
-
-    def locate(self, crank: Real, functions: Functions) -> tuple[Real, Real]:
-        """The position alone, to the bits of `solve`."""
-        (_, coupler, place), *_ = self.solve(crank, functions)
-        return coupler, place
-
-    def solve(self, crank: Real, functions: Functions) -> Links:
-        """The position and its derivatives."""
-        angle, error = two_sum(crank, -self._angle)
-        sin, cos = functions.sin(angle), functions.cos(angle)
-        # Near a quarter turn the rounding of the difference is as large as the cosine's digits.
-        sin, cos = sin + error * cos, cos - error * sin
-        (gx, gy), x, y = self._guide, 2 * self._radius * cos, 2 * self._radius * sin
-        bx, by = gx * cos + gy * sin, gy * cos - gx * sin
-        return (
-            (crank, functions.atan2(by, bx), x),
-            (gx * cos - gy * sin, bx, gx),
-            (gx * sin + gy * cos, by, gy),
-            ((1.0, -1.0, -y),),
-            ((0.0, 0.0, -x),),
+    def structure(self) -> Structure:
+        """How the links hang together: the loop is cut at B."""
+        crank, coupler, slider = self.crank, self.coupler, self.slider
+        r = complex(crank.length)
+        points = {
+            'A0': Point((0j, 0j, 0j)),
+            'A': Point((r, 0j, 0j)),
+            'B': Point((r, r, 0j)),
+        }
+        if coupler.point is not None:
+            points['C'] = Point((r, complex(*coupler.point), 0j))
+        centers = Point((complex(*crank.center), 0j, 0j)), Point((r, complex(*coupler.center), 0j))
+        return Structure(
+            (
+                Link('crank', crank.mass, crank.inertia, centers[0]),
+                Link('coupler', coupler.mass, coupler.inertia, centers[1], parent=0, origin=r),
+                Link('slider', slider.mass, 0.0, points['B'], angle=self.frame.angle, slides=True),
+            ),
+            points,
+            # No pins: how the teeth of ring and pinion share the load is not modelled, so that
+            # joint forces are refused.
+            closure=points['B'],
         )
 
 
-def structure(mechanism: CardanGear) -> Structure:
-    """How the links hang together: the loop is cut at B."""
-    crank, coupler, slider = mechanism.crank, mechanism.coupler, mechanism.slider
-    r = complex(crank.length)
-    points = {'A0': Point((0j, 0j, 0j)), 'A': Point((r, 0j, 0j)), 'B': Point((r, r, 0j))}
-    if coupler.point is not None:
-        points['C'] = Point((r, complex(*coupler.point), 0j))
-    centers = Point((complex(*crank.center), 0j, 0j)), Point((r, complex(*coupler.center), 0j))
-    guided = Joint('slider', 2, None, 0j, mechanism.frame.angle, slides=True)
-    return Structure(
-        (Joint('crank', 0, None, 0j), Joint('coupler', 1, 0, r), guided),
-        points,
-        (
-            TurningBody(0, crank.mass, crank.inertia, centers[0]),
-            TurningBody(1, coupler.mass, coupler.inertia, centers[1]),
-        ),
-        points['B'],
-        SlidingBody(2, slider.mass, slider.force, slider.damping),
-    )
+MECHANISMS['cardan_gear'] = CardanGear

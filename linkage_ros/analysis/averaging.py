@@ -23,9 +23,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
@@ -77,7 +77,7 @@ class Averaging:
     """The averaged equations of one pump."""
 
     def __init__(self, mechanism: WindPump) -> None:
-        self._mechanism, self._equations = mechanism, EquationsOfMotion(mechanism)
+        self._mechanism, self._solver = mechanism, Solver(mechanism)
         self._angles = np.arange(_PARTS) * (2 * math.pi / _PARTS)
         self._weights = np.array((np.ones(_PARTS), np.cos(self._angles), np.sin(self._angles)))
 
@@ -167,8 +167,8 @@ class Averaging:
         phi = np.broadcast_to(self._angles, x.shape)
         q, u = (phi.ravel(), x.ravel()), ((w + 0 * x).ravel(), v.ravel())
         # R = M q'' + h - Q is M (q'' - the q'' of a motion without a motor).
-        spin, push = np.reshape(self._equations.accelerations(q, u, 0.0), (2, *x.shape))
-        (m11, m12), (_, m22) = np.reshape(self._equations.matrix(q), (2, 2, *x.shape))
+        spin, push = np.reshape(self._solver.accelerations(q, u, 0.0), (2, *x.shape))
+        (m11, m12), (_, m22) = np.reshape(self._solver.matrix(q), (2, 2, *x.shape))
         rest = w * w * (mean - x) - push
         force = m22 * rest - m12 * spin
         torque = m12 * rest - m11 * spin

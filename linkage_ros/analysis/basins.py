@@ -14,7 +14,7 @@ import numpy.typing as npt
 from linkage_ros.analysis.ensemble import Ensemble
 from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
@@ -42,7 +42,7 @@ class Neighbourhoods:
             poincare: The Poincare map.
             states: All of them; motions come to the stable ones.
         """
-        self._length = poincare.equations.mechanism.crank.length
+        self._length = poincare.solver.mechanism.crank.length
         self._angles = np.linspace(0, 2 * math.pi, _PARTS + 1)
         self._courses = []
         for number, state in enumerate(states):

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
-from linkage_ros.mechanisms.wind_pump import WindPump
-from linkage_ros.mechanisms.wind_pump_kinematics import WindPumpKinematics
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
-from linkage_ros.numeric import ARRAY, Array
+from linkage_ros.numeric import Array
 
 _TOLERANCE = 1e-6  # of a step, in rad and crank lengths, and of rates the same or relative
 _GROWTH = (0.2, 4.0)  # of a step, least and most
@@ -29,8 +28,8 @@ class Ensemble:
 
     def __init__(self, mechanism: WindPump, motor: Motor) -> None:
         self._motor = motor
-        self._equations = EquationsOfMotion(mechanism)
-        self._margins = WindPumpKinematics(mechanism).margins
+        self._solver = Solver(mechanism)
+        self._margins = mechanism.loop().margins
         self._length = mechanism.crank.length
 
     def advance(self, phases: Array, spans: Array) -> tuple[Array, Array, Array]:
@@ -70,11 +69,11 @@ class Ensemble:
     def _slope(self, phases: Array) -> Array:
         """The rates of phases; nan for those out of reach."""
         slopes = np.full_like(phases, np.nan)
-        stretched, folded, _ = self._margins(phases[0], phases[1], ARRAY)
+        stretched, folded, _ = self._margins((phases[0], phases[1]))
         edge = _EDGE * self._length**2
         inside = (np.minimum(stretched, folded) > edge) & (abs(phases[2:]) < _FASTEST).all(axis=0)
         if inside.any():
             phi, x, w, v = phases[:, inside]
             torque = self._motor.torque - self._motor.damping * w
-            slopes[:, inside] = w, v, *self._equations.accelerations((phi, x), (w, v), torque)
+            slopes[:, inside] = w, v, *self._solver.accelerations((phi, x), (w, v), torque)
         return slopes

@@ -138,7 +138,7 @@ def find_motions(
 
 def _newton(poincare: PoincareMap, guesses: Array, wanted: Wanted) -> list[PeriodicMotion | None]:
     z = guesses.copy()
-    length = poincare.equations.mechanism.crank.length
+    length = poincare.solver.mechanism.crank.length
     for _ in range(_ITERATIONS):
         ends, slopes = _linearised(poincare, z, length)
         residual, jacobian = ends - z, slopes - np.eye(4)

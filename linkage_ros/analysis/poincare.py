@@ -19,9 +19,9 @@ from typing import NoReturn
 import numpy as np
 from scipy.integrate import DOP853
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import MotionError
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array, Real
 
 _TOLERANCE = 1e-13  # relative, and absolute in crank lengths, rad/s and s
@@ -35,12 +35,12 @@ class PoincareMap:
     """The map of one pump whose motor's torque falls with the crank speed.
 
     Attributes:
-        equations: Of motion.
+        solver: Of the mechanism.
         damping: What the motor's torque loses per crank speed, N m s.
     """
 
     def __init__(self, mechanism: WindPump, damping: float) -> None:
-        self.equations, self.damping = EquationsOfMotion(mechanism), damping
+        self.solver, self.damping = Solver(mechanism), damping
 
     def image(self, points: Array, torque: Real) -> Array:
         """Where motions are after a turn.
@@ -92,12 +92,12 @@ class PoincareMap:
             x, v, w, _ = flat.reshape(4, motions)
             if not (w > least).all():
                 _refuse(angle, flat, int(np.argmin(w / least)))
-            spin, push = self.equations.accelerations(
+            spin, push = self.solver.accelerations(
                 (np.full(motions, angle), x), (w, v), torque - self.damping * w
             )
             return (np.array((v, push, spin, np.ones(motions))) / w).ravel()
 
-        length = self.equations.mechanism.crank.length
+        length = self.solver.mechanism.crank.length
         units = np.repeat((length, length, 1.0, 1.0), motions)
         start = np.vstack((points, np.zeros(motions))).ravel()
         steps = DOP853(

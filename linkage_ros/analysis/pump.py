@@ -23,8 +23,8 @@ from linkage_ros.analysis.periodic import PeriodicMotion
 from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.runs import START_SPEED, Run, follow_run
 from linkage_ros.analysis.sensitivity import Sensitivity, sensitivities
-from linkage_ros.dynamics.equations import EquationsOfMotion
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.quantities import Quantity
 
@@ -136,7 +136,7 @@ def analyse(
     basins = find_basins(mechanism, motor, near, grid, settling_time(states, _NEAR, top), progress)
     duration = settling_time(states, 10 * _SETTLED if quick else _SETTLED, top)
     runs = [
-        follow_run(poincare.equations, motor, point, duration, name)
+        follow_run(poincare.solver, motor, point, duration, name)
         for name, point in progress(_starts(mechanism, speeds, states), 'runs')
     ]
     ends = near.locate(np.array([run.phase for run in runs]).T).tolist()
@@ -161,10 +161,10 @@ def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float])
     """
     _FORWARDS.clean('motor.torque', motor.torque)
     slider = mechanism.slider
-    equations = EquationsOfMotion(mechanism)
+    solver = Solver(mechanism)
     for speed in speeds:
         START_SPEED.clean('start speed', speed)
-        equations.accelerations((0.0, slider.position), (speed, slider.velocity), motor.torque)
+        solver.accelerations((0.0, slider.position), (speed, slider.velocity), motor.torque)
 
 
 def _starts(

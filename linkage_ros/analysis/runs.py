@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import MotionError
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
@@ -69,7 +69,7 @@ class Run(NamedTuple):
 
 
 def follow_run(
-    equations: EquationsOfMotion,
+    solver: Solver,
     motor: Motor,
     point: tuple[float, float, float],
     duration: float,
@@ -78,7 +78,7 @@ def follow_run(
     """Follows a motion from crank angle 0.
 
     Args:
-        equations: Of motion.
+        solver: Of the pump.
         motor: Of the pump.
         point: Slider position, m, its velocity, m/s, and crank speed, rad/s, at the start.
         duration: s.
@@ -91,7 +91,7 @@ def follow_run(
         LinkageError: It cannot even begin.
     """
     x, v, w = point
-    driven = DrivenMechanism(equations, motor.law())
+    driven = DrivenMechanism(solver, motor.law())
     # A fiftieth of a turn at most, at the start and as fast as the motor can.
     fastest = motor.torque / motor.damping if motor.damping else 0.0
     step = 2 * math.pi / 50 / max(w, fastest)

@@ -14,7 +14,7 @@ from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.analysis.pump import require_forwards
 from linkage_ros.dynamics.period import Period, mean
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 
 _PARTS = 720  # of a turn
@@ -50,15 +50,15 @@ class SettledTurn(Period):
             LinkageError: The motion leaves what the coordinates describe, or the crank stops.
         """
         poincare, self.motion = _settle(mechanism, motor, speed, progress)
-        equations = poincare.equations
+        solver = poincare.solver
         points = np.array([self.motion.point]).T
         x, v, w, _ = poincare.orbit(points, motor.torque, _PARTS)[..., 0]
         crank = np.linspace(0, 2 * math.pi, _PARTS + 1)
         applied = motor.torque - motor.damping * w
         q, u = (crank, x), (w, v)
-        state = equations.state(q, u, equations.accelerations(q, u, applied))
+        state = solver.state(q, u, solver.accelerations(q, u, applied))
         super().__init__(
-            mechanism, equations.structure, crank, state,
+            solver, crank, state,
             speed=self.motion.speed, mean_power=mean(crank, applied) * self.motion.speed,
         )  # fmt: skip
 

@@ -8,8 +8,8 @@ import argparse
 
 from linkage_ros.chart_commands.output import about, folder, progress, save_records
 from linkage_ros.chart_commands.presets import moving_presets, preset
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.slider_crank import SliderCrank
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.slider_crank import SliderCrank
 
 
 def accuracy(options: argparse.Namespace) -> None:

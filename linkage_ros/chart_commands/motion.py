@@ -11,8 +11,8 @@ from linkage_ros.chart_commands.output import folder, progress, save_table
 from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanisms.registry import Linkage
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file
@@ -53,7 +53,7 @@ def motion(options: argparse.Namespace) -> None:
 
 
 def _driven(
-    options: argparse.Namespace, mechanism: Linkage, drive: Drive
+    options: argparse.Namespace, mechanism: Mechanism, drive: Drive
 ) -> tuple[Period, list[str]]:
     """A period at a given speed, and words about it: its class, and lines.
 
@@ -69,7 +69,7 @@ def _driven(
         mechanism, radians_per_second(rpm), options.acceleration, reactions=options.reactions
     )
     accelerated = f', {options.acceleration:g} rad/s^2' if options.acceleration else ''
-    grashof = period.solver.mobility.grashof
+    grashof = period.solver.reach.grashof
     return period, [grashof, f'{rpm:g} rpm{accelerated}', *travel(period.solver).words()]
 
 

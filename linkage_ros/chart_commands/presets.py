@@ -7,10 +7,10 @@ from __future__ import annotations
 from typing import TypeVar, cast
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.registry import Mechanism
-from linkage_ros.mechanisms.wind_pump import WindPump
 from linkage_ros.methods.problems import ChartMechanisms
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path

@@ -8,7 +8,7 @@ import argparse
 
 from linkage_ros.chart_commands.output import folder, progress, save_records
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file

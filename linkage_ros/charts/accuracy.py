@@ -43,6 +43,7 @@ _STYLES = {
     'power balance': Style('h', BLACK, size=7),
     'constrained Newton-Euler': Style('X', BLACK, size=7),
 }
+_OTHER = Style('d', DARK, filled=False)  # of a method from outside the package
 
 
 def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None:
@@ -84,7 +85,7 @@ def _series(point: Measurement) -> tuple[str, bool]:
 
 
 def _style(point: Measurement) -> Style:
-    return _STYLES[point.method]._replace(dotted=_series(point)[1])
+    return _STYLES.get(point.method, _OTHER)._replace(dotted=_series(point)[1])
 
 
 def _words(point: Measurement) -> str:
@@ -93,7 +94,7 @@ def _words(point: Measurement) -> str:
     if not values:
         return ''
     name = 'steps' if _series(point)[1] else next(iter(values))
-    return f'{_SHORT[name]}{values[name]}'
+    return f'{_SHORT.get(name, f"{name}=")}{values[name]}'
 
 
 def _values(setting: str) -> dict[str, str]:
@@ -105,7 +106,7 @@ def _add_legend(figure: Figure) -> None:
     handles = [
         method_handle(method, style._replace(size=style.size * 0.9), _name(method.name))
         for method in METHODS
-        for style in [_STYLES[method.name]]
+        for style in [_STYLES.get(method.name, _OTHER)]
     ]
     figure.legend(
         handles=[*handles, *front_handles()], loc='outside lower center', ncols=3, fontsize=SMALL,

@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 from linkage_ros.charts.sizes import SMALL
 from linkage_ros.dynamics.period import Period
 from linkage_ros.numeric import Array
-from linkage_ros.palette import COLORS, DARK, GREY, fractions
+from linkage_ros.palette import DARK, GREY, color_of, fractions
 from linkage_ros.view.drawing import Drawing
 
 # Around the names of pins, which may lie on lines.
@@ -36,20 +36,18 @@ def draw_linkage(axes: Axes, period: Period, crank: float) -> None:
         period: To draw.
         crank: The crank angle at which it is drawn, rad.
     """
-    drawing = Drawing(period.mechanism)
+    drawing = Drawing(period.solver.mechanism)
     columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
     tracks = drawing.place(np.stack(columns, axis=-1))
     now = int(np.argmin(np.abs(period.crank - crank)))
     for line in drawing.ground:
         axes.plot(*line.T, color=fractions(GREY), linewidth=0.9)
-    owners = {'B': drawing.joints[2], 'C': 'coupler', 'D': 'slider'}
-    for pin, owner in owners.items():
-        if pin in drawing.pins:
-            track = tracks[:, drawing.pins.index(pin)]
-            axes.plot(*track.T, color=fractions(COLORS[owner]), linewidth=0.8)
+    for pin, owner in drawing.owners.items():
+        track = tracks[:, drawing.pins.index(pin)]
+        axes.plot(*track.T, color=fractions(color_of(owner)), linewidth=0.8)
     for link, lines in drawing.links(tracks[now : now + 1]).items():
         axes.plot(
-            *lines[0].T, color=fractions(COLORS[link]), linewidth=2.6, solid_capstyle='round'
+            *lines[0].T, color=fractions(color_of(link)), linewidth=2.6, solid_capstyle='round'
         )
     pins = np.array([*drawing.pivots, *tracks[now]])
     axes.plot(*pins.T, 'o', color=fractions(DARK), markersize=3.5)

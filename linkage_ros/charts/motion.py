@@ -21,7 +21,7 @@ from linkage_ros.charts.page import MARGIN, Line, Page, Shade, Words
 from linkage_ros.charts.sizes import NUMBERS, SMALL, TEXT, WIDTH
 from linkage_ros.dynamics.period import Period, extent
 from linkage_ros.numeric import Array
-from linkage_ros.palette import BLACK, COLORS, DARK, Color, fractions
+from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
 # Inches: the parts of the picture from top to bottom.
 _HEADER, _ROW, _FOOT = 2.6, 1.85, 0.2
@@ -88,7 +88,7 @@ def _wrapped(text: str) -> list[str]:
 
 def _motion_rows(period: Period) -> list[list[_Panel]]:
     rows = []
-    _, *joints = period.structure.joints
+    _, *joints = period.solver.structure.links
     speed = period.columns['crank.velocity'].values
     for quantity, turning, sliding in _MOTION:
         row = []
@@ -188,4 +188,4 @@ def _margin(period: Period, panel: _Panel) -> list[Words]:
 
 
 def _color(name: str) -> Shade:
-    return fractions(COLORS[name] if name in COLORS else _FORCES[name])
+    return fractions(_FORCES.get(name) or color_of(name))

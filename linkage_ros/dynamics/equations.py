@@ -1,266 +1,342 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The equations of motion, M q'' + h = Q + torque, of every mechanism: torque in, motion out.
+"""Virtual power: from pose, masses and loads to the driving torque, or to the accelerations.
 
-They are those of the driving torque (`dynamics`), solved for the accelerations. The coordinates q
-are the crank angle and, of a wind pump, the slider's position; the torque acts on the crank.
+Every centre of mass is a fixed combination of the link directions, G = sum_j rho_j e^(i phi_j)
+(+ constant). The sums over the bodies of document 1's power balance and document 3's virtual
+work, m v . a, J w eps and P . v, then need the bodies only through two kinds of constants,
+
+    C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
+
+made once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
+through the spin of link j is sum_k A phi_k'' - B phi_k'^2. A link that slides adds its mass. The
+power of the loads is subtracted. Weighed with the links' velocities per rate of each coordinate
+(the jacobian), this gives the equations of motion M q'' + h - Q = driving torque, and 0 for
+coordinates that nothing drives. No pin reaction appears.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from linkage_ros.dynamics.arguments import checked
-from linkage_ros.dynamics.driving_torque import MassDistribution
 from linkage_ros.dynamics.state import State
-from linkage_ros.errors import ConfigurationError, MechanismError
-from linkage_ros.mechanisms.kinematics import kinematics_of
-from linkage_ros.mechanisms.links import Links, PerCoordinate, PerLink
-from linkage_ros.mechanisms.registry import Mechanism
-from linkage_ros.numeric import ARRAY, SCALAR, Real, all_finite, functions_of
-from linkage_ros.quantities import shown
+from linkage_ros.formulas import (
+    Opaque,
+    cross,
+    difference,
+    dot,
+    is_finite,
+    require,
+    times,
+    total,
+    where,
+)
+from linkage_ros.model.loads import Load, Weight
+from linkage_ros.model.pose import LinkPose, Loop, Pose
+from linkage_ros.model.structure import Dyad, Mechanism, Structure
+from linkage_ros.numeric import Real
 
 
-class EquationsOfMotion:
-    """The equations of motion of one mechanism.
-
-    All methods take a float or an array for each coordinate; arrays broadcast.
+class Coupling(NamedTuple):
+    """C_jk of two links that turn.
 
     Attributes:
-        mechanism: The description it was made from.
-        structure: How its links hang together.
-        coordinates: Names of the coordinates: 'crank' and, of a wind pump, 'slider'.
-        has_edge: Whether motion can reach places beyond which the coordinates do not describe it.
+        j: Index of the first link.
+        k: Index of the second link.
+        real: kg m^2.
+        imag: None where it is 0: centres of mass lie on the lines between the pins.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism = mechanism
-        kinematics = kinematics_of(mechanism)
-        self.structure, self.coordinates = kinematics.structure, kinematics.structure.coordinates
-        self.has_edge, self._dyad, self._locate = (
-            kinematics.has_edge, kinematics.dyad, kinematics.links,
-        )  # fmt: skip
-        self._masses = MassDistribution(self.structure, mechanism.gravity)
-        self._crosses_guide = self.structure.joints[2].slides
+    j: int
+    k: int
+    real: float
+    imag: float | None
 
-    def accelerations(self, q: PerCoordinate, u: PerCoordinate, torque: Real) -> PerCoordinate:
-        """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
+    def turned(self, links: Sequence[LinkPose]) -> tuple[Real, Real]:
+        """C_jk e^(i (phi_k - phi_j)) as A and B."""
+        first, second = links[self.j], links[self.k]
+        cos, sin = dot(first.direction, second.direction), cross(first.direction, second.direction)
+        if self.imag is None:
+            return self.real * cos, self.real * sin
+        return self.real * cos - self.imag * sin, self.real * sin + self.imag * cos
 
-        Args:
-            q: Coordinates: crank angle, rad; slider position, m.
-            u: Their rates, rad/s and m/s.
-            torque: On the crank, N m, counter-clockwise positive.
 
-        Returns:
-            rad/s^2 and m/s^2.
+class Model(NamedTuple):
+    """All constants of a mechanism.
 
-        Raises:
-            UnreachableError: The loop cannot close there, or a dyad is stretched.
-            ConfigurationError: A value is not a finite number or an array of them, there is not
-                one for each coordinate, their shapes do not broadcast, or an acceleration
-                overflows.
-            MechanismError: Something moves without a mass.
-        """
-        return self.forward(q, u, torque)[0]
+    Attributes:
+        loop: Of the kinematics.
+        inertias: C_jj for each link, kg m^2; of a link that slides its mass, kg; None: 0.
+        couplings: C_jk of links that a body couples.
+        weight: The weights of all bodies.
+        loads: What else acts on the links.
+        dyads: Which links meet in pins.
+        slides: For each link, whether it slides.
+        refuse: Refuses q, u and a that are not finite, or that make a result not finite.
+        refuse_torque: Refuses q, u and a torque, likewise.
+        massless: Refuses a mass matrix that is not positive.
+    """
 
-    def forward(
-        self, q: PerCoordinate, u: PerCoordinate, torque: Real
-    ) -> tuple[PerCoordinate, tuple[Real, Real]]:
-        """The accelerations under a torque, and how near the edge of what q can describe is.
+    loop: Loop
+    inertias: tuple[float | None, ...]
+    couplings: tuple[Coupling, ...]
+    weight: Weight
+    loads: tuple[Load, ...]
+    dyads: tuple[Dyad, ...]
+    slides: tuple[bool, ...]
+    refuse: Opaque
+    refuse_torque: Opaque
+    massless: Opaque
 
-        Args:
-            q: As for `accelerations`.
-            u: Likewise.
-            torque: Likewise.
 
-        Returns:
-            The accelerations; and the sine of the angle at which coupler and third link meet, or
-            the coupler and the normal of its guide, with its rate, 1/s. It is 0 at the edge,
-            which motion reaches and leaves at a rate that is not. 1 and 0: there is no edge.
+def model_of(mechanism: Mechanism, structure: Structure, *refusals: Opaque) -> Model:
+    """Sums the bodies of a mechanism into the constants of the equations of motion.
 
-        Raises:
-            UnreachableError: As for `accelerations`.
-            ConfigurationError: Likewise.
-            MechanismError: Likewise.
-        """
-        q, u, torque = checked(self.coordinates, q, u, torque=torque)
-        links = self._links(q)
-        rates = _rates(links, u)
-        slide = (u[-1], 0.0) if len(u) > 1 else None
-        held = self._masses.balance(links, rates, _accelerations(links, u, None), slide)
-        matrix = self._masses.matrix(links)
-        if len(u) == 1:
-            ((inertia,),) = matrix
-            _require_mass(inertia)
-            found: PerCoordinate = ((torque - held[0]) / inertia,)
-        else:
-            (m11, m12), (_, m22) = matrix
-            determinant = m11 * m22 - m12 * m12
-            _require_mass(determinant)
-            push, pull = torque - held[0], -held[1]
-            found = (
-                (m22 * push - m12 * pull) / determinant,
-                (m11 * pull - m12 * push) / determinant,
-            )
-        if not all_finite(*found):
-            raise ConfigurationError('the accelerations overflow at these rates: lower them')
-        return found, self._edge(links, rates)
+    Args:
+        mechanism: The mechanism.
+        structure: How its links hang together.
+        *refusals: The last fields of `Model`.
 
-    def _edge(self, links: Links, rates: PerLink) -> tuple[Real, Real]:
-        if not self.has_edge:
-            return 1.0, 0.0
-        _, (_, c2, c3), (_, s2, s3), _, _ = links
-        along, across = c2 * c3 + s2 * s3, s2 * c3 - c2 * s3
-        if self._crosses_guide:
-            sine, rate = along, -across * rates[1]
-        else:
-            sine, rate = across, along * (rates[1] - rates[2])
-        sign = 2.0 * (sine >= 0) - 1.0
-        return sign * sine, sign * rate
+    Returns:
+        The constants.
+    """
+    links = structure.links
+    turning = [link for link in links if not link.slides]
+    gravity = complex(*mechanism.gravity)
 
-    def state(self, q: PerCoordinate, u: PerCoordinate, a: PerCoordinate) -> State:
-        """The motion of all links, and the torque on the crank that goes with it.
+    def moment(j: int, k: int) -> complex:
+        return sum(
+            (b.mass * b.center.weights[j].conjugate() * b.center.weights[k] for b in turning), 0j
+        )
 
-        Args:
-            q: Coordinates.
-            u: Their rates.
-            a: Their accelerations; the slider of a wind pump, which nothing drives, has the one
-                that `accelerations` gives.
+    def weight(j: int) -> complex:
+        if links[j].slides:
+            return links[j].mass * complex(-gravity.imag, gravity.real)
+        return sum((b.mass * b.center.weights[j] for b in turning), 0j).conjugate() * gravity
 
-        Returns:
-            The state; floats, or arrays.
+    inertias = [
+        link.mass if link.slides else moment(j, j).real + link.inertia
+        for j, link in enumerate(links)
+    ]
+    couplings = (
+        Coupling(j, k, c.real, c.imag or None)
+        for j, k in itertools.combinations(range(len(links)), 2)
+        if (c := moment(j, k))
+    )
+    weights = [weight(j) for j in range(len(links))]
+    slides = tuple(link.slides for link in links)
+    carried = tuple((w.real or None, w.imag or None) if w else None for w in weights)
+    return Model(
+        mechanism.loop(),
+        tuple(inertia or None for inertia in inertias),
+        tuple(couplings),
+        Weight(carried, slides),
+        mechanism.loads(),
+        structure.dyads,
+        slides,
+        *refusals,
+    )
 
-        Raises:
-            UnreachableError: As for `accelerations`.
-            ConfigurationError: As for `accelerations`.
-        """
-        q, u, a, _ = checked(self.coordinates, q, u, a)
-        links = self._links(q)
-        rates, changes = _rates(links, u), _accelerations(links, u, a)
-        slide = (u[-1], a[-1]) if len(u) > 1 else None
-        torque, *_ = self._masses.balance(links, rates, changes, slide)
-        if slide:
-            rates, changes = (*rates, u[-1]), (*changes, a[-1])
-        return State(links[0], rates, changes, torque)
 
-    def matrix(self, q: PerCoordinate) -> tuple[tuple[Real, ...], ...]:
-        """The mass matrix M.
+def velocities(pose: Pose, u: Sequence[Real]) -> list[Real | None]:
+    """Velocity of each link, from the rates of the coordinates; None: it rests."""
+    return [
+        total(*(times(k, rate) for k, rate in zip(link.jacobian, u, strict=True)))
+        for link in pose.links
+    ]
 
-        Args:
-            q: Coordinates.
 
-        Returns:
-            A row for each coordinate, kg m^2 between angles, kg between slides.
+def accelerations(pose: Pose, u: Sequence[Real], a: Sequence[Real]) -> list[Real | None]:
+    """Acceleration of each link; with no a, what remains while no rate changes."""
+    products = [x * y for x, y in itertools.combinations_with_replacement(u, 2)]
+    bias = [
+        total(*(times(c, product) for c, product in zip(link.curvature, products, strict=True)))
+        for link in pose.links
+    ]
+    return [total(b, c) for b, c in zip(bias, velocities(pose, a), strict=True)] if a else bias
 
-        Raises:
-            UnreachableError: As for `accelerations`.
-            ConfigurationError: As for `accelerations`.
-        """
-        q, _ = checked(self.coordinates, q)
-        return self._masses.matrix(self._links(q))
 
-    def energy(self, q: PerCoordinate, u: PerCoordinate) -> tuple[Real, Real]:
-        """The mechanical energy of all bodies.
+def balance(
+    model: Model, pose: Pose, rates: Sequence[Real | None], changes: Sequence[Real | None]
+) -> list[Real]:
+    """M q'' + h - Q: the force that must act on each coordinate.
 
-        Args:
-            q: Coordinates.
-            u: Their rates.
+    It is linear in the accelerations. With those of the whole motion it is the driving torque;
+    with those that remain at q'' = 0 it is h - Q.
 
-        Returns:
-            Kinetic, and potential of the weights but for a constant, J.
+    Args:
+        model: The constants.
+        pose: Where the links are.
+        rates: Velocity of each link, rad/s or m/s.
+        changes: Acceleration of each link, rad/s^2 or m/s^2.
 
-        Raises:
-            UnreachableError: As for `accelerations`.
-            ConfigurationError: As for `accelerations`.
-        """
-        q, u, _ = checked(self.coordinates, q, u)
-        links = self._links(q)
-        matrix = self._masses.matrix(links)
-        kinetic = sum(
+    Returns:
+        For each coordinate, N m where it is an angle, else N.
+    """
+    forces = [
+        times(inertia, change) for inertia, change in zip(model.inertias, changes, strict=True)
+    ]
+    for load in (model.weight, *model.loads):
+        for j, force in load.forces(pose.links, rates).items():
+            forces[j] = difference(forces[j], force)
+    for coupling in model.couplings:
+        j, k, *_ = coupling
+        a, b = coupling.turned(pose.links)
+        forces[j] = difference(
+            total(forces[j], times(a, changes[k])), times(b, times(rates[k], rates[k]))
+        )
+        forces[k] = total(forces[k], times(a, changes[j]), times(b, times(rates[j], rates[j])))
+    return [_power(pose, i, forces) for i in range(len(pose.links[0].jacobian))]
+
+
+def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
+    """The mass matrix M, kg m^2 between angles, kg between slides."""
+    coupled = {(j, j): inertia for j, inertia in enumerate(model.inertias)}
+    for coupling in model.couplings:
+        a, _ = coupling.turned(pose.links)
+        coupled[coupling.j, coupling.k] = coupled[coupling.k, coupling.j] = a
+    columns = list(zip(*(link.jacobian for link in pose.links), strict=True))
+    momenta = [
+        [
+            total(*(times(coupled.get((j, k)), slope) for k, slope in enumerate(column)))
+            for j in range(len(column))
+        ]
+        for column in columns
+    ]
+    size = range(len(columns))
+    upper = {(i, j): _power(pose, i, momenta[j]) for i in size for j in size if i <= j}
+    return [[upper[min(i, j), max(i, j)] for j in size] for i in size]
+
+
+def _power(pose: Pose, i: int, forces: Sequence[Real | None]) -> Real:
+    """The power of forces on the links, per rate of a coordinate."""
+    jacobian = (link.jacobian[i] for link in pose.links)
+    power = total(*(times(*pair) for pair in zip(jacobian, forces, strict=True)))
+    return 0.0 if power is None else power
+
+
+def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]) -> State:
+    """The motion of all links, and the torque on the crank that goes with it."""
+    require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
+    pose = model.loop.pose(tuple(q))
+    rates, changes = velocities(pose, u), accelerations(pose, u, a)
+    torque, *_ = balance(model, pose, rates, changes)
+    require(is_finite(torque, *changes), model.refuse, *q, *u, *a)
+    positions = tuple(link.position for link in pose.links)
+    return State(positions, _filled(rates), _filled(changes), torque)
+
+
+def _filled(values: Sequence[Real | None]) -> tuple[Real, ...]:
+    return tuple(0.0 if value is None else value for value in values)
+
+
+class Edge(NamedTuple):
+    """How near a dyad is to the end of what the coordinates can describe.
+
+    Attributes:
+        sine: Of the angle at which its links meet; 0 at the end.
+        rate: Its change, 1/s.
+    """
+
+    sine: Real
+    rate: Real
+
+
+class Forward(NamedTuple):
+    """What a torque does.
+
+    Attributes:
+        accelerations: Of the coordinates, rad/s^2 or m/s^2.
+        edges: For each dyad that limits the motion.
+    """
+
+    accelerations: tuple[Real, ...]
+    edges: tuple[Edge, ...]
+
+
+def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> Forward:
+    """The accelerations under a torque on the crank: M q'' + h - Q = torque, solved for q''."""
+    require(is_finite(*q, *u, torque), model.refuse_torque, *q, *u, torque)
+    pose = model.loop.pose(tuple(q))
+    rates = velocities(pose, u)
+    held = balance(model, pose, rates, accelerations(pose, u, ()))
+    matrix = mass_matrix(model, pose)
+    driven = [torque - held[0], *(-force for force in held[1:])]
+    inertia = _determinant(matrix)
+    require(inertia > 0, model.massless)
+    found = tuple(
+        _determinant(
+            [[*row[:i], force, *row[i + 1 :]] for row, force in zip(matrix, driven, strict=True)]
+        )
+        / inertia
+        for i in range(len(driven))
+    )  # Cramer's rule
+    for change in found:
+        require(is_finite(change), model.refuse_torque, *q, *u, torque)
+    edges = tuple(
+        _edge(model, pose, dyad, sine, rates)
+        for dyad, sine in zip(model.dyads, pose.sines, strict=True)
+        if dyad.limits
+    )
+    return Forward(found, edges)
+
+
+def accelerations_under(
+    model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real
+) -> tuple[Real, ...]:
+    """The accelerations of `forward` alone."""
+    return forward(model, q, u, torque).accelerations
+
+
+def _determinant(rows: Sequence[Sequence[Real]]) -> Real:
+    """By expansion along the first row."""
+    first, *others = rows
+    if not others:
+        return first[0]
+    result: Real = None
+    for i, factor in enumerate(first):
+        term = factor * _determinant([[*row[:i], *row[i + 1 :]] for row in others])
+        result = difference(result, term) if i % 2 else total(result, term)
+    return result
+
+
+def _edge(model: Model, pose: Pose, dyad: Dyad, sine: Real, rates: Sequence[Real | None]) -> Edge:
+    first, second = pose.links[dyad.first], pose.links[dyad.second]
+    if model.slides[dyad.second]:
+        across, turning = second.direction.left(), None
+    else:
+        across, turning = second.direction, rates[dyad.second]
+    rate = dot(first.direction, across) * difference(turning, rates[dyad.first])
+    return Edge(abs(sine), where(sine >= 0, rate, -rate))
+
+
+def meetings(model: Model, q: Sequence[Real]) -> tuple[tuple[Real, Real], ...]:
+    """For each dyad, the size of the sine and the cosine of the angle at which its links meet."""
+    pose = model.loop.pose(tuple(q))
+    cosines = [
+        dot(pose.links[d.first].direction, pose.links[d.second].direction) for d in model.dyads
+    ]
+    return tuple((abs(sine), cosine) for sine, cosine in zip(pose.sines, cosines, strict=True))
+
+
+def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:
+    """Kinetic energy, and the potential energy of the weights but for a constant, J."""
+    require(is_finite(*q, *u), model.refuse, *q, *u)
+    pose = model.loop.pose(tuple(q))
+    matrix = mass_matrix(model, pose)
+    kinetic = total(
+        *(
             0.5 * mass * (one * other)
             for row, one in zip(matrix, u, strict=True)
             for mass, other in zip(row, u, strict=True)
         )
-        return kinetic, self._masses.potential(links)
-
-    def power(self, q: PerCoordinate, u: PerCoordinate, torque: Real) -> Real:
-        """The power of all that is no weight: the rate at which the energy grows.
-
-        Args:
-            q: Coordinates.
-            u: Their rates.
-            torque: On the crank, N m.
-
-        Returns:
-            Of torque, external force and resistance, W.
-
-        Raises:
-            UnreachableError: As for `accelerations`.
-            ConfigurationError: As for `accelerations`.
-        """
-        q, u, torque = checked(self.coordinates, q, u, torque=torque)
-        power = torque * u[0]
-        if slider := self.structure.slider:
-            links = self._links(q)
-            velocity = u[-1] if len(u) > 1 else _rates(links, u)[slider.link]
-            power = power + (slider.force - slider.damping * velocity) * velocity
-        return power
-
-    def dyad(self, q: PerCoordinate) -> tuple[float, str]:
-        """How near coupler and third link are to the edge of what the coordinates describe.
-
-        Args:
-            q: Coordinates; floats.
-
-        Returns:
-            The sine of the angle at which they meet, 0 at the edge, and what they are there, in
-            words.
-
-        Raises:
-            ConfigurationError: As for `accelerations`, or a coordinate is an array.
-        """
-        q, _ = checked(self.coordinates, q)
-        if not _is_scalar(q):
-            raise ConfigurationError(f'q = {shown(q)}: must be numbers, one position at a time')
-        return self._dyad(q)
-
-    def _links(self, q: PerCoordinate) -> Links:
-        return self._locate(q, SCALAR if _is_scalar(q) else ARRAY)
+    )
+    return kinetic, total(*(load.potential(pose.links) for load in (model.weight, *model.loads)))
 
 
-def _is_scalar(q: PerCoordinate) -> bool:
-    return all(isinstance(value, float) for value in q)
-
-
-def _rates(links: Links, u: Sequence[Real]) -> PerLink:
-    partial = links[3]
-    if len(partial) == 1:
-        ((k1, k2, k3),), (speed,) = partial, u
-        return k1 * speed, k2 * speed, k3 * speed
-    ((k1, k2, k3), (_, j2, j3)), (speed, slide) = partial, u
-    return k1 * speed, k2 * speed + j2 * slide, k3 * speed + j3 * slide
-
-
-def _accelerations(links: Links, u: Sequence[Real], a: Sequence[Real] | None) -> PerLink:
-    """Of the three links; None: those that remain while no speed changes."""
-    if len(u) == 1:
-        ((c1, c2, c3),), square = links[4], u[0] * u[0]
-        e1, e2, e3 = c1 * square, c2 * square, c3 * square
-    else:
-        ((_, b2, b3), (_, c2, c3), (_, d2, d3)), (speed, slide) = links[4], u
-        square, mixed, other = speed * speed, speed * slide, slide * slide
-        e1 = 0.0
-        e2 = b2 * square + c2 * mixed + d2 * other
-        e3 = b3 * square + c3 * mixed + d3 * other
-    if a is None:
-        return e1, e2, e3
-    g1, g2, g3 = _rates(links, a)
-    return e1 + g1, e2 + g2, e3 + g3
-
-
-def _require_mass(determinant: Real) -> None:
-    if functions_of(determinant).lowest(determinant) <= 0:
-        raise MechanismError(
-            'something moves without a mass: its acceleration under a torque has no finite value; '
-            'give the links a mass or an inertia'
-        )
+def matrix(model: Model, q: Sequence[Real]) -> tuple[tuple[Real, ...], ...]:
+    """The mass matrix, a row for each coordinate."""
+    require(is_finite(*q), model.refuse, *q)
+    return tuple(map(tuple, mass_matrix(model, model.loop.pose(tuple(q)))))

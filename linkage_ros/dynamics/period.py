@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import State, point_motion
+from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanisms.registry import Linkage, Mechanism
-from linkage_ros.mechanisms.structure import Structure
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 
 
@@ -55,8 +54,7 @@ class Period:
     """A motion that repeats, over one of its periods.
 
     Attributes:
-        mechanism: That moves.
-        structure: How its links hang together.
+        solver: Of the mechanism that moves.
         crank: Crank angles from 0 to the end of the period, rising, rad.
         speed: Mean crank speed, rad/s.
         mean_power: Mean driving power over time, W.
@@ -64,26 +62,18 @@ class Period:
     """
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        structure: Structure,
-        crank: Array,
-        state: State,
-        *,
-        speed: float,
-        mean_power: float,
+        self, solver: Solver, crank: Array, state: State, *, speed: float, mean_power: float
     ) -> None:
         """Takes the motion.
 
         Args:
-            mechanism: That moves.
-            structure: How its links hang together.
+            solver: Of the mechanism that moves.
             crank: Crank angles, rad.
             state: At the crank angles.
             speed: Mean crank speed, rad/s.
             mean_power: Mean driving power over time, W.
         """
-        self.mechanism, self.structure = mechanism, structure
+        self.solver = solver
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
         columns = [
             Column('crank_angle', 'rad', crank),
@@ -91,27 +81,27 @@ class Period:
             Column('driving_torque', 'N m', state.torque),
             Column('driving_power', 'W', state.torque * state.velocity[0]),
         ]
-        if 'C' in structure.points:
+        if 'C' in solver.structure.points:
             columns += self._coupler_point(state)
         self.columns: dict[str, Column] = {column.name: column for column in columns}
 
     def _links(self, state: State) -> list[Column]:
         columns = []
-        for joint in self.structure.joints:
-            unit = 'm' if joint.slides else 'rad'
+        for i, link in enumerate(self.solver.structure.links):
+            unit = 'm' if link.slides else 'rad'
             position, velocity, acceleration = (
-                np.broadcast_to(x[joint.link], self.crank.shape) for x in state[:3]
+                np.broadcast_to(x[i], self.crank.shape) for x in state[:3]
             )
             columns += [
-                Column(f'{joint.name}.position', unit,
-                       position if joint.slides else np.unwrap(position)),
-                Column(f'{joint.name}.velocity', f'{unit}/s', velocity),
-                Column(f'{joint.name}.acceleration', f'{unit}/s^2', acceleration),
+                Column(f'{link.name}.position', unit,
+                       position if link.slides else np.unwrap(position)),
+                Column(f'{link.name}.velocity', f'{unit}/s', velocity),
+                Column(f'{link.name}.acceleration', f'{unit}/s^2', acceleration),
             ]  # fmt: skip
         return columns
 
     def _coupler_point(self, state: State) -> list[Column]:
-        motion = point_motion(self.structure.points['C'], state)
+        motion = self.solver.point(state, 'C')
         units = ('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s^2')
         return [
             Column(f'coupler_point.{name}.{axis}', unit, values)
@@ -124,14 +114,11 @@ class SpeedDrivenPeriod(Period):
     """One period of a mechanism, at a speed and an acceleration that hold at every angle.
 
     The crank angles are 0.5 deg apart, and as fine as it takes next to change points.
-
-    Attributes:
-        solver: Of the mechanism.
     """
 
     def __init__(
         self,
-        mechanism: Linkage,
+        mechanism: Mechanism,
         speed: float,
         acceleration: float = 0.0,
         *,
@@ -150,18 +137,17 @@ class SpeedDrivenPeriod(Period):
             ConfigurationError: The speed or acceleration is not finite, or reactions are asked
                 for that pass all bounds at a change point.
         """
-        self.solver = solver = Solver(mechanism)
-        solver.require_full_turn()
-        crank = solver.kinematics.map.samples()
+        solver = Solver(mechanism)
+        solver.reach.require_full_turn()
+        crank = solver.reach.samples()
         state = solver.state(crank, speed, acceleration)
         power = _mean_power(solver, crank, state, acceleration)
-        super().__init__(mechanism, solver.structure, crank, state, speed=speed, mean_power=power)
+        super().__init__(solver, crank, state, speed=speed, mean_power=power)
         if reactions:
             self.columns.update({column.name: column for column in self._reactions(state)})
 
     def _reactions(self, state: State) -> list[Column]:
-        low, high = self.solver.kinematics.map.extremes()
-        if low == 0 or high == math.pi:
+        if self.solver.reach.has_change_point:
             raise ConfigurationError(
                 'this mechanism passes a change point, where the forces in its joints have no '
                 'finite value: leave the reactions out'
@@ -184,12 +170,14 @@ class SpeedDrivenPeriod(Period):
 def _mean_power(solver: Solver, crank: Array, state: State, acceleration: float) -> float:
     """Mean driving power over the crank angle, W.
 
-    At a constant speed, weights and inertia take back what they give: what remains is the guide's
-    resistance, and what accelerates the crank. No cancellation spoils these.
+    At a constant speed, weights and inertia take back what they give: what remains is the
+    resistance of the loads, and what accelerates the crank. No cancellation spoils these.
     """
-    power = state.velocity[0] * acceleration * solver.inertia(crank)
-    if slider := solver.structure.slider:
-        power = power + slider.damping * state.velocity[2] * state.velocity[2]
+    ((inertia,),) = solver.matrix(crank)
+    power = state.velocity[0] * acceleration * inertia
+    for load in solver.mechanism.loads():
+        for link, force in load.resistance(state.velocity).items():
+            power = power - force * state.velocity[link]
     return mean(crank, np.broadcast_to(power, crank.shape))
 
 

@@ -3,21 +3,35 @@
 """Pin forces, shaking force and shaking moment: Newton-Euler, body by body.
 
 Virtual power gives the driving torque without them; they are computed only where asked for. The
-coupler's balance of moments about A and the output link's about B0, or along its guide, give the
-force at B; the pins A and A0 follow one after the other, and last the driving torque once more.
+moments of a dyad's two links about their outer pins give the force in the pin in which they meet;
+a link of which one pin force is missing gives that one; and last the crank gives the driving
+torque once more.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from linkage_ros.dynamics.state import State, Vector, point_motion
-from linkage_ros.errors import MechanismError
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.registry import Linkage
-from linkage_ros.mechanisms.slider_crank import SliderCrank
-from linkage_ros.mechanisms.structure import Structure
-from linkage_ros.numeric import Real, functions_of
+from linkage_ros.dynamics.equations import Model, accelerations, velocities
+from linkage_ros.dynamics.state import Track
+from linkage_ros.formulas import (
+    Opaque,
+    Vector,
+    cross,
+    difference,
+    dot,
+    is_finite,
+    require,
+    times,
+    total,
+)
+from linkage_ros.model.pose import Pose
+from linkage_ros.model.structure import Dyad, Mechanism, Pin, Structure
+from linkage_ros.numeric import Real
+
+# Relative to the coordinate: no double lies on a change point, and k * math.pi misses by 2 ulp.
+_ROUNDING = 2.0**-51
 
 
 class Reactions(NamedTuple):
@@ -25,7 +39,8 @@ class Reactions(NamedTuple):
 
     Attributes:
         pins: Forces (x, y) at 'A0', of the frame on the crank, 'A', of the crank on the coupler,
-            'B', of the coupler on the rocker or slider, and 'B0', of the frame on the rocker; N.
+            'B', of the coupler on the rocker, rod or slider, 'B0', of the frame on the rocker, and
+            'D', of the rod on the slider; N.
         guide_force: Of the guide on the slider, to the guide's left, N; None without a slider.
         shaking_force: (x, y) on the frame, of bearings, guide and the guide's resistance, N. An
             external force on the slider is in it, because it comes from outside the machine.
@@ -40,112 +55,186 @@ class Reactions(NamedTuple):
     torque: Real
 
 
-class _Load(NamedTuple):
-    """What moves one body: the force through its centre of mass, and the couple."""
+class LinkMass(NamedTuple):
+    """A link's mass for Newton and Euler.
 
-    center: Real
-    force: Real
-    couple: Real
-
-    def moment(self, about: Real) -> Real:
-        return self.couple + _cross(self.center - about, self.force)
-
-
-def reactions(
-    mechanism: Linkage, structure: Structure, state: State, transmission: Real
-) -> Reactions:
-    """The forces in the joints of a mechanism in motion.
-
-    Args:
-        mechanism: The mechanism.
-        structure: How its links hang together.
-        state: Its motion.
-        transmission: Sine of the angle from the coupler to the rocker, or from the coupler to
-            the normal of the guide, with the sign of the assembly; not 0.
-
-    Returns:
-        The forces. They grow without bound towards a change point or a limit of the crank.
-
-    Raises:
-        MechanismError: It is of another kind.
+    Attributes:
+        mass: kg.
+        inertia: kg m^2.
+        center: Its centre of mass.
+        slides: Whether it slides.
     """
-    crank, coupler, *rocker = _loads(mechanism, structure, state)
-    place = {
-        name: _plane(point_motion(point, state).position)
-        for name, point in structure.points.items()
-    }
-    # The coupler turns about A under the force at B: b x f = -moment.
-    along = _direction(state.position[1])
-    across = -coupler.moment(place['A']) / mechanism.coupler.length
-    further: dict[str, Real] = {}
-    if isinstance(mechanism, FourBar):
-        turning = rocker[0].moment(place['B0']) / mechanism.rocker.length
-        b = (across * _direction(state.position[2]) - turning * along) / transmission
-        b0 = further['B0'] = rocker[0].force - b
-        guide_force, on_frame = None, -b0
-        moment = _cross(place['B0'], on_frame)
-    elif isinstance(mechanism, SliderCrank):
-        b, guide_force, on_frame = _at_slider(mechanism, state, (along, across), transmission)
-        moment = _cross(place['B'], on_frame)
-    else:
-        raise MechanismError('joint forces are known of four-bars and slider-cranks alone')
-    a = coupler.force + b
-    a0 = crank.force + a
-    torque = crank.moment(0j) + _cross(place['A'], a)
-    shaking, pins = on_frame - a0, {'A0': a0, 'A': a, 'B': b, **further}
-    return Reactions(
-        {name: (force.real, force.imag) for name, force in pins.items()},
-        guide_force,
-        (shaking.real, shaking.imag),
-        moment - torque,
-        torque,
+
+    mass: float
+    inertia: float
+    center: Track
+    slides: bool
+
+
+class Joints(NamedTuple):
+    """The constants that reactions need besides the model's.
+
+    Attributes:
+        bodies: One for each link.
+        pins: The pin joints.
+        places: Their points, in the same order.
+        gravity: m/s^2.
+        refuse: Refuses coordinates at which the forces have no finite value.
+    """
+
+    bodies: tuple[LinkMass, ...]
+    pins: tuple[Pin, ...]
+    places: tuple[Track, ...]
+    gravity: Vector
+    refuse: Opaque
+
+
+def joints_of(mechanism: Mechanism, structure: Structure, refuse: Opaque) -> Joints:
+    """The constants of a mechanism's reactions."""
+    return Joints(
+        tuple(
+            LinkMass(link.mass, link.inertia, Track.of(link.center), link.slides)
+            for link in structure.links
+        ),
+        structure.pins,
+        tuple(Track.of(structure.points[pin.name]) for pin in structure.pins),
+        Vector(*mechanism.gravity),
+        refuse,
     )
 
 
-def _loads(mechanism: Linkage, structure: Structure, state: State) -> list[_Load]:
-    """What moves each of the bodies that turn."""
-    gravity = complex(*mechanism.gravity)
-    return [
-        _Load(
-            _plane(motion.position),
-            body.mass * (_plane(motion.acceleration) - gravity),
-            body.inertia * state.acceleration[body.link],
-        )
-        for body in structure.bodies
-        for motion in [point_motion(body.center, state)]
-    ]
+def reactions(
+    constants: tuple[Model, Joints], q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
+) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
+    """The forces in the joints of a mechanism in motion, as fields of `Reactions`.
 
-
-def _at_slider(
-    mechanism: SliderCrank, state: State, coupler: tuple[Real, Real], transmission: Real
-) -> tuple[Real, Real, Real]:
-    """The force at B, that of the guide, and that of guide and resistance on the frame.
-
-    The coupler tells its direction, and the force at B across it.
+    They grow without bound towards a change point or a limit of the crank.
     """
-    (along, across), slider = coupler, mechanism.slider
-    guide = _direction(mechanism.frame.angle)
-    weight = slider.mass * complex(*mechanism.gravity)
-    drag = slider.damping * state.velocity[2]
-    pushed = slider.mass * state.acceleration[2] - _dot(guide, weight) + drag - slider.force
-    pressed = (across - pushed * _cross(along, guide)) / transmission
-    guide_force = -pressed - _dot(1j * guide, weight)
-    on_frame = drag * guide - guide_force * (1j * guide)
-    return pushed * guide + pressed * (1j * guide), guide_force, on_frame
+    model, joints = constants
+    require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
+    pose = model.loop.pose(tuple(q))
+    balance = _Balance(model, joints, pose, velocities(pose, u), accelerations(pose, u, a))
+    for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
+        _require_open(joints, pose, dyad, sine, q)
+        balance.solve(dyad, sine)
+    for j in reversed(range(len(pose.links))):
+        balance.complete(j)
+    forces = tuple(balance.forces[pin.name] for pin in joints.pins)
+    torque = balance.moment(0, Vector(0.0, 0.0))
+    guides, shaking, moment = balance.on_frame()
+    return forces, guides, shaking, moment - torque, torque
 
 
-def _direction(angle: Real) -> Real:
-    functions = functions_of(angle)
-    return functions.cos(angle) + 1j * functions.sin(angle)
+def _require_open(joints: Joints, pose: Pose, dyad: Dyad, sine: Real, q: Sequence[Real]) -> None:
+    """Refuses coordinates that are those of a change point, rounded."""
+    first, second = pose.links[dyad.first], pose.links[dyad.second]
+    turning = (None,) * len(q) if joints.bodies[dyad.second].slides else second.jacobian
+    for angle, k1, k2 in zip(q, first.jacobian, turning, strict=True):
+        slope = difference(k2, k1)
+        require(abs(sine) > _ROUNDING * abs(slope) * (1 + abs(angle)), joints.refuse, *q)
 
 
-def _plane(vector: Vector) -> Real:
-    return vector[0] + 1j * vector[1]
+class _Balance:
+    """Newton's and Euler's equations of all links, solved pin by pin.
 
+    Attributes:
+        forces: In the pins that are solved, by name: of the first link on the second.
+    """
 
-def _cross(u: Real, v: Real) -> Real:
-    return u.real * v.imag - u.imag * v.real
+    def __init__(
+        self,
+        model: Model,
+        joints: Joints,
+        pose: Pose,
+        rates: Sequence[Real | None],
+        changes: Sequence[Real | None],
+    ) -> None:
+        self._joints = joints
+        self._directions = [link.direction for link in pose.links]
+        self._resistance: dict[int, Real] = {}
+        self._place = {
+            pin.name: track.motion(self._directions, rates, changes).position
+            for pin, track in zip(joints.pins, joints.places, strict=True)
+        }
+        pushes: dict[int, Real] = {}
+        for load in model.loads:
+            for found, forces in (
+                (pushes, load.forces(pose.links, rates)),
+                (self._resistance, load.resistance(rates)),
+            ):
+                found.update({j: total(found.get(j), force) for j, force in forces.items()})
+        self._centers, self._needed, self._couples = [], [], []
+        for j, body in enumerate(joints.bodies):
+            center = body.center.motion(self._directions, rates, changes)
+            force = (center.acceleration - joints.gravity) * body.mass
+            push = pushes.get(j, 0.0)
+            if body.slides:
+                force = force - self._directions[j] * push
+            self._centers.append(center.position)
+            self._needed.append(force)
+            spin = times(body.inertia, changes[j])
+            self._couples.append(0.0 if body.slides else difference(spin, push))
+        self.forces: dict[str, Vector] = {}
 
+    def _known(self, j: int) -> list[tuple[Vector, Vector]]:
+        """Where known pin forces act on a link, and these forces."""
+        return [
+            (self._place[pin.name], force if pin.second == j else -force)
+            for pin in self._joints.pins
+            if j in (pin.first, pin.second) and (force := self.forces.get(pin.name))
+        ]
 
-def _dot(u: Real, v: Real) -> Real:
-    return u.real * v.real + u.imag * v.imag
+    def _rest(self, j: int) -> Vector:
+        """The force that must still act on a link."""
+        rest = self._needed[j]
+        for _, force in self._known(j):
+            rest = rest - force
+        return rest
+
+    def moment(self, j: int, about: Vector) -> Real:
+        """The moment that must still act on a link, about a point."""
+        moment = self._couples[j] + cross(self._centers[j] - about, self._needed[j])
+        for place, force in self._known(j):
+            moment = moment - cross(place - about, force)
+        return moment
+
+    def solve(self, dyad: Dyad, sine: Real) -> None:
+        """Finds the force in the inner pin from the moments about the outer pins."""
+        inner = self._place[dyad.pin]
+        first, second = self._directions[dyad.first], self._directions[dyad.second]
+        outer = self._place[dyad.outer[0]]
+        across_first = -self.moment(dyad.first, outer) / dot(inner - outer, first)
+        if self._joints.bodies[dyad.second].slides:
+            across_second = -dot(self._rest(dyad.second), second)
+            second = second.left()
+        else:
+            outer = self._place[dyad.outer[1]]
+            across_second = self.moment(dyad.second, outer) / dot(inner - outer, second)
+        self.forces[dyad.pin] = (second * across_first - first * across_second) * (1.0 / sine)
+
+    def complete(self, j: int) -> None:
+        """Finds the force in the one pin of a link that is not solved yet."""
+        pins = [pin for pin in self._joints.pins if j in (pin.first, pin.second)]
+        unknown = [pin for pin in pins if pin.name not in self.forces]
+        if unknown and not self._joints.bodies[j].slides:
+            (pin,), rest = unknown, self._rest(j)
+            self.forces[pin.name] = rest if pin.second == j else -rest
+
+    def on_frame(self) -> tuple[tuple[Real, ...], Vector, Real]:
+        """The forces of the guides on their sliders; force and moment about A0 on the frame."""
+        guides, shaking, moment = [], Vector(0.0, 0.0), 0.0
+        for j, body in enumerate(self._joints.bodies):
+            resistance = self._resistance.get(j, 0.0)
+            if body.slides:
+                guide = self._directions[j]
+                guides.append(dot(guide.left(), self._rest(j)))
+                force = -(guide * resistance + guide.left() * guides[-1])
+                shaking = shaking + force
+                moment = moment + cross(self._centers[j], force)
+            else:
+                moment = moment - resistance
+        for pin in self._joints.pins:
+            if pin.first is None:
+                force = self.forces[pin.name]
+                shaking, moment = shaking - force, moment - cross(self._place[pin.name], force)
+        return tuple(guides), shaking, moment

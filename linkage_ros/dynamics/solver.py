@@ -1,122 +1,223 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The state of a mechanism at a crank angle: positions, rates, accelerations and torque."""
+"""The exact mechanics of one mechanism: states, torque, accelerations, energy and forces."""
 
 from __future__ import annotations
 
 import functools
 import math
-from math import isfinite
-from typing import NoReturn
+from collections.abc import Sequence
+from typing import Any, NoReturn
 
 import numpy as np
 
-from linkage_ros.dynamics.arguments import checked_state
-from linkage_ros.dynamics.driving_torque import MassDistribution
-from linkage_ros.dynamics.reactions import Reactions, reactions
-from linkage_ros.dynamics.state import PointMotion, State, point_motion
+from linkage_ros.dynamics import equations
+from linkage_ros.dynamics.equations import Forward, model_of
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.reactions import Reactions, joints_of, reactions
+from linkage_ros.dynamics.state import PointMotion, State, Track
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
-from linkage_ros.mechanisms.kinematics import CrankKinematics
-from linkage_ros.mechanisms.mobility import refusal
-from linkage_ros.mechanisms.registry import Linkage
-from linkage_ros.numeric import (
-    ARRAY,
-    SCALAR,
-    Functions,
-    Real,
-    all_finite,
-    functions_of,
-    real_numbers,
-    require_finite,
-)
+from linkage_ros.formulas import Opaque, is_finite, require
+from linkage_ros.model.reach import Reach
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
 
-# Arrays are worked through in pieces whose intermediate results stay in the processor's cache.
-_CHUNK = 16384
-# A named tuple's own constructor unpacks and repacks; at 3 us a state that would show.
-_new = tuple.__new__
+_LETTERS = {'position': 'q', 'speed': 'u', 'acceleration': 'a'}
 
 
 class Solver:
-    """Exact states of one mechanism.
+    """The exact mechanics of one mechanism.
+
+    The coordinates are the crank angle and, of a wind pump, the slider's position. For one
+    coordinate, q, u and a are floats or arrays; for more, sequences of them. A tuple always holds
+    a value for each coordinate, even of one. Arrays broadcast.
 
     Attributes:
         mechanism: The description it was made from.
-        kinematics: Its exact position at a crank angle.
         structure: How its links hang together.
         links: Names of the links, in the order of all tuples.
-        mobility: What the crank can do.
+        coordinates: Names of the links whose positions are the coordinates.
     """
 
-    def __init__(self, mechanism: Linkage) -> None:
-        self.mechanism = mechanism
-        self.kinematics = CrankKinematics(mechanism)
-        self.structure = self.kinematics.structure
-        self.links = tuple(joint.name for joint in self.structure.joints)
-        self.mobility = self.kinematics.mobility
-        self._masses = MassDistribution(self.structure, mechanism.gravity)
+    def __init__(self, mechanism: Mechanism) -> None:
+        if not isinstance(mechanism, Mechanism):
+            raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
+        self.mechanism, self.structure = mechanism, mechanism.structure()
+        self.links = tuple(link.name for link in self.structure.links)
+        self.coordinates = mechanism.coordinates
+        self._count = len(self.coordinates)
+        self._model = model = model_of(
+            mechanism,
+            self.structure,
+            Opaque(functools.partial(self._refuse, 'acceleration')),
+            Opaque(functools.partial(self._refuse, 'torque')),
+            Opaque(_refuse_massless),
+        )
+        q, u, a = self._names = [
+            tuple(f'{letter}{i + 1}' for i in range(self._count)) for letter in 'qua'
+        ]
+        self._steady = Program(equations.state, model, (q, u, ()))
+        self._moving = Program(equations.state, model, (q, u, a))
+        self._accelerations = Program(equations.accelerations_under, model, (q, u, 'torque'))
+        self._forward = Program(equations.forward, model, (q, u, 'torque'))
+        self._energy = Program(equations.energy, model, (q, u))
+        self._matrix = Program(equations.matrix, model, (q,))
+        self._meetings = Program(equations.meetings, model, (q,))
+        self._points: dict[str, Program] = {}
 
-    def require_full_turn(self) -> None:
-        """Refuses a mechanism whose crank does not turn through every angle.
+    def __reduce__(self) -> tuple[type[Solver], tuple[Mechanism]]:
+        return Solver, (self.mechanism,)
+
+    @functools.cached_property
+    def mobility(self) -> Reach | None:
+        """What the crank can do; None: its angle alone does not determine the motion."""
+        return self.mechanism.reach()
+
+    @property
+    def reach(self) -> Reach:
+        """What the crank can do.
 
         Raises:
-            MechanismError: With its class, what stops the crank, and where it can be.
+            MechanismError: The crank angle alone does not determine the motion.
         """
-        if not self.mobility.turns_fully:
-            raise MechanismError(refusal(self.mobility, 'turn fully'))
+        if self.mobility is None:
+            raise MechanismError(
+                f'a {type(self.mechanism).__name__} has {self._count} degrees of freedom: its '
+                'crank angle alone does not determine its motion'
+            )
+        return self.mobility
 
-    def state(self, crank: Real, speed: Real = 0.0, acceleration: Real = 0.0) -> State:
+    @property
+    def source(self) -> str:
+        """The program of `state` as Python text."""
+        return self._moving.source
+
+    def state(self, q: Any, u: Any = 0.0, a: Any = 0.0) -> State:
         """Solves positions, rates, accelerations and the driving torque.
 
         Args:
-            crank: Crank angle, rad; a float, or an array of any shape. One within a few turns
+            q: Coordinates: crank angle, rad; slider position, m. A crank angle within a few turns
                 keeps all its digits.
-            speed: Crank speed, rad/s; a float, or an array that broadcasts with crank.
-            acceleration: Crank acceleration, rad/s^2; likewise.
+            u: Their rates, rad/s and m/s.
+            a: Their accelerations, rad/s^2 and m/s^2. The slider of a wind pump, which nothing
+                drives, has the one that `accelerations` gives.
 
         Returns:
             Floats for floats; otherwise arrays of the broadcast shape.
 
         Raises:
-            UnreachableError: The loop cannot close at a crank angle, or is stretched straight
-                there so that no finite rate exists.
-            ConfigurationError: An angle, speed or acceleration is not a finite number or an
-                array of them, their shapes do not broadcast, or the torque overflows.
+            UnreachableError: The loop cannot close there, or is stretched straight so that no
+                finite rate exists.
+            ConfigurationError: A value is not a finite number, or so large that the torque is not.
         """
-        if not type(crank) is type(speed) is type(acceleration) is float:
-            (crank, speed, acceleration), shape = real_numbers(
-                crank_angle=crank, speed=speed, acceleration=acceleration
-            )
-            if shape:
-                return self._solve_chunks(shape, (crank, speed, acceleration))
-            crank, speed, acceleration = float(crank), float(speed), float(acceleration)
-        if not isfinite(crank + speed + acceleration):
-            _refuse_not_finite(crank, speed, acceleration)
-        state = self._solve(crank, speed, acceleration, SCALAR)
-        if not isfinite(state.torque):
-            _refuse_not_finite(crank, speed, acceleration)
+        if type(q) is type(u) is type(a) is float and self._count == 1:
+            fast: State = self._moving.scalar(q, u, a) if a else self._steady.scalar(q, u)
+            return fast
+        rates, changes = self._named('speed', u), self._named('acceleration', a)
+        named = {**self._named('position', q), **rates}
+        if all(type(change) is float and not change for change in changes.values()):
+            state: State = _run(self._steady, named)
+        else:
+            state = _run(self._moving, {**named, **changes})
         return state
+
+    def accelerations(self, q: Any, u: Any, torque: Any) -> Any:
+        """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
+
+        Args:
+            q: Coordinates.
+            u: Their rates.
+            torque: On the crank, N m, counter-clockwise positive.
+
+        Returns:
+            rad/s^2, of a wind pump also m/s^2; a tuple for a tuple and for more than one
+            coordinate, else a float or an array.
+
+        Raises:
+            UnreachableError: The loop cannot close there, or a dyad is stretched.
+            ConfigurationError: A value is not a finite number, or so large that an acceleration
+                is not.
+            MechanismError: Something moves without a mass.
+        """
+        if type(q) is type(u) is type(torque) is float and self._count == 1:
+            return self._accelerations.scalar(q, u, torque)[0]
+        named = {**self._named('position', q), **self._named('speed', u), 'torque': torque}
+        found = _run(self._accelerations, named)
+        return found if self._count > 1 or isinstance(q, tuple) else found[0]
+
+    def forward(self, q: Sequence[float], u: Sequence[float], torque: float) -> Forward:
+        """The accelerations under a torque, and how near the edge of what q can describe is.
+
+        Args:
+            q: Coordinates, floats, in a sequence even of one.
+            u: Their rates.
+            torque: N m.
+
+        Returns:
+            See `Forward`.
+
+        Raises:
+            LinkageError: As for `accelerations`.
+        """
+        forward: Forward = self._forward.scalar(*q, *u, torque)
+        return forward
+
+    def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
+        """The mechanical energy of all bodies.
+
+        Args:
+            q: Coordinates.
+            u: Their rates.
+
+        Returns:
+            Kinetic, and potential of the weights but for a constant, J.
+
+        Raises:
+            LinkageError: As for `state`.
+        """
+        named = {**self._named('position', q), **self._named('speed', u)}
+        kinetic, potential = _run(self._energy, named)
+        return kinetic, potential
+
+    def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
+        """The mass matrix M.
+
+        Args:
+            q: Coordinates.
+
+        Returns:
+            A row for each coordinate, kg m^2 between angles, kg between slides.
+
+        Raises:
+            LinkageError: As for `state`.
+        """
+        rows: tuple[tuple[Real, ...], ...] = _run(self._matrix, self._named('position', q))
+        return rows
 
     def point(self, state: State, name: str) -> PointMotion:
         """Follows a point of the mechanism.
 
         Args:
             state: From `state`; floats or arrays.
-            name: 'A0', 'A', 'B', 'C' (the coupler point, where there is one) or the four-bar's
-                'B0'.
+            name: 'A0', 'A', 'B', 'C' (the coupler point, where there is one), the four-bar's 'B0'
+                or the wind pump's 'D'.
 
         Returns:
             Its position, velocity and acceleration in the axes of base_link.
 
         Raises:
-            ConfigurationError: The mechanism has no such point, or the state is none of it.
+            ConfigurationError: The mechanism has no such point.
         """
         points = self.structure.points
         if not isinstance(name, str) or name not in points:
             raise ConfigurationError(f'point {shown(name)}: must be one of {", ".join(points)}')
-        state = checked_state(self.links, state)
-        with np.errstate(under='ignore'):
-            return point_motion(points[name], state)
+        if name not in self._points:
+            names = (tuple(f'{letter}_{link}' for link in self.links) for letter in 'que')
+            constants = Track.of(points[name]), Opaque(self._refuse_state)
+            self._points[name] = Program(_point_motion, constants, tuple(names))
+        motion: PointMotion = _run(self._points[name], self._of_state(state))
+        return motion
 
     def reactions(self, state: State) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
@@ -128,103 +229,160 @@ class Solver:
             The forces.
 
         Raises:
-            UnreachableError: The mechanism is at a change point, to within the rounding of the
-                crank angle, where forces in its joints have no finite value.
-            ConfigurationError: The state is none of this mechanism.
+            UnreachableError: The mechanism stands at a change point, where forces in its joints
+                have no finite value.
             MechanismError: Those of such a mechanism are not known.
         """
-        state = checked_state(self.links, state)
-        functions, kinematics = functions_of(state.torque), self.kinematics
-        cranks = state.position[0]
-        with np.errstate(under='ignore'):
-            kinematics.require_reachable(cranks, functions)
-            sine = kinematics.side * kinematics.map.sine(cranks, functions)
-            at_change_point = kinematics.map.at_change_point(cranks, functions)
-        if np.any(at_change_point):
-            crank = float(np.atleast_1d(cranks)[np.atleast_1d(at_change_point)][0])
-            raise UnreachableError(
-                f'at {math.degrees(crank):.9g} deg all links lie in one line: the forces in the '
-                'joints have no finite value at a change point; ask for angles beside it',
-                crank_angle=crank,
-                arcs=self.mobility.arcs,
+        pins = [pin.name for pin in self.structure.pins]
+        if not pins:
+            raise MechanismError(
+                f'joint forces of a {type(self.mechanism).__name__} are not known'
             )
-        with np.errstate(under='ignore'):
-            return reactions(self.mechanism, self.structure, state, sine)
+        given = self._of_state(state)
+        values, _ = real_numbers(**given)
+        require_finite(**dict(zip(given, values, strict=True)))
+        fields = State._fields[:3]
+        named = {(f, n): given[f'{n}_{f}'] for f in fields for n in self.coordinates}
+        forces, guides, *others = _run(
+            self._reactions, {f'{name}_{field}': x for (field, name), x in named.items()}
+        )
+        return Reactions(
+            dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
+        )
 
-    def inertia(self, crank: Real) -> Real:
-        """The moment of inertia of the whole mechanism, as the crank feels it.
+    def alignment(self, q: Sequence[float]) -> tuple[float, str]:
+        """How near two links that meet are to one line, beyond which the motion may not go on.
 
         Args:
-            crank: Crank angle, rad; a float, or an array.
+            q: Coordinates, floats, in a sequence even of one.
 
         Returns:
-            kg m^2: torque per crank acceleration; a float, or an array.
+            The sine of the angle at which they meet, of a link and its guide of the angle to the
+            guide's normal; 0 where the loop does not close. And what they are at 0, in words.
+        """
+        dyads, links = self.structure.dyads, self.structure.links
+        if not dyads:
+            return 1.0, ''
+        try:
+            angles = self._meetings.scalar(*q)
+        except UnreachableError:
+            return 0.0, ' and '.join(links[i].name for i in dyads[0][:2]) + ' are in line'
+        (sine, cosine), dyad = min(zip(angles, dyads, strict=True))
+        first, second = links[dyad.first], links[dyad.second]
+        if second.slides:
+            return sine, f'the {first.name} stands across the guide'
+        is_folded = (cosine > 0) == (second.parent != dyad.first)
+        return sine, f'{first.name} and {second.name} are {"folded" if is_folded else "stretched"}'
+
+    @functools.cached_property
+    def _reactions(self) -> Program:
+        joints = joints_of(self.mechanism, self.structure, Opaque(self._refuse_change_point))
+        return Program(reactions, (self._model, joints), tuple(self._names))
+
+    def _named(self, quantity: str, row: Any) -> dict[str, Any]:
+        """The values of all coordinates by their names.
 
         Raises:
-            ConfigurationError: A crank angle is not a finite number or an array of them.
-            UnreachableError: The loop cannot close at a crank angle.
+            ConfigurationError: Their number is wrong.
         """
-        ((crank,), _) = real_numbers(crank_angle=crank)
-        require_finite(crank_angle=crank)
-        ((inertia,),) = self._masses.matrix(self.kinematics.links((crank,), functions_of(crank)))
-        return inertia
-
-    def _solve(self, crank: Real, speed: Real, acceleration: Real, functions: Functions) -> State:
-        links = self.kinematics.links((crank,), functions)
-        position, _, _, ((k1, k2, k3),), ((c1, c2, c3),) = links
-        squared = speed * speed
-        velocity = k1 * speed, k2 * speed, k3 * speed
-        accelerations = c1 * squared, c2 * squared, c3 * squared
-        if acceleration.__class__ is not float or acceleration:
-            e1, e2, e3 = accelerations
-            accelerations = (
-                e1 + k1 * acceleration,
-                e2 + k2 * acceleration,
-                e3 + k3 * acceleration,
+        names, found = self._meanings(quantity), row
+        if self._count == 1 and not isinstance(row, tuple):
+            found = (row,)
+        elif type(row) is float and not row:
+            found = (row,) * self._count  # the default: at rest
+        elif not isinstance(row, (tuple, list)) and not (isinstance(row, np.ndarray) and row.ndim):
+            found = ()
+        if len(found) != self._count:
+            words = ', '.join(names).replace('_', ' ') + ',' * (self._count == 1)
+            raise ConfigurationError(
+                f'{_LETTERS[quantity]} = {shown(row)}: must be a tuple ({words})'
             )
-        (torque,) = self._masses.balance(links, velocity, accelerations)
-        return _new(State, (position, velocity, accelerations, torque))
+        return dict(zip(names, found, strict=True))
 
-    def _solve_chunks(self, shape: tuple[int, ...], inputs: tuple[Real, Real, Real]) -> State:
-        # What is the same for all states stays a number: half of the work on it is saved.
-        crank, speed, acceleration = (
-            float(x) if isinstance(x, float) else np.broadcast_to(x, shape).ravel() for x in inputs
+    def _meanings(self, quantity: str) -> list[str]:
+        """What errors call the values of the coordinates, words joined by _."""
+        slides = {link.name: link.slides for link in self.structure.links}
+        is_place = quantity == 'position'
+        return [
+            f'{name}_{"angle" if is_place and not slides[name] else quantity}'
+            for name in self.coordinates
+        ]
+
+    def _of_state(self, state: State) -> dict[str, Real]:
+        """The motion of all links by their names.
+
+        Raises:
+            ConfigurationError: It is not a state of this mechanism.
+        """
+        rows = state[:3] if isinstance(state, State) else ()
+        if not rows or any(type(row) is not tuple or len(row) != len(self.links) for row in rows):
+            raise ConfigurationError(
+                f'state = {shown(state)}: must be a State of this mechanism, from its solver'
+            )
+        return {
+            f'{link}_{field}': value
+            for field, row in zip(State._fields, rows, strict=False)
+            for link, value in zip(self.links, row, strict=True)
+        }
+
+    def _refuse_state(self, *values: float) -> NoReturn:
+        """Refuses a state.
+
+        Raises:
+            ConfigurationError: Always.
+        """
+        names = (f'{link}_{field}' for field in State._fields[:3] for link in self.links)
+        require_finite(**dict(zip(names, values, strict=False)))
+        raise ConfigurationError('state: must be a State of this mechanism, from its solver')
+
+    def _refuse(self, last: str, *values: float) -> NoReturn:
+        """Refuses numbers that are not finite, or so large that a result is not.
+
+        Raises:
+            ConfigurationError: Always.
+        """
+        lasts = [last] if last == 'torque' else self._meanings(last)
+        names = [*self._meanings('position'), *self._meanings('speed'), *lasts]
+        given = dict(zip(names, values, strict=False))
+        require_finite(**given)
+        words = ', '.join(f'{n.replace("_", " ")} = {x:g}' for n, x in given.items())
+        raise ConfigurationError(f'the torque or an acceleration overflows at {words}: lower them')
+
+    def _refuse_change_point(self, *q: float) -> NoReturn:
+        """Refuses to give forces.
+
+        Raises:
+            UnreachableError: Always.
+        """
+        raise UnreachableError(
+            f'at {math.degrees(q[0]):.9g} deg all links lie in one line: the forces in the '
+            'joints have no finite value at a change point; ask for angles beside it',
+            crank_angle=q[0],
+            arcs=self.mobility.arcs if self.mobility else (),
         )
-        _keep_memory()
-        size = math.prod(shape)
-        rows = np.empty((10, size))
-        for start in range(0, size, _CHUNK):
-            piece = slice(start, start + _CHUNK)
-            angle, rate, change = (
-                x if isinstance(x, float) else x[piece] for x in (crank, speed, acceleration)
-            )
-            with np.errstate(over='ignore', invalid='ignore', under='ignore'):
-                if not all_finite(angle, rate, change):
-                    _refuse_not_finite(angle, rate, change)
-                state = self._solve(angle, rate, change, ARRAY)
-                if not all_finite(state.torque):
-                    _refuse_not_finite(angle, rate, change)
-            values = (*state.position, *state.velocity, *state.acceleration, state.torque)
-            for row, value in zip(rows, values, strict=True):
-                row[piece] = value
-        a1, a2, a3, r1, r2, r3, e1, e2, e3, torque = (row.reshape(shape) for row in rows)
-        return State((a1, a2, a3), (r1, r2, r3), (e1, e2, e3), torque)
 
 
-@functools.cache
-def _keep_memory() -> None:
-    """Lets the C library keep the memory of intermediate results, which doubles the speed.
-
-    glibc hands pieces of this size back to the system at once, and gets them again page by page,
-    until it has seen a larger one freed. This one is never touched, so it costs nothing.
-    """
-    np.empty(3_000_000)
+def _run(program: Program, named: dict[str, Any]) -> Any:
+    """The program on floats or arrays."""
+    if all(type(value) is float for value in named.values()):
+        return program.scalar(*named.values())
+    values, shape = real_numbers(**named)
+    return program.arrays(*values) if shape else program.scalar(*values)
 
 
-def _refuse_not_finite(crank: Real, speed: Real, acceleration: Real) -> NoReturn:
-    require_finite(crank_angle=crank, speed=speed, acceleration=acceleration)
-    fastest, hardest = np.max(np.abs(speed)), np.max(np.abs(acceleration))
-    raise ConfigurationError(
-        f'the torque overflows at a speed up to {fastest:g} rad/s and an acceleration up to '
-        f'{hardest:g} rad/s^2: lower them'
+def _point_motion(
+    constants: tuple[Track, Opaque],
+    angles: Sequence[Real],
+    rates: Sequence[Real],
+    changes: Sequence[Real],
+) -> PointMotion:
+    track, refuse = constants
+    require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
+    return track.follow(angles, rates, changes)
+
+
+def _refuse_massless() -> NoReturn:
+    raise MechanismError(
+        'something moves without a mass: its acceleration under a torque has no finite value; '
+        'give the links a mass or an inertia'
     )

@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import cmath
-from typing import NamedTuple, TypeAlias
+from collections.abc import Sequence
+from typing import NamedTuple
 
-from linkage_ros.mechanisms.links import PerLink
-from linkage_ros.mechanisms.structure import Point, Structure
-from linkage_ros.numeric import Real, functions_of
-
-Vector: TypeAlias = tuple[Real, Real]
+from linkage_ros.formulas import Vector, difference, times, total
+from linkage_ros.model.structure import Point, Structure
+from linkage_ros.numeric import Real
 
 
 class State(NamedTuple):
@@ -28,9 +27,9 @@ class State(NamedTuple):
         torque: Driving torque on the crank, N m, counter-clockwise positive.
     """
 
-    position: PerLink
-    velocity: PerLink
-    acceleration: PerLink
+    position: tuple[Real, ...]
+    velocity: tuple[Real, ...]
+    acceleration: tuple[Real, ...]
     torque: Real
 
 
@@ -48,31 +47,78 @@ class PointMotion(NamedTuple):
     acceleration: Vector
 
 
-def point_motion(point: Point, state: State) -> PointMotion:
-    """Follows a point (document 2, eq. a2, a3, 34, 35; the acceleration is their derivative).
+class Track(NamedTuple):
+    """A point for formulas: the weights of `Point` in parts, None where they are 0.
+
+    Attributes:
+        weights: For each link (along, across) of its direction, m; None: the point does not
+            follow the link.
+        fixed: (x, y), m.
+    """
+
+    weights: tuple[tuple[float | None, float | None] | None, ...]
+    fixed: tuple[float, float]
+
+    @classmethod
+    def of(cls, point: Point) -> Track:
+        """The track of a point."""
+        weights = tuple((w.real or None, w.imag or None) if w else None for w in point.weights)
+        return cls(weights, (point.fixed.real, point.fixed.imag))
+
+    def follow(
+        self, angles: Sequence[Real], rates: Sequence[Real], accelerations: Sequence[Real]
+    ) -> PointMotion:
+        """Follows the point, from the angles of the links; see `motion`."""
+        directions = [
+            Vector.at(angle) if weight else None
+            for angle, weight in zip(angles, self.weights, strict=True)
+        ]
+        return self.motion(directions, rates, accelerations)
+
+    def motion(
+        self,
+        directions: Sequence[Vector | None],
+        rates: Sequence[Real | None],
+        accelerations: Sequence[Real | None],
+    ) -> PointMotion:
+        """Follows the point (document 2, eq. a2, a3, 34, 35; their derivative).
+
+        Args:
+            directions: Unit vector of each link; None where the point does not follow it.
+            rates: Velocity of each link, rad/s.
+            accelerations: Acceleration of each link, rad/s^2.
+
+        Returns:
+            The motion.
+        """
+        position = Vector(*self.fixed)
+        vx = vy = ax = ay = None
+        for j, weight in enumerate(self.weights):
+            if weight:
+                (along, across), (c, s) = weight, directions[j] or Vector(1.0, 0.0)
+                px = difference(times(along, c), times(across, s))
+                py = total(times(along, s), times(across, c))
+                rate, change = rates[j], accelerations[j]
+                square = times(rate, rate)
+                position = position + Vector(px, py)
+                vx, vy = difference(vx, times(rate, py)), total(vy, times(rate, px))
+                ax = difference(ax, total(times(change, py), times(square, px)))
+                ay = total(ay, difference(times(change, px), times(square, py)))
+        vx, vy, ax, ay = (0.0 if value is None else value for value in (vx, vy, ax, ay))
+        return PointMotion(position, Vector(vx, vy), Vector(ax, ay))
+
+
+def follow(point: Point, state: State) -> PointMotion:
+    """The motion of a point in a state.
 
     Args:
-        point: Of the mechanism.
+        point: As a combination of the directions of links.
         state: Floats or arrays.
 
     Returns:
-        Its motion; floats or arrays, as in the state.
+        Its position, velocity and acceleration in the axes of base_link.
     """
-    functions = functions_of(state.torque)
-    zero = 0.0 * state.torque
-    x, y = point.fixed.real + zero, point.fixed.imag + zero
-    vx, vy, ax, ay = zero, zero, zero, zero
-    for weight, angle, rate, acceleration in zip(point.weights, *state[:3], strict=True):
-        if weight:
-            cos, sin = functions.cos(angle), functions.sin(angle)
-            px = weight.real * cos - weight.imag * sin
-            py = weight.real * sin + weight.imag * cos
-            square = rate * rate
-            x, y = x + px, y + py
-            vx, vy = vx - rate * py, vy + rate * px
-            ax = ax - (acceleration * py + square * px)
-            ay = ay + (acceleration * px - square * py)
-    return PointMotion((x, y), (vx, vy), (ax, ay))
+    return Track.of(point).follow(*state[:3])
 
 
 def loop_residual(structure: Structure, state: State) -> float:
@@ -85,8 +131,12 @@ def loop_residual(structure: Structure, state: State) -> float:
     Returns:
         The distance, m.
     """
-    reached = complex(*point_motion(structure.closure, state).position)
-    last = structure.joints[-1]
+    closure, last = structure.closure, structure.links[-1]
+    reached = closure.fixed + sum(
+        weight * cmath.rect(1.0, angle)
+        for weight, angle in zip(closure.weights, state.position, strict=False)
+        if weight
+    )
     if last.slides:
-        reached -= last.origin + cmath.rect(state.position[last.link], last.angle)
+        reached -= last.origin + cmath.rect(state.position[-1], last.angle)
     return abs(reached)

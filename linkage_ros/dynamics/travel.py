@@ -16,33 +16,37 @@ class Travel(NamedTuple):
     """The motion of the output link over a period.
 
     Attributes:
-        output: Its name, 'rocker' or 'slider'.
+        output: Its name, such as 'rocker' or 'slider'.
+        slides: Whether it slides.
         extremes: Where it reverses, lowest and highest position, rad or m; beyond pi only where
             it swings through the seam. None: it turns fully.
         at: Crank angles in [0, 2 pi) or [0, 4 pi) at which it reverses, rad.
         transmission: Smallest and largest transmission angle, between coupler and rocker or
-            between coupler and the normal of the guide; rad in [0, pi].
+            between coupler and the normal of the guide; rad in [0, pi]. None: there is none.
         time_ratio: Of the longer to the shorter of the crank's ways between the reversals; None
             where these are not two.
     """
 
     output: str
+    slides: bool
     extremes: tuple[float, float] | None
     at: tuple[float, ...]
-    transmission: tuple[float, float]
+    transmission: tuple[float, float] | None
     time_ratio: float | None
 
     def words(self) -> list[str]:
         """In words, angles in degrees: stroke or swing, transmission angle, time ratio."""
-        low, high = (math.degrees(angle) for angle in self.transmission)
-        words = [self._motion(), f'transmission angle {low:.4g} to {high:.4g} deg']
+        words = [self._motion()]
+        if self.transmission:
+            low, high = (math.degrees(angle) for angle in self.transmission)
+            words.append(f'transmission angle {low:.4g} to {high:.4g} deg')
         return words if self.time_ratio is None else [*words, f'time ratio {self.time_ratio:.4g}']
 
     def _motion(self) -> str:
         if self.extremes is None:
             return f'{self.output} turns fully'
         low, high = self.extremes
-        if self.output == 'slider':
+        if self.slides:
             return f'stroke {high - low:.6g} m ({low:.6g} to {high:.6g} m)'
         low, high = math.degrees(low), math.degrees(high)
         return f'swing {high - low:.6g} deg ({low:.6g} to {high:.6g} deg)'
@@ -60,20 +64,21 @@ def travel(solver: Solver) -> Travel:
     Raises:
         MechanismError: The crank does not turn fully.
     """
-    solver.require_full_turn()
-    period = solver.mobility.period_turns * 2 * math.pi
+    reach = solver.reach
+    reach.require_full_turn()
+    period = reach.period_turns * 2 * math.pi
     # Beside the symmetric angles, at which a rate may vanish exactly.
-    crank = solver.kinematics.map.samples()
+    crank = reach.samples()
     crank = 0.5 * (crank[1:] + crank[:-1])
     crank = np.append(crank, crank[0] + period)
     state = solver.state(crank, 1.0)
-    position, rate = state.position[2], state.velocity[2]
-    slides = solver.structure.joints[2].slides
+    position, rate = state.position[-1], state.velocity[-1]
+    slides = solver.structure.links[-1].slides
     if not slides:
         position = np.unwrap(position)
     before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
     at = [_reversal(solver, crank[i], crank[i + 1]) for i in before]
-    places = [float(solver.state(angle).position[2]) for angle in at]
+    places = [float(solver.state(angle).position[-1]) for angle in at]
     if not slides:
         # Each in the turn that the samples around it are in.
         places = [p + _whole_turns(position[i] - p) for i, p in zip(before, places, strict=True)]
@@ -89,16 +94,15 @@ def travel(solver: Solver) -> Travel:
         way = at[1] - at[0]
         ratio = max(way, period - way) / min(way, period - way)
     reversals = tuple(sorted(angle % period for angle in at))
-    transmission = solver.kinematics.map.extremes()
-    return Travel(solver.links[2], extremes, reversals, transmission, ratio)
+    return Travel(solver.links[-1], slides, extremes, reversals, reach.transmission, ratio)
 
 
 def _reversal(solver: Solver, low: float, high: float) -> float:
     """The crank angle at which the output's rate changes its sign, by bisection."""
     low, high = float(low), float(high)
-    falling = solver.state(low, 1.0).velocity[2] > 0
+    falling = solver.state(low, 1.0).velocity[-1] > 0
     while low < (middle := 0.5 * (low + high)) < high:
-        if (solver.state(middle, 1.0).velocity[2] > 0) == falling:
+        if (solver.state(middle, 1.0).velocity[-1] > 0) == falling:
             low = middle
         else:
             high = middle

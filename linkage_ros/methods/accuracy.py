@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.registry import Linkage
-from linkage_ros.mechanisms.slider_crank import SliderCrank
 from linkage_ros.methods.bench import LIMIT, Bench, time_pass
 from linkage_ros.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Function, Task, make_task
+from linkage_ros.methods.loop import Linkage
 from linkage_ros.methods.registry import METHODS, Method, label
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.numeric import Array
 
 NEAR = 'near a change point'

@@ -45,7 +45,7 @@ class Truth:
         self.task = task
         self._reference = Reference(task, lengths)
         self._solver = Solver(task.mechanism)
-        self._slides = self._solver.structure.joints[2].slides
+        self._slides = self._solver.structure.links[-1].slides
         self._states: dict[float, Exact] = {}
 
     def exact(self, crank: float) -> Exact:
@@ -57,10 +57,8 @@ class Truth:
     @cached_property
     def _sizes(self) -> dict[str, tuple[float, ...]]:
         """The largest of each value of each quantity at even angles inside the reach."""
-        turns = self._solver.kinematics.map.period_turns
-        arcs = [
-            (start, start + (end - start) * turns) for start, end in self._solver.mobility.arcs
-        ]
+        reach = self._solver.reach
+        arcs = [(start, start + (end - start) * reach.period_turns) for start, end in reach.arcs]
         parts = (np.arange(_EVEN) + 0.5) / _EVEN
         cranks = [start + (end - start) * part for start, end in arcs for part in parts.tolist()]
         states = [self._reference.state(crank) for crank in cranks]
@@ -100,12 +98,12 @@ class Bench(Truth):
             angles: Even ones per turn.
         """
         super().__init__(task)
-        transmission = self._solver.kinematics.map
-        self._turns = transmission.period_turns
-        fine = transmission.samples(angles)
+        reach = self._solver.reach
+        self._turns = reach.period_turns
+        fine = reach.samples(angles)
         extra = np.setdiff1d(fine, np.linspace(0, fine[-1], angles * self._turns + 1))
         # The fast places themselves, even or not.
-        middle = transmission.reference[0] + math.pi * np.arange(2 * self._turns)
+        middle = reach.fast + math.pi * np.arange(2 * self._turns)
         self.cranks: Array = np.unique(np.concatenate([self.aside(angles), extra, middle]))
 
     def aside(self, steps: int) -> Array:

@@ -17,8 +17,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.mechanisms.registry import Linkage
-from linkage_ros.methods.loop import Pair
+from linkage_ros.methods.loop import Linkage, Pair
 from linkage_ros.methods.positions import Locate, factored
 from linkage_ros.methods.rates import Rates, analytic, two_by_two
 from linkage_ros.methods.torques import Torque, virtual_power

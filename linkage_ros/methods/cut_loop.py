@@ -19,9 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.kinematics import kinematics_of
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.wind_pump import WindPump
 
 Number: TypeAlias = Any  # a float or a Decimal
 Pair: TypeAlias = tuple[Number, Number]  # x and y, or cosine and sine
@@ -51,7 +50,7 @@ class CutLoop:
             number: Makes a number of a double.
             unit: Cosine and sine of an angle, rad, as numbers.
         """
-        structure = kinematics_of(mechanism).structure
+        links = mechanism.structure().links
         self.slides = isinstance(mechanism, WindPump)
         self._zero = number(0)
         x, y = mechanism.gravity
@@ -69,7 +68,7 @@ class CutLoop:
         self.lengths: tuple[Number, ...] = tuple(map(number, lengths))
         self._weights = [[self._zero] * 2 for _ in range(3)]
         self._moments = {(j, k): [self._zero] * 2 for j in range(3) for k in range(j, 3)}
-        for body in structure.bodies:
+        for link, body in enumerate(links[:3]):
             mass = number(body.mass)
             arms = [(number(w.real), number(w.imag)) for w in map(complex, body.center.weights)]
             for j, (xj, yj) in enumerate(arms[:3]):
@@ -79,7 +78,7 @@ class CutLoop:
                         self._moments[j, k],
                         mass * (xj * xk + yj * yk), mass * (xj * yk - yj * xk),
                     )  # fmt: skip
-            _add(self._moments[body.link, body.link], number(body.inertia), self._zero)
+            _add(self._moments[link, link], number(body.inertia), self._zero)
 
     def gap(self, directions: Sequence[Pair], place: Number) -> Pair:
         """By how much the loop does not close, m.

@@ -52,9 +52,9 @@ class Follower:
 
     def gap(self) -> float:
         """By how much the loop does not close, m: from coordinates it is closed every time."""
-        equations, count = self.problem.driven.equations, self.problem.count
+        solver, count = self.problem.driven.solver, self.problem.count
         q, u = self.phase[:count], self.phase[count:]
-        return loop_residual(equations.structure, equations.state(q, u, (0.0,) * count))
+        return loop_residual(solver.structure, solver.state(q, u, (0.0,) * count))
 
     def _advance(self, time: float) -> Phase:
         raise NotImplementedError
@@ -170,7 +170,7 @@ class Multipliers(OfScipy):
         self._loop = CutLoop(problem.mechanism, float, lambda x: (math.cos(x), math.sin(x)))
         self._count = 4 if self._loop.slides else 3
         q, u = problem.start[: problem.count], problem.start[problem.count :]
-        state = problem.driven.equations.state(q, u, (0.0,) * problem.count)
+        state = problem.driven.solver.state(q, u, (0.0,) * problem.count)
         start = *state.position[: self._count], *state.velocity[: self._count]
         units = (1.0, 1.0, 1.0, problem.mechanism.crank.length)[: self._count] * 2
         self._values: Sequence[float] = start

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.methods.loop import Linkage
 from linkage_ros.methods.positions import Locate
 from linkage_ros.numeric import SCALAR, Array, Functions, Real
 
@@ -30,8 +30,8 @@ class _PeriodSamples:
 
     def __init__(self, mechanism: Linkage, count: int) -> None:
         solver = Solver(mechanism)
-        solver.require_full_turn()
-        turns = solver.kinematics.map.period_turns
+        solver.reach.require_full_turn()
+        turns = solver.reach.period_turns
         self.length = turns * 2 * math.pi
         self.step = self.length / count
         # Finer than the samples, so that no link turns by half a turn between two.
@@ -39,7 +39,7 @@ class _PeriodSamples:
         cranks = np.arange(count * fine + 1) * (self.step / fine)
         state = solver.state(cranks, 1.0)
         curves = np.unwrap(np.stack(state.position[1:]), axis=1)
-        if solver.structure.joints[2].slides:
+        if solver.structure.links[-1].slides:
             curves[1] = state.position[2]
         self.gain = (curves[:, -1] - curves[:, 0]) / self.length
         self.gain = np.round(self.gain * turns) / turns  # whole turns per period, or none

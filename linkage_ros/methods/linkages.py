@@ -10,10 +10,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Slider
-from linkage_ros.mechanisms.registry import Linkage
-from linkage_ros.mechanisms.slider_crank import SliderCrank
+from linkage_ros.methods.loop import Linkage
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Slider
+from linkage_ros.model.slider_crank import SliderCrank
 
 Random: TypeAlias = np.random.Generator
 

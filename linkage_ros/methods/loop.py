@@ -15,11 +15,13 @@ from __future__ import annotations
 import cmath
 from typing import TypeAlias
 
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.numeric import Functions, Real
 
 Pair: TypeAlias = tuple[Real, Real]
+# The mechanisms whose loop textbooks solve in closed form.
+Linkage: TypeAlias = FourBar | SliderCrank
 
 
 class Loop:

@@ -128,7 +128,7 @@ class MotionReference:
         loop, count = self._loop, self._problem.count
         q, u = self._problem.start[:count], self._problem.start[count:]
         # From doubles, which serve as a first guess.
-        links = self._problem.driven.equations.state(q, u, (0.0,) * count).position[:3]
+        links = self._problem.driven.solver.state(q, u, (0.0,) * count).position[:3]
         directions = [unit(angle) for angle in (q[0], *links[1:])]
         place = [Decimal(x) for x in q[1:]]
         velocity = [Decimal(x) for x in u[1:]]

@@ -11,7 +11,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.methods.linkages import Random, four_bar, limited
 from linkage_ros.methods.motion_bench import ENERGY, LOOP, TRAJECTORY, even
@@ -78,12 +77,12 @@ def _swing(_: ChartMechanisms, random: Random, count: int) -> Iterator[MotionCas
     found = 0
     while found < max(1, count // 6):
         mechanism = limited(random)
-        equations = EquationsOfMotion(mechanism)
-        start, end = Solver(mechanism).mobility.arcs[0]
+        solver = Solver(mechanism)
+        start, end = solver.reach.arcs[0]
         places = [start + part * (end - start) for part in (1e-9, 0.03, 1 - 1e-9)]
         # At rest where the weights pull it away from one dead centre, and lack the height to
         # take it to the other.
-        first, height, last = (equations.energy((place,), (0.0,))[1] for place in places)
+        first, height, last = (solver.energy(place, 0.0)[1] for place in places)
         if height < min(first, last) - 1.0:
             found += 1
             yield MotionCase(InitialValueProblem(mechanism, (places[1], 0.0)), even(3.0))
@@ -96,7 +95,7 @@ def _change_point(_: ChartMechanisms, random: Random, count: int) -> Iterator[Mo
         mechanism = replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
         angle, speed, torque = (float(k) for k in random.uniform((-2, 1, 0.1), (-1, 3, 0.2)))
         problem = InitialValueProblem(mechanism, (angle, speed), Motor(torque))
-        ((inertia,),) = problem.driven.equations.matrix((1.0,))
+        ((inertia,),) = problem.driven.solver.matrix(1.0)
         yield MotionCase(problem, even(4.0), formula=_speeding_up(problem.start, torque / inertia))
 
 
@@ -111,7 +110,7 @@ def _stretched(mechanisms: ChartMechanisms, random: Random, count: int) -> Itera
     while found < max(4, count // 3):
         if found % 4 == 3:
             mechanism = limited(random)
-            start, end = Solver(mechanism).mobility.arcs[0]
+            start, end = Solver(mechanism).reach.arcs[0]
             problem = InitialValueProblem(
                 mechanism, ((start + end) / 2, float(random.uniform(3, 6)) * (end - start))
             )

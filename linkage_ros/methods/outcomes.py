@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -82,7 +82,7 @@ def measure_outcomes(
     *,
     cases: int,
     progress: Callable[[Iterable[Any], str], Iterable[Any]],
-    methods: tuple[Method, ...] = METHODS,
+    methods: Sequence[Method] = METHODS,
 ) -> list[Cell]:
     """Runs every method through every situation.
 

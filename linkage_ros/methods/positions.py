@@ -13,27 +13,24 @@ from typing import TypeAlias
 
 import numpy as np
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.parts import OPEN
-from linkage_ros.mechanisms.registry import Linkage
+from linkage_ros.dynamics.program import Program
+from linkage_ros.methods.loop import Linkage
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.parts import OPEN
+from linkage_ros.model.pose import Loop
 from linkage_ros.numeric import SCALAR, Functions, Real
 
 Locate: TypeAlias = Callable[[Real], tuple[Real, Real]]
 
 
 def factored(mechanism: Linkage, f: Functions) -> Locate:
-    """The package's own: sums of terms that are never negative (mechanisms.transmission)."""
-    solver = Solver(mechanism)
-    locate = solver.kinematics.locate
-    if solver.mobility.turns_fully:
-        return lambda crank: locate(crank, f)
+    """The package's own: sums of terms that are never negative (model.transmission)."""
+    program = Program(_positions, mechanism.loop(), ('crank',))
+    return program.compile() if f is SCALAR else program.arrays
 
-    def within_reach(crank: Real) -> tuple[Real, Real]:
-        solver.kinematics.require_reachable(crank, f)
-        return locate(crank, f)
 
-    return within_reach
+def _positions(loop: Loop, crank: Real) -> tuple[Real, ...]:
+    return tuple(link.position for link in loop.pose((crank,)).links[1:])
 
 
 def inverse_cosine(mechanism: Linkage, f: Functions) -> Locate:

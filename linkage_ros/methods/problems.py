@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
 from linkage_ros.motion.drives import Motor
 
@@ -32,7 +32,7 @@ class InitialValueProblem:
     @cached_property
     def driven(self) -> DrivenMechanism:
         """It as a system of first order, with the package's own equations of motion."""
-        return DrivenMechanism(EquationsOfMotion(self.mechanism), self.motor.law())
+        return DrivenMechanism(Solver(self.mechanism), self.motor.law())
 
     @property
     def count(self) -> int:
@@ -48,7 +48,7 @@ class InitialValueProblem:
         Returns:
             Both; the latter but for a constant.
         """
-        return self.driven.equations.energy(phase[: self.count], phase[self.count :])
+        return self.driven.solver.energy(phase[: self.count], phase[self.count :])
 
 
 class ChartMechanisms(NamedTuple):

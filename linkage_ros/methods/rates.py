@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.mechanisms.registry import Linkage
-from linkage_ros.methods.loop import Loop, Pair, solve_2x2
+from linkage_ros.dynamics.program import Program
+from linkage_ros.methods.loop import Linkage, Loop, Pair, solve_2x2
 from linkage_ros.methods.positions import Locate
-from linkage_ros.numeric import Functions, Real, wrap
+from linkage_ros.model.pose import Loop as LoopConstants
+from linkage_ros.numeric import SCALAR, Functions, Real, wrap
 
 
 class Rates(NamedTuple):
@@ -33,16 +33,21 @@ class Rates(NamedTuple):
 
 def analytic(mechanism: Linkage, f: Functions) -> Rates:
     """The package's own: the factored form differentiated, no division by sin(gamma - beta)."""
-    solver = Solver(mechanism)
-    solve, limited = solver.kinematics.solve, not solver.mobility.turns_fully
+    programs = [Program(formula, mechanism.loop(), ('crank',)) for formula in (_first, _second)]
+    return Rates(*(p.compile() if f is SCALAR else p.arrays for p in programs))
 
-    def second(crank: Real) -> tuple[Pair, Pair, Pair]:
-        if limited:
-            solver.kinematics.require_reachable(crank, f)
-        (_, *position), _, _, ((_, *first),), ((_, *curvature),) = solve(crank, f)
-        return tuple(position), tuple(first), tuple(curvature)
 
-    return Rates(lambda crank: second(crank)[:2], second)
+def _first(loop: LoopConstants, crank: Real) -> tuple[tuple[Real, ...], ...]:
+    return _second(loop, crank)[:2]
+
+
+def _second(loop: LoopConstants, crank: Real) -> tuple[tuple[Real, ...], ...]:
+    _, *links = loop.pose((crank,)).links
+    return (
+        tuple(link.position for link in links),
+        tuple(link.jacobian[0] for link in links),
+        tuple(link.curvature[0] for link in links),
+    )
 
 
 def two_by_two(mechanism: Linkage, locate: Locate, f: Functions) -> Rates:

@@ -17,11 +17,11 @@ from typing import Any, NamedTuple, TypeAlias
 from mpmath import mp
 
 from linkage_ros.errors import UnreachableError
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.kinematics import kinematics_of
-from linkage_ros.mechanisms.parts import OPEN
-from linkage_ros.mechanisms.structure import Structure
 from linkage_ros.methods.chain import Task
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.parts import OPEN
+from linkage_ros.model.slider_crank import SliderCrank
+from linkage_ros.model.structure import Structure
 
 _DIGITS = 130
 _ASIDE = '1e-60'
@@ -61,7 +61,7 @@ class Reference:
         """
         mechanism = task.mechanism
         self._task, self._mechanism = task, mechanism
-        self._structure: Structure = kinematics_of(mechanism).structure
+        self._structure: Structure = mechanism.structure()
         links = [mechanism.crank.length, mechanism.coupler.length]
         if isinstance(mechanism, FourBar):
             links += [mechanism.rocker.length, mechanism.frame.length]
@@ -161,7 +161,7 @@ class Reference:
         speed, change = mp.mpf(self._task.speed), mp.mpf(self._task.acceleration)
         arm = _number(self._lengths[0]) * mp.expj(crank)
         guide = mp.expj(mp.mpf(self._mechanism.frame.angle))
-        slides = self._structure.slider is not None
+        slides = self._structure.links[-1].slides
         columns = 1j * coupler, -guide if slides else -1j * output
         ratios = _solve(*columns, -1j * arm)
         rates = tuple(ratio * speed for ratio in ratios)
@@ -182,7 +182,8 @@ class Reference:
         gravity = mp.mpc(*self._mechanism.gravity)
         directions = [mp.expj(angle) for angle in position]
         power = mp.mpf(0)
-        for body in self._structure.bodies:
+        *others, last = self._structure.links
+        for i, body in enumerate(others if last.slides else self._structure.links):
             velocity, acceleration = mp.mpc(0), mp.mpc(0)
             weights = self._weights(body.center.weights)
             for j, weight in enumerate(weights):
@@ -190,8 +191,9 @@ class Reference:
                 velocity += 1j * ratios[j] * arm
                 acceleration += (1j * changes[j] - rates[j] ** 2) * arm
             power += body.mass * ((acceleration - gravity) * velocity.conjugate()).real
-            power += mp.mpf(body.inertia) * changes[body.link] * ratios[body.link]
-        if slider := self._structure.slider:
+            power += mp.mpf(body.inertia) * changes[i] * ratios[i]
+        if isinstance(self._mechanism, SliderCrank):
+            slider = self._mechanism.slider
             along = (gravity / mp.expj(mp.mpf(self._mechanism.frame.angle))).real
             push = slider.mass * (changes[2] - along) + slider.damping * rates[2] - slider.force
             power += push * ratios[2]

@@ -16,8 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.mechanisms.four_bar import FourBar
-from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.methods.chain import Task, make_task
 from linkage_ros.methods.linkages import (
     Random,
@@ -29,6 +27,8 @@ from linkage_ros.methods.linkages import (
     turning,
     with_change_point,
 )
+from linkage_ros.methods.loop import Linkage
+from linkage_ros.model.four_bar import FourBar
 
 _SEED = 20_261_121
 
@@ -117,7 +117,7 @@ def _near(random: Random, count: int) -> Iterator[Case]:
 def _dead_centre(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
         mechanism = limited(random)
-        start, end = Solver(mechanism).mobility.arcs[0]
+        start, end = Solver(mechanism).reach.arcs[0]
         middle, goal, inward = (start + end) / 2, end, -1.0
         if random.random() < 0.5:
             goal, inward = start, 1.0
@@ -130,7 +130,7 @@ def _dead_centre(random: Random, count: int) -> Iterator[Case]:
 def _no_assembly(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
         mechanism = limited(random)
-        start, end = Solver(mechanism).mobility.arcs[0]
+        start, end = Solver(mechanism).reach.arcs[0]
         beyond = tuple(float(end + x) for x in random.uniform(0.01, 0.9, 8) * 0.1)
         position = Solver(mechanism).state((start + end) / 2).position
         yield Case(Task(mechanism, (position[1], position[2])), beyond)
@@ -188,7 +188,7 @@ def _long_crank(random: Random, count: int) -> Iterator[Case]:
     for _ in range(count):
         r, angle = float(random.uniform(0.3, 0.6)), float(random.uniform(-3, 3))
         mechanism = slider_crank(r, 0.25, 0.05, any_assembly(random), angle)
-        start, end = Solver(mechanism).mobility.arcs[0]
+        start, end = Solver(mechanism).reach.arcs[0]
         cranks = np.linspace(start, end, 34)[1:-1]
         yield _case(mechanism, tuple(map(float, cranks)))
 

@@ -46,7 +46,7 @@ class AdaptiveSteps:
             phase: Coordinates, then their rates.
 
         Raises:
-            LinkageError: The motion cannot even begin, as `EquationsOfMotion.accelerations` tells.
+            LinkageError: The motion cannot even begin, as `Solver.accelerations` tells.
         """
         from scipy.integrate import DOP853
 

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn, TypeAlias
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
 
 # Coordinates, then their rates.
@@ -28,22 +28,24 @@ class DrivenMechanism:
     """A mechanism under a torque: a system of first order, for whatever integrates it.
 
     Attributes:
-        equations: Of the mechanism.
+        solver: Of the mechanism.
         torque: On the crank, N m, over time, s, and crank speed, rad/s.
     """
 
-    equations: EquationsOfMotion
+    solver: Solver
     torque: TorqueLaw
 
     @property
     def units(self) -> Phase:
         """In which errors of coordinates and rates count: rad and crank lengths, also per s."""
-        units = 1.0, self.equations.mechanism.crank.length
-        return units[: len(self.equations.coordinates)] * 2
+        units = 1.0, self.solver.mechanism.crank.length
+        return units[: len(self.solver.coordinates)] * 2
 
     def slope(self, time: float, phase: Phase) -> Phase:
         """The rates of coordinates and rates, as `look`."""
-        return self.look(time, phase)[0]
+        count = len(phase) // 2
+        u = phase[count:]
+        return (*u, *self.solver.forward(phase[:count], u, self.torque(time, u[0])).accelerations)
 
     def look(self, time: float, phase: Phase) -> tuple[Phase, float]:
         """The rates of coordinates and rates, and how long they can describe the motion.
@@ -60,15 +62,17 @@ class DrivenMechanism:
             Rates, then accelerations; and the time to the edge, s, if nothing turns them.
 
         Raises:
-            LinkageError: As `EquationsOfMotion.accelerations`.
+            LinkageError: As `Solver.accelerations`.
         """
         count = len(phase) // 2
         q, u = phase[:count], phase[count:]
-        accelerations, (sine, rate) = self.equations.forward(q, u, self.torque(time, u[0]))
-        if rate >= 0:
-            return (*u, *accelerations), math.inf
-        # Below, rounding tells no more which way it goes: the edge counts as reached.
-        return (*u, *accelerations), -sine / rate if sine > _LEAST else 0.0
+        accelerations, edges = self.solver.forward(q, u, self.torque(time, u[0]))
+        left = math.inf
+        for sine, rate in edges:
+            if rate < 0:
+                # Below _LEAST, rounding hides which way it goes: the edge counts as reached.
+                left = min(left, -sine / rate if sine > _LEAST else 0.0)
+        return (*u, *accelerations), left
 
     def sine(self, phase: Phase) -> float:
         """Of the angle at which coupler and third link meet, or coupler and guide's normal.
@@ -79,7 +83,7 @@ class DrivenMechanism:
         Returns:
             0 at the edge of what the coordinates describe.
         """
-        return self.equations.dyad(phase[: len(phase) // 2])[0]
+        return self.solver.alignment(phase[: len(phase) // 2])[0]
 
     def fail(self, time: float, phase: Phase, cause: Exception | None) -> NoReturn:
         """Ends a motion that cannot be followed any further.
@@ -93,16 +97,16 @@ class DrivenMechanism:
             MotionError: With time, place and what to do.
         """
         q = phase[: len(phase) // 2]
-        sine, words = self.equations.dyad(q)
+        sine, words = self.solver.alignment(q)
         with suppress(LinkageError):  # the end itself is a little later
             u = phase[len(q) :]
-            _, (opening, rate) = self.equations.forward(q, u, self.torque(time, u[0]))
-            left = -opening / rate if rate < 0 else math.inf
+            _, edges = self.solver.forward(q, u, self.torque(time, u[0]))
+            left = min((-s / rate for s, rate in edges if rate < 0), default=math.inf)
             time += left if left < _AHEAD else 0.0
         place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
         if len(q) > 1:
             place += f', slider at {q[1]:.6g} m'
-        if sine < _NEAR and self.equations.has_edge:
+        if sine < _NEAR and any(dyad.limits for dyad in self.solver.structure.dyads):
             reason = (
                 f'{words}: the motion goes on in another assembly, which these coordinates do not '
                 'describe; start slower or from elsewhere, or change torque, masses or lengths'

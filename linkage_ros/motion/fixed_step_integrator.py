@@ -10,13 +10,17 @@ motion is at the edge of what its coordinates can describe, and ends with an err
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
 from collections.abc import Callable
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
+from linkage_ros.dynamics.program import Argument, Program
 from linkage_ros.errors import LinkageError
+from linkage_ros.formulas import times, total, where
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
-from linkage_ros.numeric import within_two_turns
+from linkage_ros.numeric import Real, within_two_turns
 
 LONGEST_STEP = 1e-3  # s
 TOLERANCE = 1e-9
@@ -32,8 +36,8 @@ _STAGES = (
     (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
     (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
 )
-_WEIGHTS = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
-_ERRORS = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+_WEIGHTS = (35 / 384, None, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
+_ERRORS = (71 / 57600, None, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 
 
 class Steps(Protocol):
@@ -89,12 +93,12 @@ class FixedSteps:
             time: Of the beginning, s.
 
         Raises:
-            LinkageError: It cannot even begin, as `EquationsOfMotion.accelerations` tells.
+            LinkageError: It cannot even begin, as `Solver.accelerations` tells.
         """
         self.driven, self.time = driven, time
         self.phase, self.pairs = wound(phase)
         self._longest, self._tolerance = longest, tolerance
-        self._units = driven.units
+        self._units, self._method = driven.units, _method(len(phase))
         self._look: tuple[Phase, float] | None = driven.look(time, self.phase)
 
     def changed(self) -> None:
@@ -141,16 +145,12 @@ class FixedSteps:
         slope, left = self._look or driven.look(time, phase)
         if h > left * EDGE_PART:
             return phase, (slope, left), math.inf
-        slopes = [slope]
-        for node, stage in zip(_NODES, _STAGES, strict=True):
-            slopes.append(driven.slope(time + node * h, _moved(phase, h, stage, slopes)))
-        end = _moved(phase, h, _WEIGHTS, slopes)
+        slopes = list(slope)
+        for node, move in zip(_NODES, self._method.stages, strict=True):
+            slopes += driven.slope(time + node * h, move(*phase, h, *slopes))
+        end = self._method.end(*phase, h, *slopes)
         look = driven.look(time + h, end)
-        slopes.append(look[0])
-        apart = _moved((0.0,) * len(phase), h, _ERRORS, slopes)
-        count = len(phase) // 2
-        sizes = (*self._units[:count], *map(max, map(abs, end[count:]), self._units))
-        errors = [abs(part) / size for part, size in zip(apart, sizes, strict=True)]
+        errors = self._method.errors(*self._units, *end, h, *slopes, *look[0])
         # Not max: a nan must not pass.
         return end, look, math.inf if sum(errors) != sum(errors) else max(errors)
 
@@ -161,9 +161,56 @@ def wound(phase: Phase) -> tuple[Phase, int]:
     return (angle, *phase[1:]), pairs
 
 
-def _moved(phase: Phase, h: float, weights: tuple[float, ...], slopes: list[Phase]) -> Phase:
-    total = [0.0] * len(phase)
-    for weight, slope in zip(weights, slopes, strict=False):
-        if weight:
-            total = [part + weight * rate for part, rate in zip(total, slope, strict=True)]
-    return tuple([value + h * part for value, part in zip(phase, total, strict=True)])
+class _Method(NamedTuple):
+    """The method's sums as programs for one number of values of a phase.
+
+    Attributes:
+        stages: From a phase, h and the slopes so far, all flat, to the next phase.
+        end: Likewise, to the end of the step.
+        errors: From units, the end, h and all slopes to each value's error, in its unit or, of a
+            rate that is larger, relative.
+    """
+
+    stages: tuple[Callable[..., Phase], ...]
+    end: Callable[..., Phase]
+    errors: Callable[..., Phase]
+
+
+@functools.cache
+def _method(size: int) -> _Method:
+    def names(word: str) -> tuple[Argument, ...]:
+        return (tuple(f'{word}{i}' for i in range(size)),)
+
+    def slopes(count: int) -> tuple[Argument, ...]:
+        return tuple(itertools.chain(*(names(f'slope{i}_') for i in range(count))))
+
+    *moves, end = (
+        Program(_moved, weights, (*names('phase'), 'h', *slopes(len(weights)))).compile()
+        for weights in (*_STAGES, _WEIGHTS)
+    )
+    arguments = (*names('unit'), *names('end'), 'h', *slopes(len(_ERRORS)))
+    return _Method(tuple(moves), end, Program(_errors, _ERRORS, arguments).compile())
+
+
+def _moved(
+    weights: tuple[Real, ...], phase: tuple[Real, ...], h: Real, *slopes: tuple[Real, ...]
+) -> tuple[Real, ...]:
+    return tuple(
+        value + h * total(*map(times, weights, rates))
+        for value, *rates in zip(phase, *slopes, strict=True)
+    )
+
+
+def _errors(
+    weights: tuple[Real, ...],
+    units: tuple[Real, ...],
+    end: tuple[Real, ...],
+    h: Real,
+    *slopes: tuple[Real, ...],
+) -> tuple[Real, ...]:
+    apart = _moved(weights, (0.0,) * len(end), h, *slopes)
+    sizes = [
+        unit if i < len(end) // 2 else where(unit >= abs(value), unit, abs(value))
+        for i, (unit, value) in enumerate(zip(units, end, strict=True))
+    ]
+    return tuple(abs(part) / size for part, size in zip(apart, sizes, strict=True))

@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from linkage_ros.dynamics.state import State
-from linkage_ros.mechanisms.structure import Joint
+from linkage_ros.model.structure import Link
 from linkage_ros.motion.speed_driven import CrankState
 from linkage_ros.numeric import SCALAR, wrap
 
@@ -29,11 +29,11 @@ class JointValues(NamedTuple):
     effort: tuple[float, ...]
 
 
-def joint_values(joints: tuple[Joint, ...], state: State, crank: CrankState) -> JointValues:
+def joint_values(links: tuple[Link, ...], state: State, crank: CrankState) -> JointValues:
     """The joints' values of a state.
 
     Args:
-        joints: The tree; its first joint is the crank.
+        links: The tree; its first joint is the crank's.
         state: A state at crank.angle.
         crank: Where the crank is.
 
@@ -42,14 +42,14 @@ def joint_values(joints: tuple[Joint, ...], state: State, crank: CrankState) -> 
     """
     position, rate, acceleration, torque = state
     positions, velocities, accelerations = [crank.unwrapped], [rate[0]], [acceleration[0]]
-    for _, link, parent, _, _, slides in joints[1:]:
-        place, velocity, acceleration_ = position[link], rate[link], acceleration[link]
+    for i, link in enumerate(links[1:], 1):
+        place, velocity, acceleration_, parent = position[i], rate[i], acceleration[i], link.parent
         if parent is not None:
             place = wrap(place - position[parent], SCALAR)
             velocity -= rate[parent]
             acceleration_ -= acceleration[parent]
-        positions.append(place if slides or place > -math.pi else math.pi)
+        positions.append(place if link.slides or place > -math.pi else math.pi)
         velocities.append(velocity)
         accelerations.append(acceleration_)
-    effort = (torque, *(0.0 for _ in joints[1:]))
+    effort = (torque, *(0.0 for _ in links[1:]))
     return JointValues(tuple(positions), tuple(velocities), tuple(accelerations), effort)

@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
-from linkage_ros.mechanisms.structure import Structure
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
@@ -18,29 +18,29 @@ class Plant:
     """A mechanism under its motor and under commands, followed from its start.
 
     Attributes:
-        equations: Of motion.
+        solver: Of the mechanism.
     """
 
     def __init__(
         self,
-        equations: EquationsOfMotion,
+        solver: Solver,
         drive: TorqueDrive,
         integrate: Integrate = FixedSteps,
     ) -> None:
         """Puts it into its start.
 
         Args:
-            equations: Of motion.
+            solver: Of the mechanism.
             drive: Motor and start.
             integrate: Makes what follows the motion.
 
         Raises:
             LinkageError: It cannot start from there.
         """
-        self.equations = equations
+        self.solver = solver
         self._motor, self._damping, self._command = drive.motor.torque, drive.motor.damping, 0.0
         self._steps = integrate(
-            DrivenMechanism(equations, self.torque), start(equations.structure, drive)
+            DrivenMechanism(solver, self.torque), start(solver.mechanism, drive)
         )
 
     @property
@@ -88,17 +88,16 @@ class Plant:
         The angle within two turns is that of the unwrapped one as it is published, so that a log
         tells the very state.
         """
-        phase, count = self._steps.phase, len(self.equations.coordinates)
+        phase, count = self._steps.phase, len(self.solver.coordinates)
         unwrapped = with_turns(phase[0], self._steps.pairs)
         angle, _ = within_two_turns(unwrapped)
         q, u = (angle, *phase[1:count]), phase[count:]
-        a = self.equations.accelerations(q, u, self.torque(self.time, u[0]))
+        a = self.solver.forward(q, u, self.torque(self.time, u[0])).accelerations
         slide = (q[1], u[1], a[1]) if count > 1 else ()
         return CrankState(angle, unwrapped, u[0], a[0], slide)
 
 
-def start(structure: Structure, drive: TorqueDrive) -> Phase:
+def start(mechanism: Mechanism, drive: TorqueDrive) -> Phase:
     """Coordinates and rates at t = 0."""
-    slider = structure.free_slider
-    slide = slider.start if slider else ()
-    return drive.crank_angle, *slide[:1], radians_per_second(drive.start_rpm), *slide[1:]
+    places, rates = mechanism.start()
+    return drive.crank_angle, *places, radians_per_second(drive.start_rpm), *rates

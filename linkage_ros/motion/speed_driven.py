@@ -14,7 +14,6 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
-from linkage_ros.mechanisms.links import PerCoordinate
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.units import NS_PER_S
 
@@ -47,17 +46,17 @@ class CrankState(NamedTuple):
     slide: tuple[float, ...] = ()
 
     @property
-    def q(self) -> PerCoordinate:
+    def q(self) -> tuple[float, ...]:
         """All coordinates, the crank within two turns, rad and m."""
         return self.angle, *self.slide[:1]
 
     @property
-    def u(self) -> PerCoordinate:
+    def u(self) -> tuple[float, ...]:
         """Their rates, rad/s and m/s."""
         return self.speed, *self.slide[1:2]
 
     @property
-    def a(self) -> PerCoordinate:
+    def a(self) -> tuple[float, ...]:
         """Their accelerations, rad/s^2 and m/s^2."""
         return self.acceleration, *self.slide[2:]
 

@@ -7,11 +7,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
-from linkage_ros.mechanisms.registry import MECHANISMS, Mechanism
-from linkage_ros.mechanisms.wind_pump import WindPump
+from linkage_ros.model.registry import MECHANISMS
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import DRIVES, Drive, TorqueDrive
 from linkage_ros.motion.plant import Plant
 from linkage_ros.parameters.parameter_file import read_parameter_file
@@ -35,7 +34,7 @@ class Kind(Checked):
         drive: A name of `DRIVES`.
     """
 
-    mechanism: str = quantity('choice', 'kind of mechanism', choices=tuple(MECHANISMS))
+    mechanism: str = quantity('choice', 'kind of mechanism', choices=MECHANISMS.keys())
     drive: str = quantity(
         'choice', 'given quantity: the crank speed, or the torque on the crank',
         choices=tuple(DRIVES), default='speed',
@@ -49,12 +48,13 @@ class Kind(Checked):
             ConfigurationError: They ask for none, or for a wind pump at a given speed.
         """
         kind = build(cls, given)
-        if MECHANISMS[kind.mechanism] is not WindPump:
+        if len(MECHANISMS[kind.mechanism].coordinates) == 1:
             return kind
         if given.get('drive', 'torque') != 'torque':
             raise ConfigurationError(
-                f'drive = {kind.drive!r}: must be torque, because no crank speed tells how a '
-                'wind_pump moves; leave drive and rpm out, and set motor.torque and start_rpm'
+                f'drive = {kind.drive!r}: must be torque, because the crank speed alone does not '
+                f'determine how a {kind.mechanism} moves; leave drive and rpm out, and set '
+                'motor.torque and start_rpm'
             )
         return replace(kind, drive='torque')
 
@@ -139,8 +139,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
     drive = build(DRIVES[kind.drive], given)
     if isinstance(drive, TorqueDrive):
         _require_start(mechanism, drive)
-    elif not isinstance(mechanism, WindPump):
-        Solver(mechanism).require_full_turn()
+    else:
+        Solver(mechanism).reach.require_full_turn()
     session = build(Session, given)
     session.require_fixed_frame(mechanism)
     return Configuration(kind, mechanism, drive, session)
@@ -153,7 +153,7 @@ def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
         ConfigurationError: It cannot, or nothing there has a mass.
     """
     try:
-        Plant(EquationsOfMotion(mechanism), drive)
+        Plant(Solver(mechanism), drive)
     except UnreachableError as error:
         raise ConfigurationError(f'no motion starts there: {error}') from error
 
@@ -169,7 +169,7 @@ def _unknown(name: str, kind: Kind) -> str:
     owner = f'a {driven}{kind.mechanism}'
     drives = [drive for drive, cls in DRIVES.items() if name in _names(cls)]
     mechanisms = [mechanism for mechanism, cls in MECHANISMS.items() if name in _names(cls)]
-    if drives and MECHANISMS[kind.mechanism] is WindPump:
+    if drives and len(MECHANISMS[kind.mechanism].coordinates) > 1:
         cure = ': leave it out, and set motor.torque and start_rpm'
     elif drives:
         cure = f': it needs drive: {drives[0]} (-p drive:={drives[0]})'

@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
+from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.configuration import Kind, parameter_leaves
 from linkage_ros.quantities import Leaf, Quantity
 
@@ -56,8 +57,8 @@ def help_on_every_kind() -> str:
     leaves = parameter_leaves(usual)
     parts = ['parameters of a four_bar:', help_on(leaves)]
     known = {leaf.name for leaf in leaves}
-    others = ('drive', 'torque'), ('mechanism', 'slider_crank'), ('mechanism', 'wind_pump')
-    for name, value in others:
+    mechanisms = (('mechanism', name) for name in MECHANISMS if name != usual.mechanism)
+    for name, value in (('drive', 'torque'), *mechanisms):
         found = parameter_leaves(replace(usual, **{name: value}))
         parts.append(f'with {name}:={value}, beside some of these:')
         parts.append(help_on(leaf for leaf in found if leaf.name not in known))

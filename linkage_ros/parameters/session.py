@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import is_one_file
-from linkage_ros.mechanisms.kinematics import kinematics_of
-from linkage_ros.mechanisms.registry import Mechanism
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.parameters.viewers import VIEWERS, is_viewer, no_viewer
 from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.wire.codecs import ROOT_FRAME
@@ -67,7 +66,7 @@ class Session(Checked):
         Raises:
             ConfigurationError: It is the name of one of its joints or moving links.
         """
-        joints = joint_names(kinematics_of(mechanism).structure.joints, self.joint_prefix)
+        joints = joint_names(mechanism.structure().links, self.joint_prefix)
         if self.frame_id in {*joints, *map(link_of, joints)}:
             raise ConfigurationError(
                 f'frame_id = {shown(self.frame_id)}: must not be a joint or moving link of this '

@@ -11,11 +11,9 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import NamedTuple
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import State, loop_residual, point_motion
+from linkage_ros.dynamics.state import State, loop_residual
 from linkage_ros.dynamics.travel import travel
-from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
 from linkage_ros.motion.joints import JointValues, joint_values
@@ -62,8 +60,7 @@ class Machine:
 
     Attributes:
         configuration: What it was made from.
-        solver: Of its mechanism; None: a wind pump, where a crank angle tells no state.
-        equations: Of its motion.
+        solver: Of its mechanism.
         joints: Names, in the order of the messages.
         joint_states: Codec of the messages on that topic.
         mechanism_state: Likewise.
@@ -74,19 +71,17 @@ class Machine:
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
         mechanism = configuration.mechanism
-        self.equations = EquationsOfMotion(mechanism)
-        self.solver = Solver(mechanism) if isinstance(mechanism, Linkage) else None
-        structure = self.equations.structure
+        self.solver = Solver(mechanism)
         session = configuration.session
         prefix, frame_id = session.joint_prefix, session.frame_id
-        self.joints = joint_names(structure.joints, prefix)
+        self._links = self.solver.structure.links
+        self.joints = joint_names(self._links, prefix)
         self.joint_states = JointStateCodec(self.joints, frame_id)
         self.mechanism_state = TrajectoryCodec(self.joints, frame_id)
         self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
-        self._structure, self._tree, points = structure, structure.joints, structure.points
-        self._coupler_point = points.get('C')
+        self._has_coupler_point = 'C' in self.solver.structure.points
         self.topics: tuple[Topic, ...] = (JOINT_STATES, DRIVING_TORQUE, MECHANISM_STATE)
-        if self._coupler_point:
+        if self._has_coupler_point:
             self.topics += (COUPLER_POINT,)
         self._point = PointCodec(frame_id)
         self._lead: int | None = None  # ns
@@ -101,9 +96,9 @@ class Machine:
         """What turns, in one line."""
         configuration = self.configuration
         words = [configuration.kind.mechanism, configuration.mechanism.assembly]
-        if self.solver:
-            words.append(self.solver.mobility.grashof)
-            if self.solver.mobility.turns_fully:
+        if reach := self.solver.mobility:
+            words.append(reach.grashof)
+            if reach.turns_fully:
                 words += travel(self.solver).words()
         words.append(f'{configuration.drive.words()} at {configuration.session.rate_hz:g} Hz')
         return ', '.join(words)
@@ -120,7 +115,7 @@ class Machine:
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
-            plant = Plant(self.equations, drive, integrate)
+            plant = Plant(self.solver, drive, integrate)
             period = self.elapsed(1)
             return TorqueMotion(stamp, drive.motor.torque, plant=plant, period=period)
         return CrankMotion.begin(drive, stamp)
@@ -148,7 +143,7 @@ class Machine:
             The state and its messages.
         """
         snapshot = self.snapshot_of(stamp, motion.at(stamp))
-        if self._lead is None or not self.solver:
+        if self._lead is None:
             return snapshot
         ahead = motion.at(stamp + self._lead)
         torque = self.solver.state(ahead.angle, ahead.speed, ahead.acceleration).torque
@@ -164,22 +159,22 @@ class Machine:
         Returns:
             The state and its messages.
         """
-        if self.solver:  # half as long as the equations of motion take
-            state = self.solver.state(crank.angle, crank.speed, crank.acceleration)
+        if crank.slide:
+            state = self.solver.state(crank.q, crank.u, crank.a)
         else:
-            state = self.equations.state(crank.q, crank.u, crank.a)
-        values = joint_values(self._tree, state, crank)
+            state = self.solver.state(crank.angle, crank.speed, crank.acceleration)
+        values = joint_values(self._links, state, crank)
         position, velocity, _, effort = values
         messages: tuple[bytes, ...] = (
             self.joint_states.encode(stamp, position, velocity, effort),
             encode_float64(effort[0]),
             self.mechanism_state.encode(stamp, *values),
         )
-        if self._coupler_point:
-            place = point_motion(self._coupler_point, state).position
+        if self._has_coupler_point:
+            place = self.solver.point(state, 'C').position
             messages += (self._point.encode(stamp, *place),)
         return Snapshot(state, values, messages)
 
     def residual(self, state: State) -> float:
         """How far the loop is from closed in a state, m."""
-        return loop_residual(self._structure, state)
+        return loop_residual(self.solver.structure, state)

@@ -8,9 +8,12 @@ import math
 import struct
 from contextlib import suppress
 
+import numpy as np
+
 from linkage_ros.verification.message_fields import Value, read_fields
 from linkage_ros.wire.interfaces import Interface
 
+_NEGATIVE_ZERO = 1 << 63
 _CONTEXT = 12  # characters shown on either side of the first that differs
 
 
@@ -34,6 +37,21 @@ def differing(interface: Interface, logged: bytes, recomputed: bytes) -> str:
             if _bits(other) != _bits(value):
                 return f'{name} = {_compared(other, value)}'
     return _in_bytes(logged, recomputed)
+
+
+def unsigned_zeros(message: bytes) -> bytes:
+    """A message without the signs of zeros, which version 0.1.0 logged.
+
+    Args:
+        message: CDR bytes, whose numbers lie on multiples of 8 bytes behind the first 4.
+
+    Returns:
+        The message with 0.0 for each -0.0.
+    """
+    end = 4 + (len(message) - 4) // 8 * 8
+    numbers = np.frombuffer(message, '<u8', offset=4, count=(end - 4) // 8).copy()
+    numbers[numbers == _NEGATIVE_ZERO] = 0
+    return b''.join((message[:4], numbers.tobytes(), message[end:]))
 
 
 def _bits(value: Value) -> object:

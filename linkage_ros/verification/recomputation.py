@@ -59,7 +59,7 @@ class Recomputation:
         # Tick, coordinates, torque at rest of the state before; the first follows from the start.
         self._before: tuple[int, CrankState, float] | None = None
         if self._drive:
-            phase = start(machine.equations.structure, self._drive)
+            phase = start(machine.solver.mechanism, self._drive)
             count = len(phase) // 2
             angle, _ = within_two_turns(phase[0])
             slide = () if count == 1 else (phase[1], phase[3], 0.0)
@@ -103,7 +103,7 @@ class Recomputation:
         count = len(self._machine.joints)
         position, velocity, acceleration, effort = (values[i * count :][:count] for i in range(4))
         angle, _ = within_two_turns(position[0])
-        free = len(self._machine.equations.coordinates) > 1
+        free = len(self._machine.solver.coordinates) > 1
         slide = (position[-1], velocity[-1], acceleration[-1]) if free else ()
         crank = CrankState(angle, position[0], velocity[0], acceleration[0], slide)
         return crank, effort[0]
@@ -137,8 +137,8 @@ class Recomputation:
         elapsed = 0.0 if stood_still else late / NS_PER_S
         if elapsed > _LONGEST or not self._drive:
             return ''
-        damping, equations = self._drive.motor.damping, self._machine.equations
-        driven = DrivenMechanism(equations, lambda _, speed: held - damping * speed)
+        damping, solver = self._drive.motor.damping, self._machine.solver
+        driven = DrivenMechanism(solver, lambda _, speed: held - damping * speed)
         try:
             steps = FixedSteps(driven, (*origin.q, *origin.u))
             steps.advance(elapsed)
@@ -150,7 +150,7 @@ class Recomputation:
         count = len(crank.q)
         units = driven.units[:count]
         sizes = (*units, *map(max, units, map(abs, due[count:])))
-        names = [f'{n} {w}' for w in ('position', 'speed') for n in equations.coordinates]
+        names = [f'{n} {w}' for w in ('position', 'speed') for n in solver.coordinates]
         for name, value, expected, size in zip(names, found, due, sizes, strict=True):
             if not abs(value - expected) <= _APART * size + 4 * math.ulp(crank.unwrapped):
                 return (

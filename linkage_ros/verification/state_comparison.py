@@ -18,7 +18,7 @@ from linkage_ros.log.channels import Pairing
 from linkage_ros.log.reader import LoggedMessage
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.ticker_real_time import CLOCK_STEP
-from linkage_ros.verification.message_difference import differing
+from linkage_ros.verification.message_difference import differing, unsigned_zeros
 from linkage_ros.verification.recomputation import Recomputation
 from linkage_ros.verification.timeline import Timeline, seconds
 from linkage_ros.wire.cdr import stamp_of
@@ -138,10 +138,10 @@ class StateComparison:
                 expected = self._recomputation.messages_at(piece.motion, stamp, logged)
             except LinkageError as error:
                 return [], str(error)
-            if expected == logged:
+            if expected == logged or expected == list(map(unsigned_zeros, logged)):
                 tick = timeline.take(piece, stamp)
                 self._piece = piece.number
-                return expected, self._recomputation.follow(piece.motion, tick, logged)
+                return logged, self._recomputation.follow(piece.motion, tick, logged)
             likeliest = likeliest or (piece.number, expected)
         if likeliest is None:
             return [], timeline.why_none(stamp)

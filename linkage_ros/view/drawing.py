@@ -8,22 +8,15 @@ All coordinates are m in base_link, x to the right and y up.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.mechanisms.kinematics import kinematics_of
-from linkage_ros.mechanisms.registry import Mechanism
+from linkage_ros.model.structure import Mechanism, Point, Structure
 from linkage_ros.numeric import Array
 from linkage_ros.view.reach import going_round, reach
 
-# The pins between which a link that turns is drawn.
-_ENDS = {
-    'crank': ('A0', 'A'),
-    'coupler': ('A', 'B'),
-    'rocker': ('B0', 'B'),
-    'rod': ('B', 'D'),
-}
 # Parts of the width of all that moves: the margin around it, the marks of the fixed link, and how
 # long a scale may be.
 _MARGIN, _MARK, _BAR = 0.04, 0.04, 0.25
@@ -37,12 +30,16 @@ class Drawing:
 
     Attributes:
         structure: How the links hang together.
+        has_free_slider: Whether the crank angle alone does not tell where the slider is.
         joints: Names of the joints, in the order of positions.
         turning: Those of links that have a direction: all but a slider.
         going_round: Those of them that turn on and on.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pivot_names: Their names.
         pins: Names of the moving points, in the order of `place`.
+        ends: The pins between which each link that turns lies.
+        owners: Of moving points that leave the circle of the crank pin, the links that are drawn
+            in the colour of their paths.
         output: Name of the output link.
         paths: What the pin of the output link and, if there is one, the coupler point C trace
             out, by the name of the link whose point it is; each of shape (n, 2), m. Empty for a
@@ -63,9 +60,10 @@ class Drawing:
             crank_angle: From which it starts, rad; it matters where the crank cannot reach it
                 from everywhere.
         """
-        self.structure = structure = kinematics_of(mechanism).structure
-        self.joints = tuple(joint.name for joint in structure.joints)
-        self.turning = tuple(joint.name for joint in structure.joints if not joint.slides)
+        self.structure = structure = mechanism.structure()
+        self.has_free_slider = len(mechanism.coordinates) > 1
+        self.joints = tuple(link.name for link in structure.links)
+        self.turning = tuple(link.name for link in structure.links if not link.slides)
         self.going_round = going_round(mechanism)
         points = structure.points
         fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
@@ -77,13 +75,15 @@ class Drawing:
 
         positions, is_path = reach(mechanism, crank_angle)
         swept = self.place(positions)
-        output = structure.joints[-1]
-        self.output, self._output_pin = output.name, self.pins.index('D' if 'D' in moving else 'B')
+        self.ends = _ends(structure)
+        self.owners = self._owners(moving)
+        pin_of = {link: pin for pin, link in self.owners.items()}
+        output = structure.links[-1]
+        self.output, self._output_pin = output.name, self.pins.index(pin_of[output.name])
         self.paths: dict[str, Array] = {}
         if is_path:
-            self.paths[self.output] = swept[:, self._output_pin]
-            if 'C' in moving:
-                self.paths['coupler'] = swept[:, self.pins.index('C')]
+            for pin, link in self.owners.items():
+                self.paths[link] = swept[:, self.pins.index(pin)]
         everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         mark = _MARK * np.ptp(everything, axis=0).max()
         self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
@@ -105,6 +105,19 @@ class Drawing:
         margin = _MARGIN * np.ptp(everything, axis=0).max()
         self.bounds = np.array([everything.min(axis=0) - margin, everything.max(axis=0) + margin])
 
+    def _owners(self, moving: dict[str, Point]) -> dict[str, str]:
+        """Of pins beyond the crank's the next link, of other points their own link."""
+        owners = {
+            self.ends[link][1]: after
+            for link, after in pairwise(self.joints[1:])
+            if link in self.ends
+        }
+        on_line = {pin for ends in self.ends.values() for pin in ends}
+        for name, point in moving.items():
+            if name not in on_line:
+                owners[name] = self.joints[np.flatnonzero(point.weights)[-1]]
+        return owners
+
     def place(self, position: Array) -> Array:
         """Where the moving points are.
 
@@ -115,7 +128,7 @@ class Drawing:
             The pins, in the order of `pins`; shape (n, 2 to 4, 2), m.
         """
         # A slide would be no angle, but then the points do not depend on it.
-        slides = [joint.slides for joint in self.structure.joints]
+        slides = [link.slides for link in self.structure.links]
         turned = np.exp(1j * np.where(slides, 0.0, position))
         return _plane(turned @ self._weights.T + self._fixed)
 
@@ -155,9 +168,9 @@ class Drawing:
             As `place` takes them: directions in base_link, rad, and slides, m.
         """
         links: Array = position.copy()
-        for joint in self.structure.joints:
-            if joint.parent is not None:
-                links[:, joint.link] += links[:, joint.parent]
+        for i, link in enumerate(self.structure.links):
+            if link.parent is not None:
+                links[:, i] += links[:, link.parent]
         return links
 
     def links(self, points: Array) -> dict[str, Array]:
@@ -175,14 +188,34 @@ class Drawing:
             at[name] = np.broadcast_to(pivot, (len(points), 2))
         lines = {}
         for joint in self.joints:
-            if joint in _ENDS:
-                start, end = _ENDS[joint]
-                triangle = ('C', start) if joint == 'coupler' and 'C' in at else ()
-                lines[joint] = [at[name] for name in (start, end, *triangle)]
+            if joint in self.ends:
+                ends = self.ends[joint]
+                aside = [pin for pin, link in self.owners.items() if link == joint]
+                aside = [pin for pin in aside if pin not in ends]
+                lines[joint] = [at[name] for name in (*ends, *aside, *(ends[:1] if aside else ()))]
         if self._block is not None:
             corners = _plane(self._block)
             lines[self.output] = [points[:, self._output_pin] + corners[i % 4] for i in range(5)]
         return {name: np.stack(line, axis=1) for name, line in lines.items()}
+
+
+def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
+    """The pins between which each link lies that turns, on the way around the loop."""
+    names = {point: name for name, point in structure.points.items()}
+    way, rest = structure.closure.weights, (0j,) * len(structure.links)
+
+    def stop(count: int) -> tuple[str, bool]:
+        """The pin after some links, and whether the way to it from the loop's end is taken."""
+        there = names.get(Point(way[:count] + rest[count:]))
+        back = Point(rest[:count] + tuple(-w for w in way[count:]), -structure.closure.fixed)
+        return (there, False) if there else (names[back], True)
+
+    ends: dict[str, tuple[str, str]] = {}
+    for j, link in enumerate(structure.links):
+        if way[j]:
+            (start, is_back), (end, _) = stop(j), stop(j + 1)
+            ends[link.name] = (end, start) if is_back else (start, end)
+    return ends
 
 
 def _plane(points: npt.NDArray[np.complex128]) -> Array:

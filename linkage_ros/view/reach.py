@@ -11,16 +11,16 @@ import numpy as np
 
 from linkage_ros.dynamics.period import SpeedDrivenPeriod
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.mechanisms.registry import Linkage, Mechanism
-from linkage_ros.mechanisms.transmission import Arc
-from linkage_ros.mechanisms.wind_pump import WindPump
-from linkage_ros.mechanisms.wind_pump_kinematics import WindPumpKinematics
-from linkage_ros.numeric import ARRAY, Array
+from linkage_ros.model.reach import Arc
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.numeric import Array
 
 _STEPS_PER_TURN = 360
 _BEFORE_END = 1e-9  # of half an arc
 # Of a wind pump, whose positions fill a plane: crank angles a turn, places of the slider.
 _ANGLES, _PLACES = 120, 60
+_LEAST = 1e-9  # of the dyad's margins, in squared crank lengths
 
 
 class Reach(NamedTuple):
@@ -47,9 +47,9 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Reach:
     Returns:
         Positions that leave out nothing which a picture could show.
     """
-    if isinstance(mechanism, Linkage):
-        return Reach(_path(mechanism, crank_angle), is_path=True)
-    return Reach(_positions_of_pump(mechanism), is_path=False)
+    if isinstance(mechanism, WindPump):
+        return Reach(_positions_of_pump(mechanism), is_path=False)
+    return Reach(_path(Solver(mechanism), crank_angle), is_path=True)
 
 
 def going_round(mechanism: Mechanism) -> set[str]:
@@ -61,27 +61,25 @@ def going_round(mechanism: Mechanism) -> set[str]:
     Returns:
         Their names; the crank is one of them.
     """
-    if not isinstance(mechanism, Linkage) or not Solver(mechanism).mobility.turns_fully:
+    reach = mechanism.reach()
+    if not reach or not reach.turns_fully:
         return {'crank'}
     period = SpeedDrivenPeriod(mechanism, 0.0)
-    joints = period.structure.joints
+    joints = period.solver.structure.links
     turned = {j.name: np.ptp(period.columns[f'{j.name}.position'].values[[0, -1]]) for j in joints}
     return {joint.name for joint in joints if not joint.slides and turned[joint.name] > math.pi}
 
 
-def _path(mechanism: Linkage, crank_angle: float) -> Array:
-    solver = Solver(mechanism)
-    mapped = solver.kinematics.map
-    if mapped.turns_fully:
-        crank = mapped.samples(_STEPS_PER_TURN)
+def _path(solver: Solver, crank_angle: float) -> Array:
+    if solver.reach.turns_fully:
+        crank = solver.reach.samples(_STEPS_PER_TURN)
     else:
-        start, end = _own_arc(solver.mobility.arcs, crank_angle)
+        start, end = _own_arc(solver.reach.arcs, crank_angle)
         # Next to an end the links move as the root of the way to it: even steps of the crank would
         # cut their paths short. At the end itself no rates exist.
         even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)
         way = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
         crank = 0.5 * (start + end) + 0.5 * (end - start) * way
-        crank = crank[np.min(mapped.margins(crank, ARRAY), axis=0) > 0]
     return np.stack(solver.state(crank).position, axis=-1)
 
 
@@ -97,7 +95,7 @@ def _positions_of_pump(mechanism: WindPump) -> Array:
 
     A slider that starts from somewhere else gets all places where the loop closes at any angle.
     """
-    kinematics = WindPumpKinematics(mechanism)
+    solver, margins = Solver(mechanism), mechanism.loop().margins
     r, b, c = mechanism.crank.length, mechanism.coupler.length, mechanism.rod.length
     start = mechanism.slider.position
     near, far = abs(b - c) + r, b + c - r
@@ -108,7 +106,6 @@ def _positions_of_pump(mechanism: WindPump) -> Array:
     angles = np.linspace(0, 2 * math.pi, _ANGLES + 1)
     places = math.copysign(1.0, start) * np.linspace(near, far, _PLACES + 1)
     crank, slide = (grid.ravel() for grid in np.meshgrid(angles, places))
-    closes = np.min(kinematics.margins(crank, slide, ARRAY), axis=0) > 0
-    with np.errstate(all='ignore'):  # next to a stretched dyad rates pass all bounds
-        position, *_ = kinematics.links((crank[closes], slide[closes]), ARRAY)
+    closes = np.min(margins((crank, slide)), axis=0) > _LEAST * mechanism.crank.length**2
+    position = solver.state((crank[closes], slide[closes])).position
     return np.stack(position, axis=-1)

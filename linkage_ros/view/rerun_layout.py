@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 from linkage_ros.dynamics.period import extent
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.mechanisms.registry import Linkage
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.numeric import Array
-from linkage_ros.palette import COLORS, FIRST, GREY, SECOND, Color
+from linkage_ros.palette import COLORS, FIRST, GREY, SECOND, Color, color_of
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.units import radians_per_second
 from linkage_ros.view.axes import ASPECT
@@ -65,13 +64,14 @@ def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
         contents=f'/{LINKAGE}/**',
         visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
     )
-    mechanism, drive = configuration.mechanism, configuration.drive
+    drive = configuration.drive
     pictures: rrb.View | rrb.Container = linkage
-    if drawing.structure.free_slider:
+    if drawing.has_free_slider:
         pictures = rrb.Vertical(linkage, _phase_view(), row_shares=[2, 3])
     curves, shares = _curves_of_torque(drawing), [1, 2]  # two columns with room for tabs
-    if isinstance(drive, SpeedDrive) and isinstance(mechanism, Linkage):
-        curves, shares = _curves_of_speed(Solver(mechanism), drive.rpm, drawing), [1, 1]
+    if isinstance(drive, SpeedDrive):
+        solver = Solver(configuration.mechanism)
+        curves, shares = _curves_of_speed(solver, drive.rpm, drawing), [1, 1]
     return rrb.Blueprint(
         rrb.Horizontal(pictures, curves, column_shares=shares),
         rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
@@ -84,7 +84,7 @@ def _curves_of_speed(solver: Solver, rpm: float, drawing: Drawing) -> rrb.Contai
     """Directions, rates, and the torque that the speed takes."""
     import rerun.blueprint as rrb
 
-    crank = solver.kinematics.map.samples()
+    crank = solver.reach.samples()
     state = solver.state(crank, radians_per_second(rpm))
 
     def span(values: Array) -> str:
@@ -119,7 +119,7 @@ def _curves_of_torque(drawing: Drawing) -> rrb.Container:
     energies = dict(zip(ENERGIES, _ENERGY_COLORS, strict=True))
     speeds = [joints.plot('Crank speed, rad/s', 'velocity', ['crank']), *joints.rates()]
     causes = [joints.plot('Torque, N m', 'effort', ['crank'])]
-    if drawing.structure.free_slider:
+    if drawing.has_free_slider:
         title = 'Flow (stroke x speed), m/s'
         causes.insert(0, _plot(title, FLOW, {FLOW: COLORS['slider']}, _DRIVEN_SECONDS))
     title = 'Energies, J (potential: from the start)'
@@ -142,7 +142,7 @@ class _JointPlots:
         """Takes what is told of a slider's position and velocity as well."""
         self._seconds = seconds
         self._of_position, self._of_velocity = sliding
-        self._colors = {name: COLORS[name] for name in drawing.joints}
+        self._colors = {name: color_of(name) for name in drawing.joints}
         self._turning, self._angles = drawing.turning, angles_of(drawing)
         self._sliding = [name for name in drawing.joints if name not in drawing.turning]
 

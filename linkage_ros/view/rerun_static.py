@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.palette import BLACK, COLORS, GREY, mixed
+from linkage_ros.palette import BLACK, COLORS, GREY, color_of, mixed
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.axes import ASPECT, MARKS
 from linkage_ros.view.drawing import Drawing
@@ -65,12 +65,12 @@ def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str
     }
     for link, path in drawing.paths.items():
         strip = path.astype(np.float32)
-        fixed[f'{LINKAGE}/paths/{link}'] = lines(strip, colors=COLORS[link], radii=_THIN)
+        fixed[f'{LINKAGE}/paths/{link}'] = lines(strip, colors=color_of(link), radii=_THIN)
     for joint in drawing.joints:
         # The crank above the others: a coupler's triangle would hide it.
         order = _FRONT - 1 if joint == 'crank' else _FRONT - 2
         fixed[f'{LINKAGE}/{joint}'] = lines.from_fields(
-            colors=COLORS[joint], radii=_THICK, draw_order=order
+            colors=color_of(joint), radii=_THICK, draw_order=order
         )
     for field in JOINT_FIELDS:
         fixed[f'{JOINT_STATES}/{field}'] = rr.SeriesLines(names=list(drawing.joints))
@@ -79,7 +79,7 @@ def fixed_components(configuration: Configuration, drawing: Drawing) -> dict[str
         fixed[entity] = rr.SeriesLines(names=names)
     if isinstance(configuration.drive, TorqueDrive):
         fixed[ENERGY] = rr.SeriesLines(names=list(ENERGIES))
-    if drawing.structure.free_slider:
+    if drawing.has_free_slider:
         fixed[FLOW] = rr.SeriesLines(names='flow')
         fixed.update(_phase_plane())
     return fixed

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import Configuration
@@ -97,10 +97,11 @@ class Scene:
         self._axes: GrowingAxes | None = None
         self._last_point: Array | None = None
         if isinstance(drive, TorqueDrive):
-            self._energies = Energies(EquationsOfMotion(mechanism), drive)
-        if slider := self.drawing.structure.free_slider:
+            self._energies = Energies(Solver(mechanism), drive)
+        if self.drawing.has_free_slider:
             # Room at least for what the crank pin does at 1 rad/s.
-            middle, room = np.array([slider.start[0], 0.0]), mechanism.crank.length
+            ((place,), _), room = mechanism.start(), mechanism.crank.length
+            middle = np.array([place, 0.0])
             self._flow, self._axes = Flow(), GrowingAxes(middle - room, middle + room)
 
     def advance(

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import EquationsOfMotion
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import wound
@@ -51,13 +51,12 @@ class Directions:
 class Energies:
     """The energies of a mechanism in its states; the potential one is 0 where the run starts."""
 
-    def __init__(self, equations: EquationsOfMotion, drive: TorqueDrive) -> None:
-        self._equations = equations
-        names = [joint.name for joint in equations.structure.joints]
-        self._columns = [names.index(name) for name in equations.coordinates]
-        phase, _ = wound(start(equations.structure, drive))
+    def __init__(self, solver: Solver, drive: TorqueDrive) -> None:
+        self._solver = solver
+        self._columns = [solver.links.index(name) for name in solver.coordinates]
+        phase, _ = wound(start(solver.mechanism, drive))
         q = phase[: len(self._columns)]
-        _, self._offset = equations.energy(q, (0.0,) * len(q))
+        _, self._offset = solver.energy(q, (0.0,) * len(q))
 
     def at(self, position: Array, velocity: Array) -> Array:
         """The energies, J.
@@ -72,7 +71,7 @@ class Energies:
         q, u = (tuple(rows[:, i] for i in self._columns) for rows in (position, velocity))
         with np.errstate(all='ignore'):
             try:
-                kinetic, potential = np.broadcast_arrays(*self._equations.energy(q, u))
+                kinetic, potential = np.broadcast_arrays(*self._solver.energy(q, u))
             except LinkageError:
                 states = np.stack([*q, *u], axis=-1).tolist()
                 kinetic, potential = np.array([self._single(*state) for state in states]).T
@@ -82,10 +81,10 @@ class Energies:
     def _single(self, *state: float) -> tuple[float, float]:
         # Any log can be replayed, and a state at the very end of a limited crank's arc may lie
         # beyond it by a rounding: that is a gap in the curves and ends no view.
-        count = len(self._columns)
         try:
-            kinetic, potential = self._equations.energy(state[:count], state[count:])
-        except (LinkageError, ArithmeticError):
+            count = len(self._columns)
+            kinetic, potential = self._solver.energy(state[:count], state[count:])
+        except LinkageError:
             return math.nan, math.nan
         return kinetic, potential
 

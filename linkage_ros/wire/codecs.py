@@ -18,6 +18,10 @@ from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, header, stamp_of, 
 ROOT_FRAME = 'base_link'
 
 
+# Adding 0.0 turns -0.0 into 0.0: a zero in a message has no sign.
+_UNSIGNED_ZERO = (0.0).__add__
+
+
 class _RowsCodec:
     """Messages that hold rows, a number for each of a fixed set of joints.
 
@@ -59,7 +63,7 @@ class _RowsCodec:
         numbers: list[float] = []
         for row in rows:
             numbers.append(count)
-            numbers += row
+            numbers += map(_UNSIGNED_ZERO, row)
         STAMP.pack_into(self._buffer, 4, *divmod(stamp, NS_PER_S))
         self._numbers.pack_into(self._buffer, self._head, *numbers)
         return bytes(self._buffer)
@@ -125,18 +129,18 @@ class PointCodec:
             Its CDR bytes.
         """
         STAMP.pack_into(self._buffer, 4, *divmod(stamp, NS_PER_S))
-        self._numbers.pack_into(self._buffer, self._head, x, y, 0.0)
+        self._numbers.pack_into(self._buffer, self._head, x + 0.0, y + 0.0, 0.0)
         return bytes(self._buffer)
 
 
 def encode_float64(value: float) -> bytes:
     """A std_msgs/Float64 message as CDR bytes."""
-    return ENCAPSULATION + struct.pack('<d', value)
+    return ENCAPSULATION + struct.pack('<d', value + 0.0)
 
 
 def encode_float64_array(value: float) -> bytes:
     """A std_msgs/Float64MultiArray message of one number, without layout, as CDR bytes."""
-    return ENCAPSULATION + struct.pack('<III4xd', 0, 0, 1, value)
+    return ENCAPSULATION + struct.pack('<III4xd', 0, 0, 1, value + 0.0)
 
 
 def encode_string(text: str) -> bytes:

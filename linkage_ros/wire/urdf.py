@@ -8,11 +8,9 @@ import math
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
-from linkage_ros.mechanisms.kinematics import kinematics_of
-from linkage_ros.mechanisms.parts import Body, Piston, Slider
-from linkage_ros.mechanisms.registry import Mechanism
-from linkage_ros.mechanisms.structure import Joint
-from linkage_ros.palette import COLORS, Color, fractions
+from linkage_ros.model.parts import Body, Piston, Slider
+from linkage_ros.model.structure import Link, Mechanism
+from linkage_ros.palette import Color, color_of, fractions
 from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF demands limits of force and speed for a prismatic joint; the model has none.
@@ -27,7 +25,7 @@ _LEAST = 1e-14
 def make_urdf(mechanism: Mechanism, joint_prefix: str = '', frame_id: str = ROOT_FRAME) -> str:
     """Writes the URDF: a link and a joint for each joint of the open tree.
 
-    The loop is open where `Joint` says; joint states close it. Each link's x axis points from its
+    The loop is open where `Link` says; joint states close it. Each link's x axis points from its
     first to its second pin, a slider's along its guide. Bars are drawn as boxes of a twentieth of
     the shortest link, one above the other so that they do not cut through each other.
 
@@ -43,14 +41,14 @@ def make_urdf(mechanism: Mechanism, joint_prefix: str = '', frame_id: str = ROOT
     """
     robot = ET.Element('robot', name='linkage')
     ET.SubElement(robot, 'link', name=frame_id)
-    joints = kinematics_of(mechanism).structure.joints
+    joints = mechanism.structure().links
     names = joint_names(joints, joint_prefix)
     bodies: list[Body | Piston | Slider] = [getattr(mechanism, joint.name) for joint in joints]
     lengths = [body.length for body in bodies if isinstance(body, Body)]
     width = min(lengths) / 20
     least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
     for layer, (joint, name, body) in enumerate(zip(joints, names, bodies, strict=True)):
-        link = _add_link(robot, name, body, width, layer, COLORS[joint.name])
+        link = _add_link(robot, name, body, width, layer, color_of(joint.name))
         _add_inertial(link, body, width, least_mass)
         parent = frame_id if joint.parent is None else link_of(names[joint.parent])
         _add_joint(robot, joint, name, parent)
@@ -62,7 +60,7 @@ def make_urdf(mechanism: Mechanism, joint_prefix: str = '', frame_id: str = ROOT
     return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
 
 
-def joint_names(joints: Iterable[Joint], joint_prefix: str) -> tuple[str, ...]:
+def joint_names(joints: Iterable[Link], joint_prefix: str) -> tuple[str, ...]:
     """The names of joints in the URDF and in messages."""
     return tuple(f'{joint_prefix}{joint.name}' for joint in joints)
 
@@ -72,7 +70,7 @@ def link_of(joint: str) -> str:
     return f'{joint}_link'
 
 
-def _add_joint(robot: ET.Element, joint: Joint, name: str, parent: str) -> None:
+def _add_joint(robot: ET.Element, joint: Link, name: str, parent: str) -> None:
     kind, axis = ('prismatic', '1 0 0') if joint.slides else ('continuous', '0 0 1')
     element = ET.SubElement(robot, 'joint', name=name, type=kind)
     ET.SubElement(element, 'parent', link=parent)

@@ -1,0 +1,35 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Starts a program of linkage_ros with the examples of this folder.
+
+    python docs/examples/run.py record docs/examples/cardan_gear.yaml gear.mcap
+    python docs/examples/run.py chart motion docs/examples/cardan_gear.yaml
+
+What follows the name of the program goes to the program.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from importlib import import_module
+
+from linkage_ros import executables
+
+
+def main() -> int:
+    """Imports the examples, which register themselves, and starts the program."""
+    names = ('record', 'log', 'replay', 'chart', 'node')
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('program', choices=names, help='linkage_record, linkage_log, ...')
+    program = parser.parse_args(sys.argv[1:2]).program
+    del sys.argv[1]
+    import_module('cardan_gear')
+    if program == 'chart':  # no other program solves by methods
+        import_module('two_circles')
+    code: int = getattr(executables, program)()
+    return code
+
+
+if __name__ == '__main__':
+    sys.exit(main())

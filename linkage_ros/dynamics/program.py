@@ -1,0 +1,369 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Turns formulas into straight lines of Python: one program for each structure of constants.
+
+A formula is an ordinary function of constants and arguments. It runs once on recording numbers:
+equal terms are shared, terms that nothing reads fall out, and terms of constants alone are
+computed when the constants are bound. The order of operations is kept, so that results have the
+bits of the formula itself. Constants are floats and `Opaque` functions in nested tuples; None,
+booleans, whole numbers and text among them belong to the structure, on which a formula may branch.
+"""
+
+from __future__ import annotations
+
+import collections
+import functools
+import itertools
+import linecache
+import math
+import re
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from linkage_ros import formulas
+from linkage_ros.dynamics.trees import is_number, leaves, paths, structure_of, transformed
+from linkage_ros.numeric import Real, by_element
+
+# An argument of a formula: the name of a number, or the names of a tuple of numbers.
+Argument: TypeAlias = str | tuple[str, ...]
+
+_CHUNK = 16384  # values of an array at a time: what lies between stays in the processor's cache
+_OPERATORS = {
+    'add': '+', 'sub': '-', 'mul': '*', 'truediv': '/',
+    'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<=',
+}  # fmt: skip
+_INFIX = {
+    **{sign: f'{{}} {sign} {{}}' for sign in _OPERATORS.values()},
+    'neg': '-{}', 'where': '{1} if {0} else {2}',
+}  # fmt: skip
+_FUNCTIONS = {'sin': np.sin, 'cos': np.cos, 'sqrt': np.sqrt, 'atan2': np.arctan2}
+_LONG = 200  # characters of a term that gets a line of its own
+# x * 1, x / 1, x - 0.0 and x + -0.0 are x for every double, signed zeros included.
+_NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
+_serial = itertools.count(1)
+
+
+class Recorder:
+    """A number that writes what is done with it on a tape."""
+
+    __array_ufunc__ = None
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, tape: Tape, line: int) -> None:
+        self.tape, self.line = tape, line
+
+    def apply(self, operation: str, *values: Real) -> Recorder:
+        """Records an operation on values."""
+        return self.tape.record(operation, *values)
+
+    def __call__(self, *values: Real) -> Recorder:
+        """Records a call of an opaque function."""
+        return self.tape.record('call', self, *values)
+
+    def __bool__(self) -> bool:
+        raise TypeError('a formula cannot branch on a value: use where() or require()')
+
+    def __eq__(self, other: object) -> bool:
+        return bool(self)
+
+
+for _name, _sign in _OPERATORS.items():
+    setattr(Recorder, f'__{_name}__', lambda a, b, sign=_sign: a.tape.record(sign, a, b))
+    setattr(Recorder, f'__r{_name}__', lambda a, b, sign=_sign: a.tape.record(sign, b, a))
+for _name in ('abs', 'neg'):
+    setattr(Recorder, f'__{_name}__', lambda a, name=_name: a.tape.record(name, a))
+
+
+class Line(NamedTuple):
+    """One operation on a tape.
+
+    Attributes:
+        operation: Its name.
+        operands: Numbers of earlier lines.
+        text: Of an input, constant or literal, as it is written.
+    """
+
+    operation: str
+    operands: tuple[int, ...]
+    text: str = ''
+
+
+class Tape:
+    """The operations of one formula, each once, in the formula's order.
+
+    Attributes:
+        title: Name of the formula.
+        lines: The operations.
+        names: What the formulas call the results of lines.
+        result: Of the formula, with recording numbers.
+    """
+
+    def __init__(
+        self, formula: Callable[..., Any], constants: Any, arguments: tuple[Argument, ...]
+    ) -> None:
+        """Records a formula.
+
+        Args:
+            formula: From constants and arguments to numbers in nested tuples.
+            constants: Of the structure to record; their values do not matter.
+            arguments: Their names.
+        """
+        self.title = formula.__name__
+        self.names: dict[int, str] = {}
+        self._numbers: dict[Line, int] = {}
+        named = zip(leaves(constants), leaves(paths(constants, 'k')), strict=True)
+        given = iter([self._add('constant', (), path) if is_number(x) else x for x, path in named])
+        is_free = (
+            sys.getprofile() is None
+        )  # a profiler at work is left alone: names are missing then
+        if is_free:
+            sys.setprofile(self._take_names)
+        try:
+            self.result = formula(
+                transformed(lambda _: next(given), constants),
+                *(transformed(lambda name: self._add('input', (), name), x) for x in arguments),
+            )
+        finally:
+            if is_free:
+                sys.setprofile(None)
+        self.lines = list(self._numbers)
+
+    def record(self, operation: str, *operands: Real) -> Recorder:
+        """Records an operation, or finds it done already.
+
+        Args:
+            operation: Its name.
+            *operands: Recording numbers and literals.
+
+        Returns:
+            Its result.
+        """
+        known = [
+            x if isinstance(x, Recorder) else self._add('literal', (), repr(float(x)))
+            for x in operands
+        ]
+        neutral = self._numbers.get(Line('literal', (), _NEUTRAL.get(operation, '')))
+        for kept, other in (known, known[::-1]) if neutral is not None else ():
+            if other.line == neutral and (operation in '*+' or other is known[1]):
+                return kept
+        return self._add(operation, tuple(x.line for x in known))
+
+    def _add(self, *line: Any) -> Recorder:
+        return Recorder(self, self._numbers.setdefault(Line(*line), len(self._numbers)))
+
+    def _take_names(self, frame: FrameType, event: str, _: object) -> None:
+        """Takes the names that a function of the formulas has used, when it returns."""
+        if event == 'return' and frame.f_code.co_filename not in (__file__, formulas.__file__):
+            for name, value in frame.f_locals.items():
+                if isinstance(value, Recorder) and value.tape is self:
+                    self.names.setdefault(value.line, name)
+
+
+class Writer:
+    """Writes the lines of a tape as Python, for floats or for arrays.
+
+    Attributes:
+        namespace: Named tuples that the text refers to.
+    """
+
+    def __init__(self, tape: Tape, arrays: frozenset[str]) -> None:
+        """Finds what is needed.
+
+        Args:
+            tape: The operations.
+            arrays: Names of the inputs that are arrays; none: all are floats.
+        """
+        self.namespace: dict[str, Any] = {}
+        self._tape, lines = tape, tape.lines
+        result = [x.line for x in leaves(tape.result) if isinstance(x, Recorder)]
+        live = {*result, *(i for i, line in enumerate(lines) if line.operation == 'require')}
+        for i in reversed(range(len(lines))):
+            live.update(lines[i].operands if i in live else ())
+        self._live = sorted(live)
+        self._reads = collections.Counter([*result, *(x for i in live for x in lines[i].operands)])
+        self._inner: set[int] = set()  # lines that depend on inputs
+        self._varying: set[int] = set()  # lines that are arrays
+        for i in self._live:
+            kind, operands, name = lines[i]
+            if kind == 'input' or not self._inner.isdisjoint(operands):
+                self._inner.add(i)
+            if name in arrays or not self._varying.isdisjoint(operands):
+                self._varying.add(i)
+        self._words = {i: line.text for i, line in enumerate(lines) if line.text}
+        self._taken = {*self._words.values(), *_FUNCTIONS, 'abs', 'bind', 'inf', 'new', 'refuse'}
+
+    def text(self) -> str:
+        """The source of a function of the constants that returns the program."""
+        tape = self._tape
+        written = [
+            (i in self._inner, self._statement(i)) for i in self._live if i not in self._words
+        ]
+        before, within = ([x for part, x in written if x and part == wanted] for wanted in (0, 1))
+        given, constants = (
+            ', '.join(line.text for line in tape.lines if line.operation == kind)
+            for kind in ('input', 'constant')
+        )
+        result = f'return {self._tree(tape.result)}'
+        body = [f'def {tape.title}({given}):', *within, result]
+        if self._varying:
+            _free_memory(body)
+        within_bind = [*before, '\n        '.join(body), f'return {tape.title}\n']
+        return '\n    '.join([f'def bind({constants}):', *within_bind])
+
+    def _statement(self, i: int) -> str:
+        """The statement of a line; empty where its text stands in the one line that reads it."""
+        operation, operands, _ = self._tape.lines[i]
+        read = [self._words[x] for x in operands]
+        if operation == 'require':
+            guard = f'if not {read[0]}: {read[1]}({", ".join(read[2:])})'
+            is_array = i in self._varying
+            return f'refuse({", ".join(read)})' if is_array else guard
+        name = self._tape.names.get(i, 't')
+        expression = self._expression(operation, read, is_array=i in self._varying)
+        if name == 't' and self._reads[i] == 1 and i in self._inner and len(expression) < _LONG:
+            self._words[i] = expression
+            return ''
+        names = itertools.chain([name], (f'{name}{n}' for n in itertools.count(2)))
+        self._words[i] = next(n for n in names if n not in self._taken)
+        self._taken.add(self._words[i])
+        return f'{self._words[i]} = {expression}'
+
+    @staticmethod
+    def _expression(operation: str, read: list[str], *, is_array: bool) -> str:
+        if operation == 'call':
+            return f'{read[0]}({", ".join(read[1:])})'
+        if operation in _INFIX and not (is_array and operation == 'where'):
+            return _INFIX[operation].format(*(f'({x})' if ' ' in x else x for x in read))
+        return f'{"array_" if is_array else ""}{operation}({", ".join(read)})'
+
+    def _tree(self, tree: Any) -> str:
+        if isinstance(tree, Recorder):
+            return self._words[tree.line]
+        if not isinstance(tree, tuple):
+            return repr(tree)
+        inside = f'({"".join(f"{self._tree(part)}, " for part in tree)})'
+        if type(tree) is tuple:
+            return inside
+        self.namespace[type(tree).__name__] = type(tree)
+        return f'new({type(tree).__name__}, {inside})'
+
+
+def _free_memory(statements: list[str]) -> None:
+    """Deletes each array where it is read for the last time: its memory then serves again."""
+    names = {statement.partition(' = ')[0] for statement in statements}
+    read = {*re.findall(r'\w+', statements[-1])}
+    for i in reversed(range(1, len(statements) - 1)):
+        found = {*re.findall(r'\w+', statements[i])}
+        if dead := names & found - read:
+            statements[i] += f'; del {", ".join(sorted(dead))}'
+        read |= found
+
+
+@functools.cache
+def _compile(tape: Tape, arrays: frozenset[str], *, by_math: bool) -> tuple[Any, str]:
+    """A function of the constants that returns the program, and its source."""
+    writer = Writer(tape, arrays)
+    text, path = writer.text(), f'<{tape.title} {next(_serial)}>'
+    space = {
+        **writer.namespace, 'inf': math.inf, 'new': tuple.__new__, 'refuse': formulas.require,
+        'array_abs': np.absolute, 'array_where': np.where,
+    }  # fmt: skip
+    for name, function in _FUNCTIONS.items():
+        space[name] = getattr(math, name)
+        space[f'array_{name}'] = by_element(space[name]) if by_math else function
+    exec(compile(text, path, 'exec'), space)  # noqa: S102
+    linecache.cache[path] = len(text), None, text.splitlines(keepends=True), path
+    return space['bind'], text
+
+
+_tapes: dict[Any, Tape] = {}
+
+
+class Program:
+    """A formula with its constants bound.
+
+    A structure that is new is recorded and compiled when the program first runs.
+
+    Attributes:
+        formula: The function itself.
+        constants: Bound to it.
+        scalar: The program for floats: a function of all numbers of the arguments, one by one.
+    """
+
+    def __init__(
+        self, formula: Callable[..., Any], constants: Any, arguments: tuple[Argument, ...]
+    ) -> None:
+        """Takes a formula.
+
+        Args:
+            formula: From constants and arguments to numbers in nested tuples.
+            constants: Floats and `Opaque` functions in nested tuples.
+            arguments: The names of the arguments.
+        """
+        self.formula, self.constants, self._arguments = formula, constants, arguments
+        self.scalar: Callable[..., Any] = self._first
+
+    def compile(self) -> Callable[..., Any]:
+        """The program for floats, compiled now and not when it first runs."""
+        self.scalar = self._bind(frozenset())
+        return self.scalar
+
+    def _first(self, *values: float) -> Any:
+        return self.compile()(*values)
+
+    def _bind(self, arrays: frozenset[str], *, by_math: bool = False) -> Any:
+        bind, _ = _compile(self._tape, arrays, by_math=by_math)
+        return bind(*filter(is_number, leaves(self.constants)))
+
+    @functools.cached_property
+    def _tape(self) -> Tape:
+        key = self.formula, structure_of(self.constants), self._arguments
+        if key not in _tapes:
+            _tapes[key] = Tape(self.formula, self.constants, self._arguments)
+        return _tapes[key]
+
+    @property
+    def source(self) -> str:
+        """The program for floats as Python text."""
+        return _compile(self._tape, frozenset(), by_math=False)[1]
+
+    def untraced(self, *values: float) -> Any:
+        """The formula itself on floats: to step through, and to compare with."""
+        given = iter(values)
+        return self.formula(
+            self.constants, *(transformed(lambda _: next(given), x) for x in self._arguments)
+        )
+
+    def arrays(self, *values: Real, by_math: bool = False) -> Any:
+        """The program on arrays of one shape.
+
+        Args:
+            *values: Arrays, and floats that are the same everywhere.
+            by_math: Whether to use the functions of `math`, element by element, for results with
+                the bits of the scalar program; NumPy's are faster.
+
+        Returns:
+            The result, with arrays.
+        """
+        shape = np.broadcast_shapes(*map(np.shape, values))
+        rows: list[Real] = [np.broadcast_to(x, shape).ravel() if np.ndim(x) else x for x in values]
+        varying = frozenset(
+            name for name, x in zip(leaves(self._arguments), rows, strict=True) if np.ndim(x)
+        )
+        run, size = self._bind(varying, by_math=by_math), math.prod(shape)
+        results = [np.empty(size) for _ in leaves(self._tape.result)]
+        # glibc hands memory of the size of a chunk back to the system at once, and gets it again
+        # page by page, until it has seen a larger piece freed. This one is never touched.
+        np.empty(3_000_000)
+        for start in range(0, size, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            with np.errstate(over='ignore', invalid='ignore', under='ignore'):
+                found = run(*(x[part] if np.ndim(x) else x for x in rows))
+            for row, value in zip(results, leaves(found), strict=True):
+                row[part] = value
+        filled = iter(results)
+        return transformed(lambda _: next(filled).reshape(shape), self._tape.result)

@@ -1,0 +1,359 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The four-bar linkage: its description, what its lengths alone tell, and its exact pose.
+
+The loop is documents 1 and 2's, r e^(i alpha) + b e^(i beta) = c e^(i gamma) + d e^(i delta)
+(eq. 7 of the first, eq. 1 of the second); its solution here is this project's. Both halves of
+the quadrilateral, cut by the diagonal B0 - A of length L, are triangles of the same form:
+
+    d - r e^(i theta) = e^(i theta/2) [(d-r) cos(theta/2) - i (d+r) sin(theta/2)]
+    b - c e^(i mu)    = e^(i mu/2)    [(b-c) cos(mu/2)    - i (b+c) sin(mu/2)]
+
+with theta = alpha - delta and the signed transmission angle mu = gamma - beta, and their
+quotient is e^(i (beta - delta)). Differentiated, with nu = [(d-r)(d+r) - (b-c)(b+c) mu'] / L^2:
+
+    beta' = (1 - nu - mu') / 2        gamma' = (1 - nu + mu') / 2
+
+All sums of lengths that decide how the linkage can move are `short_sum`s: lengths typed in
+decimals that should meet an equality do meet it.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from linkage_ros.errors import MechanismError
+from linkage_ros.formulas import Opaque, Vector, atan2, cross, dot, where
+from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, gravity_quantity
+from linkage_ros.model.pose import LinkPose, Pose
+from linkage_ros.model.reach import Reach
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.model.transmission import Coefficients, Halves, Transmission
+from linkage_ros.numeric import Real, equalities, nearest_turns, rounded, short_sum
+from linkage_ros.quantities import quantity
+
+# Where |d - r| is below this part of d + r, the rates need the careful form: the plain one has an
+# error of about an ulp over the square of this.
+_CLOSE = 1 / 64
+
+
+class FourBarLoop(NamedTuple):
+    """The constants of one four-bar linkage.
+
+    Attributes:
+        transmission: From the crank to the transmission angle.
+        side: 1 for the open assembly, -1 for the crossed one.
+        axis: Direction of the frame: cosine and sine of delta.
+        ground: d - r and d + r, m.
+        dyad: b - c and side (b + c), m.
+        length: L^2 at theta = 0 and what it grows by towards theta = pi, m^2; None: crank pin and
+            rocker pivot meet there (rhombus and kite, r = d and b = c).
+        moment: side (b - c)(b + c), m^2.
+        arm: r (r - d cos theta) in the same form as L^2, m^2.
+        quotient: +1 or -1: where `length` is None, the quotient of the two triangles' brackets.
+        close: Whether the crank pin passes the rocker pivot closely, L much shorter than d.
+    """
+
+    transmission: Transmission
+    side: int
+    axis: tuple[float, float]
+    ground: tuple[float, float]
+    dyad: tuple[float, float]
+    length: tuple[float, float] | None
+    moment: float
+    arm: tuple[float, float]
+    quotient: int
+    close: bool
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """The pose at a crank angle.
+
+        Args:
+            q: Crank angle, rad.
+
+        Returns:
+            The pose.
+        """
+        (crank,) = q
+        halves = self.transmission.place(crank)
+        S, C, sin_m, cos_m = halves
+        # Unit vectors: half_way = e^(i (delta + theta/2)), the crank is half_way e^(i theta/2).
+        ax, ay = self.axis
+        half_way = Vector(ax * C - ay * S, ax * S + ay * C)
+        first, second = self.transmission.slopes(halves)
+        if self.length is None:
+            base = half_way * self.quotient
+            mean: Real = 0.5
+            mean_slope: Real = 0.0
+        else:
+            diff_dr, sum_dr = self.ground
+            diff_bc, sum_bc = self.dyad
+            nearest, growth = self.length
+            ground = Vector(diff_dr * C, sum_dr * S)
+            dyad = Vector(diff_bc * cos_m, sum_bc * sin_m)
+            square = nearest + growth * (S * S)
+            scale = 1.0 / square
+            base = _turned(half_way, scale * dot(ground, dyad), scale * cross(ground, dyad))
+            if self.close:
+                mean, mean_slope = self._careful_mean(halves, (first, second), square)
+            else:
+                # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
+                half_moment, (arm, arm_growth) = 0.5 * self.moment, self.arm
+                mean = scale * (arm + arm_growth * (S * S) + half_moment * first)
+                mean_slope = scale * (
+                    (arm_growth - mean * growth) * (S * C) + half_moment * second
+                )
+        signed = self.side * sin_m
+        coupler = Vector(base.x * cos_m + base.y * signed, base.y * cos_m - base.x * signed)
+        rocker = Vector(base.x * cos_m - base.y * signed, base.y * cos_m + base.x * signed)
+        turn, bend = (0.5 * self.side) * first, (0.5 * self.side) * second
+        return Pose(
+            (
+                LinkPose(
+                    crank, half_way.x * C - half_way.y * S, half_way.x * S + half_way.y * C,
+                    (1.0,), (None,),
+                ),
+                LinkPose(
+                    atan2(coupler.y, coupler.x), *coupler, (mean - turn,), (mean_slope - bend,)
+                ),
+                LinkPose(
+                    atan2(rocker.y, rocker.x), *rocker, (mean + turn,), (mean_slope + bend,)
+                ),
+            ),
+            (2 * (signed * cos_m),),
+        )  # fmt: skip
+
+    def _careful_mean(
+        self, halves: Halves, slopes: tuple[Real, Real], square: Real
+    ) -> tuple[Real, Real]:
+        """(1 - nu) / 2 and its derivative where A passes B0 closely, L much shorter than d.
+
+        There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' are alike. But
+        (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
+        """
+        (S, C, sin_m, cos_m), (first, second) = halves, slopes
+        kappa, p, q = (
+            self.transmission.kappa,
+            self.transmission.cos.least,
+            self.transmission.sin.least,
+        )
+        (diff_dr, sum_dr), (diff_bc, _) = self.ground, self.dyad
+        u, v = self.transmission.ratios(halves)
+        # 1 - u^2 and 1 - v^2, and half the derivatives of u^2 and v^2.
+        lack_u = 0.0 if p is None else p / (cos_m * cos_m)
+        lack_v = 0.0 if q is None else q / (sin_m * sin_m)
+        half_u = 0.0 if p is None else -0.5 * u * lack_u * kappa * S / cos_m
+        half_v = 0.0 if q is None else 0.5 * v * lack_v * kappa * C / sin_m
+        dr, bc = sum_dr * sum_dr, diff_bc * diff_bc
+        g = dr * lack_v + bc * lack_u * (v * v)
+        g_slope = 2 * (bc * (lack_u * half_v - v * v * half_u) - dr * half_v)
+        a, e = diff_dr * sum_dr, self.moment * first
+        growth = 0.0 if self.length is None else self.length[1]
+        e_slope, square_slope = self.moment * second, growth * (S * C)
+        alike = a * e > 0
+        top, bottom = where(alike, g, a - e), where(alike, a + e, square)
+        top_slope = where(alike, g_slope, -e_slope)
+        nu = top / bottom
+        nu_slope = (top_slope - nu * where(alike, e_slope, square_slope)) / bottom
+        return 0.5 * (1.0 - nu), -0.5 * nu_slope
+
+
+def _turned(vector: Vector, cos: Real, sin: Real) -> Vector:
+    """A vector turned by an angle, and stretched where cos^2 + sin^2 is not 1."""
+    return Vector(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos)
+
+
+@dataclass(frozen=True)
+class FourBar(Mechanism):
+    """A four-bar linkage: crank A0-A, coupler A-B, rocker B0-B, frame A0-B0.
+
+    Attributes:
+        frame: The fixed link.
+        crank: Driven link, from A0, the origin.
+        coupler: Floating link, from the crank pin A to B.
+        rocker: Output link, from B0.
+        assembly: 'open': B lies left of the line from A to B0; 'crossed': right of it. Of a
+            linkage that passes change points it names the branch at crank angles 0 to pi
+            counted from the frame.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+    """
+
+    frame: Frame
+    crank: Body
+    coupler: Coupler
+    rocker: Body
+    assembly: str = quantity(
+        'choice', 'side of the coupler-rocker pin', choices=(OPEN, CROSSED), default=OPEN
+    )
+    gravity: tuple[float, float] = gravity_quantity()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        longest, *others = sorted(self._lengths(), reverse=True)
+        if short_sum(longest, longest, *(-other for other in others)) > 0:
+            lack = math.fsum((longest, *(-other for other in others)))
+            raise MechanismError(
+                f'the longest link, {longest:g} m, is longer than the other three together by '
+                f'{lack:.6g} m: the loop cannot close; shorten it or lengthen the others'
+            )
+
+    def _lengths(self) -> tuple[float, float, float, float]:
+        return self.crank.length, self.coupler.length, self.rocker.length, self.frame.length
+
+    def _sums(self) -> dict[str, tuple[float, ...]]:
+        """The sums of lengths that vanish at a change point, in words and as signed terms."""
+        r, b, c, d = self._lengths()
+        return {
+            'coupler + rocker - frame - crank': (b, c, -d, -r),
+            'frame + rocker - crank - coupler': (d, c, -r, -b),
+            'frame + coupler - crank - rocker': (d, b, -r, -c),
+        }
+
+    @property
+    def grashof(self) -> str:
+        """The class of the linkage.
+
+        'crank-rocker', 'double-crank', 'rocker-crank', 'double-rocker', 'triple-rocker' or
+        'change-point'.
+        """
+        r, b, c, d = self._lengths()
+        links = {'crank-rocker': r, 'double-rocker': b, 'rocker-crank': c, 'double-crank': d}
+        shortest, middle, long, longest = sorted(links.values())
+        # Shortest + longest against the other two (Grashof).
+        excess = short_sum(longest, shortest, longest, -middle, -long)
+        if excess > 0:
+            return 'triple-rocker'
+        if excess == 0:
+            return 'change-point'
+        return min(links, key=lambda name: links[name])
+
+    def _differences(self) -> tuple[float, float, float, float]:
+        """D - r, d + r, b - c and b + c, m; equal where a short sum counts as zero."""
+        r, b, c, d = self._lengths()
+        far, near, cross = self._short_sums()
+        sum_dr, sum_bc = math.fsum((d, r)), math.fsum((b, c))
+        diff_dr, diff_bc = math.fsum((d, -r)), math.fsum((b, -c))
+        if near == 0 and cross == 0:
+            diff_dr = diff_bc = 0.0
+        elif near == 0 or cross == 0:
+            diff_bc = diff_dr if near == 0 else -diff_dr
+        return diff_dr, sum_dr, diff_bc, sum_dr if far == 0 else sum_bc
+
+    def _short_sums(self) -> list[float]:
+        longest = max(self._lengths())
+        return [short_sum(longest, *terms) for terms in self._sums().values()]
+
+    def _coefficients(self) -> Coefficients:
+        r, b, c, d = self._lengths()
+        _, sum_dr, _, sum_bc = self._differences()
+        far, near, cross = self._short_sums()
+        delta, four_bc = self.frame.angle, 4 * b * c
+        return Coefficients(
+            reference=(delta, 0.0),
+            kappa=math.sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
+            p=far * (sum_bc + sum_dr) / four_bc,
+            q=near * cross / four_bc,
+            # Of a loop that just closes, rounding could make them negative.
+            far=max(math.fsum((b, c, -d, r)) * math.fsum((b, c, d, -r)) / four_bc, 0.0),
+            near=max(math.fsum((d, r, -b, c)) * math.fsum((d, r, b, -c)) / four_bc, 0.0),
+        )
+
+    def loop(self) -> FourBarLoop:
+        """The constants of the pose."""
+        r, d, delta = self.crank.length, self.frame.length, self.frame.angle
+        side = 1 if self.assembly == OPEN else -1
+        diff_dr, sum_dr, diff_bc, sum_bc = self._differences()
+        coefficients = self._coefficients()
+        concentric = diff_dr == 0 and diff_bc == 0
+        return FourBarLoop(
+            coefficients.transmission(Opaque(lambda crank: self.reach().refuse(crank))),
+            side,
+            axis=(math.cos(delta), math.sin(delta)),
+            ground=(diff_dr, sum_dr),
+            dyad=(diff_bc, side * sum_bc),
+            length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
+            moment=side * diff_bc * sum_bc,
+            arm=(-r * diff_dr, 2 * r * d),
+            quotient=1 if side * coefficients.kappa > 0 else -1,
+            # Where q < 0 the crank never comes near theta = 0, where L would be short.
+            close=coefficients.q >= 0 and abs(diff_dr) < _CLOSE * sum_dr,
+        )
+
+    def reach(self) -> Reach:
+        """What the crank can do."""
+        coefficients, sums = self._coefficients(), self._sums()
+        pass_by = abs(self._differences()[0]) / (
+            2 * math.sqrt(self.crank.length * self.frame.length)
+        )
+        return coefficients.reach(
+            self.grashof,
+            tuple(self._limits(far=coefficients.p < 0, near=coefficients.q < 0)),
+            self._cures(),
+            tuple(equalities(max(self._lengths()), sums)),
+            pass_by,
+        )
+
+    def _limits(self, *, far: bool, near: bool) -> Iterator[str]:
+        """What stops a crank that cannot point away from, or to, the rocker pivot."""
+        r, b, c, d = self._lengths()
+        if far:
+            lack = math.fsum((d, r, -b, -c))
+            yield f'coupler + rocker are {lack:.6g} m shorter than frame + crank'
+        if near:
+            lack = abs(math.fsum((b, -c))) - abs(math.fsum((d, -r)))
+            yield f'coupler and rocker differ by {lack:.6g} m more than frame and crank'
+
+    def _cures(self) -> Iterator[str]:
+        """What would make a limited crank turn: each clause by itself, as short as can be."""
+        r, b, c, d = self._lengths()
+        short, long = sorted((b, c))
+        triangle = (short, long, -d), (d, short, -long)
+        at_most = min(short_sum(max(self._lengths()), *terms) for terms in triangle)
+        upper = rounded(short + long - d, up=False)
+        lower = rounded(d + long - short, up=True)
+        fits, shortened = float(lower) <= float(upper), r > float(upper)
+        if fits:
+            way = 'shorten' if shortened else 'lengthen'
+            yield f'{way} the crank to between {lower} and {upper} m'
+        if 0 < at_most < r and not (fits and shortened):
+            yield f'shorten the crank to at most {rounded(at_most, up=False)} m'
+        longer = rounded(max(d + r - long, long - abs(d - r)), up=True)
+        if short < float(longer) <= long + abs(d - r):
+            yield f'lengthen the {"coupler" if b < c else "rocker"} to at least {longer} m'
+        elif at_most <= 0:
+            equal = rounded((d + r) / 2, up=True)
+            yield f'make coupler and rocker equal, at least {equal} m each'
+
+    def structure(self) -> Structure:
+        """How the links hang together: the loop is cut at B."""
+        crank, coupler, rocker = self.crank, self.coupler, self.rocker
+        pivot = self.frame.length * cmath.exp(1j * self.frame.angle)
+        r, c = complex(crank.length), complex(rocker.length)
+        points = {
+            'A0': Point((0j, 0j, 0j)),
+            'A': Point((r, 0j, 0j)),
+            'B': Point((0j, 0j, c), pivot),
+            'B0': Point((0j, 0j, 0j), pivot),
+        }
+        if coupler.point is not None:
+            points['C'] = Point((r, complex(*coupler.point), 0j))
+        centers = (
+            Point((complex(*crank.center), 0j, 0j)),
+            Point((r, complex(*coupler.center), 0j)),
+            Point((0j, 0j, complex(*rocker.center)), pivot),
+        )
+        return Structure(
+            (
+                Link('crank', crank.mass, crank.inertia, centers[0]),
+                Link('coupler', coupler.mass, coupler.inertia, centers[1], parent=0, origin=r),
+                Link('rocker', rocker.mass, rocker.inertia, centers[2], origin=pivot),
+            ),
+            points,
+            closure=Point((r, complex(coupler.length), -c), -pivot),
+            pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('B0', None, 2)),
+            dyads=(Dyad(1, 2, 'B', ('A', 'B0'), limits=not self._coefficients().turns_fully),),
+        )

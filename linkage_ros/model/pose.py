@@ -1,0 +1,55 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the links of a mechanism are, for given coordinates: what all formulas read."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from linkage_ros.formulas import Vector
+from linkage_ros.numeric import Real
+
+
+class LinkPose(NamedTuple):
+    """Where a link is, and how it follows the coordinates.
+
+    Attributes:
+        position: Direction from first to second pin, in [-pi, pi] except the crank's, rad; of a
+            sliding link its place along its guide, m.
+        cos: Of the direction; of a sliding link, of its guide's.
+        sin: Of the direction, likewise; None: it is 0.
+        jacobian: Its velocity per rate of each coordinate; None: the coordinate does not move it.
+        curvature: Its acceleration per product of two rates (1 1; 1 2; 2 2), while none of the
+            rates changes; None: there is none.
+    """
+
+    position: Real
+    cos: Real
+    sin: Real | None
+    jacobian: tuple[Real | None, ...]
+    curvature: tuple[Real | None, ...]
+
+    @property
+    def direction(self) -> Vector:
+        """Unit vector of the link, or of its guide."""
+        return Vector(self.cos, 0.0 if self.sin is None else self.sin)
+
+
+class Pose(NamedTuple):
+    """Where all links are, for given coordinates.
+
+    Attributes:
+        links: One for each moving link.
+        sines: For each dyad, the sine of the angle from its first to its second link, right to a
+            few ulp where it vanishes too; from the first link to the normal of a guide.
+    """
+
+    links: tuple[LinkPose, ...]
+    sines: tuple[Real, ...]
+
+
+class Loop(Protocol):
+    """The constants of a mechanism's kinematics: a named tuple of floats and `Opaque`s."""
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """The pose at the coordinates, exact; guards refuse coordinates that cannot be reached."""

@@ -1,0 +1,113 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the crank of a mechanism can do: where it turns, what stops it, where motion is fast."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, NoReturn, TypeAlias
+
+import numpy as np
+
+from linkage_ros.errors import MechanismError, UnreachableError
+from linkage_ros.numeric import Array
+
+Arc: TypeAlias = tuple[float, float]
+
+_PER_DECADE = 24  # of the steps that become finer
+_FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
+
+
+class Reach(NamedTuple):
+    """What the crank of a mechanism of one degree of freedom can do.
+
+    Attributes:
+        grashof: Class, such as 'crank-rocker' or 'change-point'; see the mechanism's.
+        arcs: Where the crank can be, (from, to) with from in [0, 2 pi), rad; the whole turn
+            where it turns fully.
+        period_turns: Turns of the crank after which the motion repeats.
+        transmission: Smallest and largest transmission angle, rad in [0, pi]; 0 or pi: links come
+            into line. None: the mechanism has no such angle.
+        limits: What stops the crank; empty where it turns fully.
+        cures: What would make it turn, each by itself; empty where it does.
+        equalities: Sums of lengths that are not 0 in binary and count as 0, in words.
+        fast: A crank angle at which motion may be fast, and again every half turn, rad.
+        width: Half the crank angle within which it is fast there, rad; inf: it is nowhere fast.
+    """
+
+    grashof: str
+    arcs: tuple[Arc, ...] = _FULL_TURN
+    period_turns: int = 1
+    transmission: Arc | None = None
+    limits: tuple[str, ...] = ()
+    cures: tuple[str, ...] = ()
+    equalities: tuple[str, ...] = ()
+    fast: float = 0.0
+    width: float = math.inf
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether the crank turns through every angle."""
+        return not self.limits
+
+    @property
+    def has_change_point(self) -> bool:
+        """Whether all links come into one line during a full turn."""
+        low, high = self.transmission or (1.0, 1.0)
+        return self.turns_fully and (low == 0 or high == math.pi)
+
+    def require_full_turn(self) -> None:
+        """Refuses a mechanism whose crank does not turn through every angle.
+
+        Raises:
+            MechanismError: With its class, what stops the crank, and where it can be.
+        """
+        if not self.turns_fully:
+            raise MechanismError(self._refusal('turn fully'))
+
+    def refuse(self, crank: float) -> NoReturn:
+        """Refuses a crank angle at which no state, or no finite rate, exists.
+
+        Args:
+            crank: rad.
+
+        Raises:
+            UnreachableError: With the class, the cause, the cures and the reachable arcs.
+        """
+        purpose = f'move at {math.degrees(crank):.9g} deg'
+        raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
+
+    def _refusal(self, purpose: str) -> str:
+        arcs = ' and '.join(
+            f'{math.degrees(start):.6g} to {math.degrees(end):.6g} deg' for start, end in self.arcs
+        )
+        return (
+            f'the crank of this {self.grashof} linkage cannot {purpose}: '
+            f'{"; ".join(self.limits)}; {" or ".join(self.cures)}; it reaches {arcs}'
+        )
+
+    def samples(self, steps_per_turn: int = 720) -> Array:
+        """Crank angles over one period that miss nothing of the motion.
+
+        Where motion is fast the steps become finer, to far below the width.
+
+        Args:
+            steps_per_turn: Of the even steps.
+
+        Returns:
+            Angles from 0 to 2 pi or 4 pi, rad, in rising order.
+        """
+        turns = self.period_turns
+        even: Array = np.linspace(
+            0, turns * 2 * math.pi, turns * steps_per_turn + 1, dtype=np.float64
+        )
+        step = math.pi / steps_per_turn
+        if self.width > 20 * step:
+            return even
+        decades = math.log10(step * 40 / self.width) + 2
+        fine = np.geomspace(self.width * 0.01, step * 40, math.ceil(decades * _PER_DECADE))
+        around = np.concatenate([-fine[::-1], [0.0], fine])
+        places = [self.fast % math.pi + math.pi * i for i in range(-1, 2 * turns + 1)]
+        angles = np.concatenate([even, *(place + around for place in places)])
+        all_angles: Array = np.unique(angles[(angles >= 0) & (angles <= even[-1])])
+        return all_angles

@@ -1,0 +1,17 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The mechanisms by the names under which parameter files ask for them."""
+
+from __future__ import annotations
+
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.slider_crank import SliderCrank
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.wind_pump import WindPump
+
+# A package of yours may add its own before it starts a program of this one.
+MECHANISMS: dict[str, type[Mechanism]] = {
+    'four_bar': FourBar,
+    'slider_crank': SliderCrank,
+    'wind_pump': WindPump,
+}

@@ -1,0 +1,267 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The slider-crank: its description, what its lengths alone tell, and its exact pose.
+
+The loop is document 4's (eq. 2, where e = 0), with an offset e and in the guide's axes:
+
+    r e^(i alpha) + b e^(i beta) = x + i e
+
+Let mu be the transmission angle, which the coupler makes with the normal of the guide. From the
+imaginary parts, cos mu = sin beta = (e - r sin alpha) / b: with theta = alpha + pi/2 this is the
+map that a four-bar has too (`transmission`),
+
+    cos^2(mu/2) = (b+e-r)/2b + (r/b) cos^2(theta/2)
+    sin^2(mu/2) = (b-e-r)/2b + (r/b) sin^2(theta/2)
+
+and beta = pi/2 -+ mu, x = r cos alpha + b cos beta follow without any division.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from linkage_ros.errors import MechanismError
+from linkage_ros.formulas import Opaque, Vector, atan2
+from linkage_ros.model.loads import LinkLoad
+from linkage_ros.model.parts import (
+    CROSSED,
+    OPEN,
+    Body,
+    Coupler,
+    Guide,
+    Slider,
+    gravity_quantity,
+)
+from linkage_ros.model.pose import LinkPose, Pose
+from linkage_ros.model.reach import Reach
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.model.transmission import Coefficients, Transmission
+from linkage_ros.numeric import (
+    HALF_PI,
+    Real,
+    equalities,
+    nearest_turns,
+    rounded,
+    short_sum,
+    two_sum,
+)
+from linkage_ros.quantities import quantity
+
+
+class SliderCrankLoop(NamedTuple):
+    """The constants of one slider-crank.
+
+    Attributes:
+        transmission: From the crank to the transmission angle.
+        side: 1 for the open assembly, -1 for the crossed one.
+        guide: Cosine and sine of the guide's direction.
+        crank: Length r, m.
+        coupler: Length b, m.
+    """
+
+    transmission: Transmission
+    side: int
+    guide: Vector
+    crank: float
+    coupler: float
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """The pose at a crank angle.
+
+        Args:
+            q: Crank angle, rad.
+
+        Returns:
+            The pose.
+        """
+        (angle,) = q
+        r, b, guide = self.crank, self.coupler, self.guide
+        halves = self.transmission.place(angle)
+        S, C, sin_m, cos_m = halves
+        # Half of sin mu, and cos mu.
+        sine, cosine = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
+        two_b = 2 * self.side * b
+        x = guide.x * two_b * sine - guide.y * b * cosine
+        y = guide.x * b * cosine + guide.y * two_b * sine
+        # In the guide's axes: r e^(i alpha) and b e^(i beta).
+        crank = Vector(2 * r * (S * C), r * ((S - C) * (S + C)))
+        coupler = Vector(two_b * sine, b * cosine)
+        first, second = self.transmission.slopes(halves)
+        turn, bend = -self.side * first, -self.side * second
+        slope = -(crank.y + coupler.y * turn)
+        curvature = -(crank.x + coupler.x * (turn * turn) + coupler.y * bend)
+        along, across = guide.x / r, guide.y / r
+        over_b = 1 / b
+        return Pose(
+            (
+                LinkPose(
+                    angle, along * crank.x - across * crank.y, along * crank.y + across * crank.x,
+                    (1.0,), (None,),
+                ),
+                LinkPose(atan2(y, x), over_b * x, over_b * y, (turn,), (bend,)),
+                LinkPose(crank.x + coupler.x, guide.x, guide.y, (slope,), (curvature,)),
+            ),
+            (2 * self.side * sine,),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SliderCrank(Mechanism):
+    """A slider-crank: crank A0-A, coupler A-B, slider at B on a guide that passes A0.
+
+    Attributes:
+        crank: Driven link, from A0, the origin.
+        coupler: Connecting rod, from the crank pin A to B.
+        slider: Output link, at B; its position counts along the guide from the foot of the
+            perpendicular from A0.
+        frame: Direction of the guide.
+        assembly: 'open': the slider is on the + side of the crank pin where the crank points
+            along the guide; 'crossed': on the - side.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+    """
+
+    crank: Body
+    coupler: Coupler
+    slider: Slider = field(default_factory=Slider)
+    frame: Guide = field(default_factory=Guide)
+    assembly: str = quantity(
+        'choice', 'side of the crank pin on which the slider is', choices=(OPEN, CROSSED),
+        default=OPEN,
+    )  # fmt: skip
+    gravity: tuple[float, float] = gravity_quantity()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        r, b, e = self._lengths()
+        if short_sum(self._longest(), abs(e), -r, -b) > 0:
+            raise MechanismError(
+                f'the offset of the slider, {e:g} m, is farther from 0 than crank + coupler '
+                f'reach, by {math.fsum((abs(e), -r, -b)):.6g} m: the loop cannot close; bring it '
+                'nearer to 0 or lengthen them'
+            )
+
+    def _lengths(self) -> tuple[float, float, float]:
+        return self.crank.length, self.coupler.length, self.slider.offset
+
+    def _longest(self) -> float:
+        return max(map(abs, self._lengths()))
+
+    def _sums(self) -> dict[str, tuple[float, ...]]:
+        """The sums of lengths that vanish at a change point, in words and as signed terms."""
+        r, b, e = self._lengths()
+        return {
+            'coupler + offset - crank': (b, e, -r),
+            'coupler - offset - crank': (b, -e, -r),
+        }
+
+    @property
+    def grashof(self) -> str:
+        """The class: 'crank-slider' (the crank turns), 'rotating-coupler' (the coupler does).
+
+        Else 'change-point' or 'non-Grashof' (neither turns).
+        """
+        r, b, e = self._lengths()
+        crank = short_sum(self._longest(), r, abs(e), -b)
+        coupler = short_sum(self._longest(), b, abs(e), -r)
+        if crank == 0 or coupler == 0:
+            return 'change-point'
+        if crank < 0:
+            return 'crank-slider'
+        return 'rotating-coupler' if coupler < 0 else 'non-Grashof'
+
+    def _coefficients(self) -> Coefficients:
+        r, b, e = self._lengths()
+        longest, guide = self._longest(), self.frame.angle
+        far, near = (short_sum(longest, *terms) for terms in self._sums().values())
+        high, low = two_sum(guide, -HALF_PI[0])
+        return Coefficients(
+            reference=(high, low - HALF_PI[1]),
+            kappa=math.sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
+            p=far / (2 * b),
+            q=near / (2 * b),
+            far=short_sum(longest, b, e, r) / (2 * b),
+            near=short_sum(longest, b, -e, r) / (2 * b),
+        )
+
+    def loop(self) -> SliderCrankLoop:
+        """The constants of the pose."""
+        guide = self.frame.angle
+        return SliderCrankLoop(
+            self._coefficients().transmission(Opaque(lambda crank: self.reach().refuse(crank))),
+            1 if self.assembly == OPEN else -1,
+            Vector(math.cos(guide), math.sin(guide)),
+            self.crank.length,
+            self.coupler.length,
+        )
+
+    def loads(self) -> tuple[LinkLoad, ...]:
+        """The external force on the slider, and the resistance of its guide."""
+        slider = self.slider
+        if not slider.force and not slider.damping:
+            return ()
+        return (LinkLoad(2, slider.force or None, slider.damping or None),)
+
+    def reach(self) -> Reach:
+        """What the crank can do."""
+        coefficients = self._coefficients()
+        return coefficients.reach(
+            self.grashof,
+            tuple(self._limits(far=coefficients.p < 0, near=coefficients.q < 0)),
+            self._cures(),
+            tuple(equalities(self._longest(), self._sums())),
+        )
+
+    def _limits(self, *, far: bool, near: bool) -> Iterator[str]:
+        """What stops a crank that cannot point to the left, or to the right, of the guide."""
+        r, b, e = self._lengths()
+        for stopped, word, side, offset in ((far, '-', 'left', -e), (near, '+', 'right', e)):
+            if stopped:
+                lack = math.fsum((r, offset, -b))
+                yield (
+                    f"on the guide's {side}, crank {word} offset are {lack:.6g} m longer than the "
+                    'coupler'
+                )
+
+    def _cures(self) -> Iterator[str]:
+        """What would make a limited crank turn: each clause by itself, as short as can be."""
+        r, b, e = self._lengths()
+        yield f'lengthen the coupler to at least {rounded(r + abs(e), up=True)} m'
+        if (shorter := short_sum(self._longest(), b, -abs(e))) > 0:
+            yield f'shorten the crank to at most {rounded(shorter, up=False)} m'
+        if (nearer := short_sum(self._longest(), b, -r)) > 0:
+            yield f'bring the offset to within {rounded(nearer, up=False)} m of 0'
+
+    def structure(self) -> Structure:
+        """How the links hang together: the loop is cut at B."""
+        crank, coupler, slider = self.crank, self.coupler, self.slider
+        foot = 1j * slider.offset * cmath.exp(1j * self.frame.angle)
+        r = complex(crank.length)
+        points = {
+            'A0': Point((0j, 0j, 0j)),
+            'A': Point((r, 0j, 0j)),
+            'B': Point((r, complex(coupler.length), 0j)),
+        }
+        if coupler.point is not None:
+            points['C'] = Point((r, complex(*coupler.point), 0j))
+        centers = (
+            Point((complex(*crank.center), 0j, 0j)),
+            Point((r, complex(*coupler.center), 0j)),
+        )
+        return Structure(
+            (
+                Link('crank', crank.mass, crank.inertia, centers[0]),
+                Link('coupler', coupler.mass, coupler.inertia, centers[1], parent=0, origin=r),
+                Link(
+                    'slider', slider.mass, 0.0, points['B'],
+                    origin=foot, angle=self.frame.angle, slides=True,
+                ),
+            ),
+            points,
+            closure=points['B'],
+            pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
+            dyads=(Dyad(1, 2, 'B', ('A', ''), limits=not self._coefficients().turns_fully),),
+        )  # fmt: skip

@@ -1,0 +1,143 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""How the links of a mechanism hang together, and what every mechanism offers."""
+
+from __future__ import annotations
+
+from typing import ClassVar, NamedTuple
+
+from linkage_ros.model.loads import Load
+from linkage_ros.model.parts import Body
+from linkage_ros.model.pose import Loop
+from linkage_ros.model.reach import Reach
+from linkage_ros.quantities import Checked
+
+
+class Point(NamedTuple):
+    """A point as a combination of the directions of the links that turn.
+
+    Attributes:
+        weights: The point is the sum of weights[j] e^(i phi_j), plus `fixed`, m; one for each
+            moving link, 0 for one that slides.
+        fixed: x + iy, m.
+    """
+
+    weights: tuple[complex, ...]
+    fixed: complex = 0j
+
+
+class Link(NamedTuple):
+    """A moving link: its joint in the open tree in which ROS sees a mechanism, and its body.
+
+    URDF has no closed loops. The loop is cut at the pin of the output link, B between coupler and
+    rocker or slider, of a wind pump D between rod and slider. Every joint is measured from its
+    parent in the tree: the coupler's from the crank, the rod's from the coupler.
+
+    Attributes:
+        name: Of the link and of its joint.
+        mass: kg.
+        inertia: About its centre of mass, kg m^2; 0 for a link that slides.
+        center: Its centre of mass; of a link that slides, its pin.
+        parent: Index of the parent link; None: base_link.
+        origin: Place of the joint in its parent, x + iy, m.
+        angle: Direction of the joint's x axis in its parent, rad.
+        slides: Whether the joint is prismatic, along that axis.
+    """
+
+    name: str
+    mass: float
+    inertia: float
+    center: Point
+    parent: int | None = None
+    origin: complex = 0j
+    angle: float = 0.0
+    slides: bool = False
+
+
+class Pin(NamedTuple):
+    """A pin joint between two links.
+
+    Attributes:
+        name: Of its point.
+        first: Index of the link that exerts the force of the pin; None: the frame.
+        second: Index of the link on which it acts.
+    """
+
+    name: str
+    first: int | None
+    second: int
+
+
+class Dyad(NamedTuple):
+    """Two links that meet in a pin, closed by the links before them (an Assur group).
+
+    Attributes:
+        first: Index of the link that comes from the links before.
+        second: Index of the link that it meets; one that slides counts as an endless link across
+            its guide.
+        pin: Name of the pin in which they meet.
+        outer: Names of their outer pins, the second empty for a link that slides.
+        limits: Whether motion can stretch or fold the dyad, beyond which the coordinates do not
+            describe it. Change points are no limit: motion passes through them.
+    """
+
+    first: int
+    second: int
+    pin: str
+    outer: tuple[str, str]
+    limits: bool
+
+
+class Structure(NamedTuple):
+    """A mechanism, without its motion.
+
+    Attributes:
+        links: The moving links, each after its parent.
+        points: The pins A0, A, B and, where there are such, B0, D and the coupler point C.
+        closure: The way around the loop but for what slides: its end is where the sliding link
+            is, or where the way began.
+        pins: Empty: forces in the joints are not known.
+        dyads: In the order in which they are closed.
+    """
+
+    links: tuple[Link, ...]
+    points: dict[str, Point]
+    closure: Point
+    pins: tuple[Pin, ...] = ()
+    dyads: tuple[Dyad, ...] = ()
+
+
+class Mechanism(Checked):
+    """Base of all mechanisms: frozen dataclasses of parts, checked when they are made.
+
+    Attributes:
+        coordinates: Names of the links whose positions determine all others.
+        crank: The link that the drive turns.
+        assembly: Which way round the loop is closed.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+    """
+
+    coordinates: ClassVar[tuple[str, ...]] = ('crank',)
+    crank: Body
+    assembly: str
+    gravity: tuple[float, float]
+
+    def structure(self) -> Structure:
+        """How the links hang together."""
+        raise NotImplementedError
+
+    def loop(self) -> Loop:
+        """The constants of the kinematics."""
+        raise NotImplementedError
+
+    def loads(self) -> tuple[Load, ...]:
+        """What acts on the links, besides their weight."""
+        return ()
+
+    def reach(self) -> Reach | None:
+        """What the crank can do; None: the crank angle alone does not determine the motion."""
+        return None
+
+    def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Coordinates besides the crank angle at t = 0, and their rates."""
+        return (), ()

@@ -1,0 +1,252 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From the crank to the transmission angle: the map that four-bar and slider-crank share.
+
+Let h be half the crank angle, counted from the line of the fixed pivots, and m half the angle
+at which coupler and rocker meet. By the factored closed form (docs/mechanisms.md)
+
+    cos^2 m = p + kappa^2 cos^2 h        sin^2 m = q + kappa^2 sin^2 h        p + q + kappa^2 = 1
+
+with constants of the lengths alone. The crank turns fully exactly where p >= 0 and q >= 0: then
+these are sums of terms that are never negative, and nothing cancels. Where p = 0 or q = 0, at
+change points, the root is taken with its sign, kappa cos h or kappa sin h, and motion runs
+smoothly through the point. With u = kappa cos h / cos m and v = kappa sin h / sin m
+
+    d(2m)/d(2h) = u v        d^2(2m)/d(2h)^2 = [u^2 (1 - v^2) cot m - v^2 (1 - u^2) tan m] / 2
+
+and no division by the sine of the transmission angle is left. The formulas are this project's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from linkage_ros.formulas import Opaque, cos, require, sin, sqrt
+from linkage_ros.model.reach import Arc, Reach
+from linkage_ros.numeric import Real, two_sum
+
+
+class Square(NamedTuple):
+    """cos^2 m = p + x^2 with x = kappa cos h, and sin^2 m = q + x^2 with x = kappa sin h.
+
+    Attributes:
+        least: p or q; None: it is 0, and the root is x itself, with its sign.
+        most: The square where x^2 is largest; where given, the square is `most` less the square of
+            the other product, because there less cancels.
+        limits: Whether the square can become negative, where the crank cannot be.
+    """
+
+    least: float | None
+    most: float | None
+    limits: bool
+
+    @classmethod
+    def of(cls, least: float, most: float) -> Square:
+        """The square from its least value, p or q, and its largest, 1 - q or 1 - p unrounded."""
+        limits = least < 0
+        return cls(least or None, most if limits and most < -least else None, limits)
+
+    def root(self, x: Real, other: Real, refuse: Opaque, crank: Real) -> Real:
+        """Cos m or sin m.
+
+        Args:
+            x: kappa cos h, or kappa sin h.
+            other: The other one.
+            refuse: Refuses a crank angle.
+            crank: rad.
+
+        Returns:
+            The root.
+        """
+        if self.least is None:
+            return x
+        square = self.least + x * x if self.most is None else self.most - other * other
+        if self.limits:
+            require(square > 0, refuse, crank)
+        return sqrt(square)
+
+
+class Halves(NamedTuple):
+    """Half the crank angle and half the transmission angle.
+
+    Attributes:
+        sin_h: Sine of half the crank angle, from the reference line.
+        cos_h: Its cosine.
+        sin_m: Sine of half the transmission angle.
+        cos_m: Its cosine.
+    """
+
+    sin_h: Real
+    cos_h: Real
+    sin_m: Real
+    cos_m: Real
+
+
+class Transmission(NamedTuple):
+    """The constants of the map.
+
+    Attributes:
+        reference: Direction of the reference line, rad, in two parts whose sum is exact to
+            twice the digits of a double; the second is None where it is 0.
+        kappa: Coupling, signed: negative where the reference is an odd number of turns away,
+            so that the branch named at crank angles 0 to pi from it is the one asked for.
+        cos: The square of cos m.
+        sin: The square of sin m.
+        refuse: Refuses a crank angle.
+    """
+
+    reference: tuple[float, float | None]
+    kappa: float
+    cos: Square
+    sin: Square
+    refuse: Opaque
+
+    def place(self, crank: Real) -> Halves:
+        """Half the crank angle and half the transmission angle.
+
+        Args:
+            crank: Crank angle, rad.
+
+        Returns:
+            Sines and cosines, right to an ulp next to change points too, because the rounding
+            error of crank - reference is carried along.
+        """
+        high, low = self.reference
+        angle, error = two_sum(crank, -high)
+        half_error = 0.5 * (error if low is None else error - low)
+        half = 0.5 * angle
+        sine, cosine = sin(half), cos(half)
+        sin_h, cos_h = sine + half_error * cosine, cosine - half_error * sine
+        x, y = self.kappa * sin_h, self.kappa * cos_h
+        cos_m = self.cos.root(y, x, self.refuse, crank)
+        sin_m = self.sin.root(x, y, self.refuse, crank)
+        return Halves(sin_h, cos_h, sin_m, cos_m)
+
+    def ratios(self, at: Halves) -> tuple[Real, Real]:
+        """U and v."""
+        u = 1.0 if self.cos.least is None else self.kappa * at.cos_h / at.cos_m
+        v = 1.0 if self.sin.least is None else self.kappa * at.sin_h / at.sin_m
+        return u, v
+
+    def slopes(self, at: Halves) -> tuple[Real, Real]:
+        """How the transmission angle changes with the crank.
+
+        Args:
+            at: From `place`.
+
+        Returns:
+            d(2m)/d(2h) and d^2(2m)/d(2h)^2.
+        """
+        p, q = self.cos.least, self.sin.least
+        sin_m, cos_m = at.sin_m, at.cos_m
+        u, v = self.ratios(at)
+        # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
+        second: Real = 0.0
+        if q is not None:
+            second = (0.5 * q) * (u * u * cos_m / (sin_m * sin_m * sin_m))
+        if p is not None:
+            second = second - (0.5 * p) * (v * v * sin_m / (cos_m * cos_m * cos_m))
+        return u * v, second
+
+
+class Coefficients(NamedTuple):
+    """The map in numbers, before it is part of a loop.
+
+    Attributes:
+        reference: Direction of the reference line, rad, in two parts.
+        kappa: Coupling, signed.
+        p: cos^2 m at h = pi/2; negative: the crank cannot reach the far side.
+        q: sin^2 m at h = 0; negative: the crank cannot reach the near side.
+        far: cos^2 m at h = 0: 1 - q without its rounding.
+        near: sin^2 m at h = pi/2: 1 - p without its rounding.
+    """
+
+    reference: tuple[float, float]
+    kappa: float
+    p: float
+    q: float
+    far: float
+    near: float
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether a state exists at every crank angle."""
+        return self.p >= 0 and self.q >= 0
+
+    def transmission(self, refuse: Opaque) -> Transmission:
+        """The map as a part of a loop, which refuses crank angles out of reach."""
+        (high, low), p, q = self.reference, self.p, self.q
+        cos_square, sin_square = Square.of(p, self.far), Square.of(q, self.near)
+        return Transmission((high, low or None), self.kappa, cos_square, sin_square, refuse)
+
+    def arcs(self) -> tuple[Arc, ...]:
+        """Where the crank can be, in closed form: cos^2 m and sin^2 m must not be negative.
+
+        Returns:
+            (from, to) with from in [0, 2 pi), rad; one turn where it turns fully.
+        """
+        if self.turns_fully:
+            return ((0.0, 2 * math.pi),)
+        middle = self.reference[0]
+        nearest = 2 * math.atan2(math.sqrt(-self.q), math.sqrt(self.near)) if self.q < 0 else 0.0
+        farthest = 2 * math.atan2(math.sqrt(self.far), math.sqrt(-self.p)) if self.p < 0 else 0.0
+        if self.q >= 0:
+            return (_turned(middle - farthest, middle + farthest),)
+        if self.p >= 0:
+            return (_turned(middle + nearest, middle + 2 * math.pi - nearest),)
+        return (
+            _turned(middle + nearest, middle + farthest),
+            _turned(middle - farthest, middle - nearest),
+        )
+
+    def extremes(self) -> Arc:
+        """The smallest and the largest transmission angle 2m, in [0, pi], rad.
+
+        They are at h = 0 and h = pi/2; a crank that cannot get there stops where the angle is 0
+        (folded) or pi (stretched).
+        """
+        near, far = max(self.q, 0.0) + 0.0, max(self.p, 0.0) + 0.0
+        smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(self.far if near else 1.0))
+        return smallest, 2 * math.atan2(math.sqrt(self.near if far else 1.0), math.sqrt(far))
+
+    def reach(
+        self,
+        grashof: str,
+        limits: tuple[str, ...],
+        cures: Iterable[str],
+        equalities: tuple[str, ...],
+        pass_by: float = 0.0,
+    ) -> Reach:
+        """What the crank can do.
+
+        Args:
+            grashof: The class.
+            limits: What stops the crank.
+            cures: What would make it turn; read only where something stops it.
+            equalities: Sums of lengths that count as 0.
+            pass_by: Half the crank angle within which the crank pin passes the rocker pivot, rad;
+                0: there is no such pivot, or the pin meets it.
+
+        Returns:
+            The reach.
+        """
+        # Motion is fast at h = 0 and h = pi/2, within these half angles.
+        widths = [math.sqrt(x) / abs(self.kappa) for x in (self.p, self.q) if x > 0]
+        return Reach(
+            grashof,
+            self.arcs(),
+            2 if (self.p == 0) != (self.q == 0) else 1,
+            self.extremes(),
+            limits,
+            tuple(cures) if limits else (),
+            equalities,
+            self.reference[0],
+            min([*widths, *([pass_by] if pass_by else [])], default=math.inf),
+        )
+
+
+def _turned(start: float, end: float) -> Arc:
+    whole = 2 * math.pi * math.floor(start / (2 * math.pi))
+    return start - whole, end - whole

@@ -1,0 +1,250 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The wind pump: two coordinates, the crank angle and the slider's position, and its exact pose.
+
+The loop is document 3's, l1 e^(i phi1) + l2 e^(i phi2) + l3 e^(i phi3) = xD. Given the crank pin A
+and the slider's pin D, coupler and rod are one two-link dyad. With L = |D - A| and, for xD >= 0,
+h = phi1 / 2 (for xD < 0, h = (phi1 - pi) / 2 and |xD|), it closes as the factored closed form of
+the four-bar does (docs/mechanisms.md):
+
+    P = (l2+l3)^2 - L^2 = (l2+l3-xD-l1)(l2+l3+xD+l1) + 4 l1 xD cos^2 h
+    Q = L^2 - (l2-l3)^2 = (xD-l1-l2+l3)(xD-l1+l2-l3) + 4 l1 xD sin^2 h
+    B - A = (D-A) [(l2-l3)(l2+l3) + L^2 + i side sqrt(PQ)] / (2 L^2)
+
+and sin(phi2 - phi3) = side sqrt(PQ) / (2 l2 l3): no digits are lost next to a stretched dyad.
+The rates have document 3's form, phi2' = a11 phi1' + a12 xD' (its coefficients are damaged in
+print); the squared-rate terms of the accelerations, which it lacks, follow by differentiating the
+loop twice.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, NoReturn
+
+from linkage_ros.errors import UnreachableError
+from linkage_ros.formulas import (
+    Opaque,
+    Vector,
+    atan2,
+    cos,
+    cross,
+    dot,
+    require,
+    sin,
+    sqrt,
+    total,
+    where,
+)
+from linkage_ros.model.loads import LinkLoad
+from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Piston, gravity_quantity
+from linkage_ros.model.pose import LinkPose, Pose
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import quantity
+
+_EPSILON = 2.0**-52
+
+
+class WindPumpLoop(NamedTuple):
+    """The constants of one wind pump.
+
+    Attributes:
+        crank: Length r of the crank, m.
+        coupler: Length b of the coupler, m.
+        rod: Length c of the rod, m.
+        side: 1 for the open assembly, -1 for the crossed one.
+        refuse: Refuses coordinates.
+    """
+
+    crank: float
+    coupler: float
+    rod: float
+    side: int
+    refuse: Opaque
+
+    def margins(self, q: tuple[Real, ...]) -> tuple[Real, Real, Real]:
+        """How far the dyad is from its limits.
+
+        Args:
+            q: Crank angle, rad, and the slider's position, m.
+
+        Returns:
+            P, 0 where coupler and rod are stretched or do not reach; Q, 0 where they are folded
+            or do not fit in; L^2; all m^2. P and Q count as 0 within the rounding of their terms.
+        """
+        angle, slide = q
+        r, b, c = self.crank, self.coupler, self.rod
+        half = 0.5 * angle
+        sine, cosine = sin(half), cos(half)
+        ahead, d = slide >= 0, abs(slide)
+        growth, total_length = 4 * r * d, b + c + d + r
+        near = growth * where(ahead, sine * sine, cosine * cosine)
+        far = growth * where(ahead, cosine * cosine, sine * sine)
+        one, other = d - r - b + c, d - r + b - c
+        stretch, fold = (b + c - d - r) * total_length + far, one * other + near
+        # A sum of lengths is off by about an ulp of their total. Where the short sums are small,
+        # so is the rounding of their product: a slider that passes the crank pin is not refused.
+        ulp = _EPSILON * total_length
+        return (
+            where(stretch > ulp * total_length, stretch, 0.0),
+            where(fold > ulp * (abs(one) + abs(other)) + _EPSILON * near, fold, 0.0),
+            (d - r) * (d - r) + near,
+        )
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """The pose at the coordinates.
+
+        Args:
+            q: Crank angle, rad, and the slider's position, m.
+
+        Returns:
+            The pose.
+        """
+        angle, slide = q
+        r, b, c = self.crank, self.coupler, self.rod
+        stretch, fold, square = self.margins(q)
+        require(stretch > 0, self.refuse, angle, slide)
+        require(fold > 0, self.refuse, angle, slide)
+        root = self.side * (sqrt(stretch) * sqrt(fold))
+        crank = Vector(cos(angle), sin(angle))
+        # D - A, and the coupler's and the rod's shares of it.
+        apart = Vector(slide - r * crank.x, -r * crank.y)
+        moment, scale = (b - c) * (b + c), 0.5 / square
+        part, rest = scale * (square + moment) / b, scale * (square - moment) / c
+        turn_b, turn_c = scale * root / b, scale * root / c
+        coupler = Vector(apart.x * part - apart.y * turn_b, apart.x * turn_b + apart.y * part)
+        rod = Vector(apart.x * rest + apart.y * turn_c, apart.y * rest - apart.x * turn_c)
+        # 1 / [l2 sin(phi2 - phi3)] and 1 / [l3 sin(phi2 - phi3)].
+        over_b, over_c = 2 * c / root, 2 * b / root
+        cos23 = dot(coupler, rod)
+        a11, a12 = r * cross(crank, rod) * over_b, -rod.x * over_b
+        a21, a22 = r * cross(coupler, crank) * over_c, coupler.x * over_c
+
+        def bend(
+            own: Real, other: Real, arm_b: Real | None = None, arm_c: Real | None = None
+        ) -> tuple[Real, Real]:
+            """Curvatures of coupler and rod, from the products of their rates."""
+            return (
+                -over_b * total(arm_b, b * cos23 * own, c * other),
+                over_c * total(arm_c, b * own, c * cos23 * other),
+            )
+
+        by_crank = bend(a11 * a11, a21 * a21, r * dot(crank, rod), r * dot(crank, coupler))
+        mixed = bend(2 * a11 * a12, 2 * a21 * a22)
+        by_slide = bend(a12 * a12, a22 * a22)
+        coupler_bends, rod_bends = zip(by_crank, mixed, by_slide, strict=True)
+        nothing = None, None, None
+        return Pose(
+            (
+                LinkPose(angle, crank.x, crank.y, (1.0, None), nothing),
+                LinkPose(atan2(coupler.y, coupler.x), *coupler, (a11, a12), coupler_bends),
+                LinkPose(atan2(rod.y, rod.x), *rod, (a21, a22), rod_bends),
+                LinkPose(slide, 1.0, None, (None, 1.0), nothing),
+            ),
+            (root / (-2 * b * c),),
+        )
+
+
+@dataclass(frozen=True)
+class WindPump(Mechanism):
+    """A wind pump, closed by inertia: crank A0-A, coupler A-B, rod B-D, slider D on the x axis.
+
+    Two degrees of freedom: the crank angle and the slider's position are independent.
+
+    Attributes:
+        coordinates: The crank's angle and the slider's position.
+        crank: Driven link, from A0, the origin.
+        coupler: From the crank pin A to B.
+        rod: From B to the slider's pin D.
+        slider: The pump's piston, at D.
+        assembly: 'open': B lies left of the line from A to D; 'crossed': right of it, which is
+            below where the slider is to the right.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+    """
+
+    coordinates: ClassVar[tuple[str, ...]] = ('crank', 'slider')
+
+    crank: Body
+    coupler: Coupler
+    rod: Body
+    slider: Piston
+    assembly: str = quantity(
+        'choice', 'side of the coupler-rod pin', choices=(OPEN, CROSSED), default=OPEN
+    )
+    gravity: tuple[float, float] = gravity_quantity()
+
+    def loop(self) -> WindPumpLoop:
+        """The constants of the pose."""
+        return WindPumpLoop(
+            self.crank.length,
+            self.coupler.length,
+            self.rod.length,
+            1 if self.assembly == OPEN else -1,
+            Opaque(self._refuse),
+        )
+
+    def loads(self) -> tuple[LinkLoad, ...]:
+        """The resistance of the pump."""
+        return (LinkLoad(3, damping=self.slider.damping),) if self.slider.damping else ()
+
+    def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The slider's position, m, and velocity, m/s, at t = 0."""
+        return (self.slider.position,), (self.slider.velocity,)
+
+    def _refuse(self, angle: float, slide: float) -> NoReturn:
+        b, c = self.coupler.length, self.rod.length
+        apart = math.hypot(
+            slide - self.crank.length * math.cos(angle), self.crank.length * math.sin(angle)
+        )
+        is_far = abs(apart - (b + c)) < abs(apart - abs(b - c)) or apart > b + c
+        words = 'do not reach or are stretched' if is_far else 'do not fit in or are folded'
+        raise UnreachableError(
+            f'coupler and rod {words} at crank angle {math.degrees(angle):.9g} deg and slider '
+            f'position {slide:.9g} m; {self._slider_range(angle)}',
+            crank_angle=angle,
+            arcs=(),
+        )
+
+    def _slider_range(self, crank: float) -> str:
+        """Where the slider can be at a crank angle, in words."""
+        r, b, c = self.crank.length, self.coupler.length, self.rod.length
+        ax, ay = r * math.cos(crank), r * math.sin(crank)
+        far = (b + c) ** 2 - ay * ay
+        if far <= 0:
+            return 'the loop closes nowhere at this crank angle: lengthen coupler or rod'
+        outer, inner = math.sqrt(far), math.sqrt(max((b - c) ** 2 - ay * ay, 0.0))
+        spans = [(ax - outer, ax - inner), (ax + inner, ax + outer)]
+        words = ' or '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)
+        return f'there the slider can be within {words} m'
+
+    def structure(self) -> Structure:
+        """How the links hang together: the loop is cut at D."""
+        crank, coupler, rod, slider = self.crank, self.coupler, self.rod, self.slider
+        r, b, c = complex(crank.length), complex(coupler.length), complex(rod.length)
+        points = {
+            'A0': Point((0j, 0j, 0j, 0j)),
+            'A': Point((r, 0j, 0j, 0j)),
+            'B': Point((r, b, 0j, 0j)),
+            'D': Point((r, b, c, 0j)),
+        }
+        if coupler.point is not None:
+            points['C'] = Point((r, complex(*coupler.point), 0j, 0j))
+        centers = (
+            Point((complex(*crank.center), 0j, 0j, 0j)),
+            Point((r, complex(*coupler.center), 0j, 0j)),
+            Point((r, b, complex(*rod.center), 0j)),
+        )
+        return Structure(
+            (
+                Link('crank', crank.mass, crank.inertia, centers[0]),
+                Link('coupler', coupler.mass, coupler.inertia, centers[1], parent=0, origin=r),
+                Link('rod', rod.mass, rod.inertia, centers[2], parent=1, origin=b),
+                Link('slider', slider.mass, 0.0, points['D'], slides=True),
+            ),
+            points,
+            closure=points['D'],
+            pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('D', 2, 3)),
+            dyads=(Dyad(1, 2, 'B', ('A', 'D'), limits=True),),
+        )

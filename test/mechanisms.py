@@ -1,0 +1,414 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Mechanisms for tests, the references that go with them, and their mirror images and the like.
+
+All have mass everywhere and no symmetry, so that no term of an equation vanishes.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import strategies as st
+from mpmath import mp
+from oracle import Oracle, wrap
+from oracle_forces import PumpOracle
+from oracle_slider import SliderOracle
+
+from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Piston, Slider, SliderCrank, WindPump
+
+TURN = 2 * math.pi
+ASSEMBLIES = 'open', 'crossed'
+ORACLES = {FourBar: Oracle, SliderCrank: SliderOracle, WindPump: PumpOracle}
+
+
+def four_bar(lengths, angle=0.3, assembly='open', unit=1.0, gravity=(1.3, -9.7), point=(0.4, 0.7)):
+    """From crank, coupler, rocker and frame; `unit` scales lengths and dynamics."""
+    r, b, c, d = (float(x) * unit for x in lengths)
+    return FourBar(
+        Frame(d, angle),
+        Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
+        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b), tuple(x * unit for x in point)),
+        Body(c, 3.0, 0.3 * unit**2, (0.4 * c, -0.25 * c)),
+        assembly,
+        tuple(x * min(unit, 1e4) for x in gravity),
+    )
+
+
+def slider_crank(lengths, angle=0.3, assembly='open', unit=1.0, point=(0.4, 0.7)):
+    """From crank, coupler and offset."""
+    r, b, e = (float(x) * unit for x in lengths)
+    return SliderCrank(
+        Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
+        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b), tuple(x * unit for x in point)),
+        Slider(offset=e, mass=1.5, force=6.0 * unit, damping=0.9),
+        Guide(angle),
+        assembly,
+        tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
+    )
+
+
+def wind_pump(lengths, assembly='crossed', unit=1.0):
+    """From crank, coupler and rod."""
+    r, b, c = (float(x) * unit for x in lengths)
+    return WindPump(
+        Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
+        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b), (0.4 * unit, 0.7 * unit)),
+        Body(c, 3.0, 0.3 * unit**2, (0.4 * c, -0.25 * c)),
+        Piston(position=c, mass=1.5, damping=0.9),
+        assembly,
+        tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
+    )
+
+
+# Four-bars: crank, coupler, rocker, frame. First come those which pass two change points a turn
+# (p0 = 0 and q0 = 0), then those which pass one at theta = pi (p0 = 0), then one at theta = 0
+# (q0 = 0). Slider-cranks: crank, coupler, offset; one change point a turn on the side away from
+# the offset, or both, which needs no offset.
+CHANGE_POINTS = {
+    'parallelogram': (1, 2, 1, 2),
+    'kite_r_b': (1, 1, 2, 2),
+    'kite_r_b_long_crank': (2, 2, 1, 1),
+    'rhombus': (1, 1, 1, 1),
+    'p0': (1, 2.5, 1.5, 3),
+    'p0_double_crank': (2.5, 2, 1.5, 1),
+    'q0_coupler_longest': (1, 3.5, 2.5, 2),
+    'q0_rocker_longest': (1, 2.5, 3.5, 2),
+    'q0_double_crank': (3, 2.5, 1.5, 1),
+    'kite_r_d': (1, 2, 2, 1),
+    'lower': (1, 1.5, 0.5),
+    'upper': (1, 1.5, -0.5),
+    'lower_long_offset': (0.5, 2.5, 2),
+    'upper_long_offset': (0.5, 2.5, -2),
+    'both': (1, 1, 0),
+}
+# The crank turns fully, and never passes a change point.
+FULL = {
+    'crank_rocker': (1, 3, 2.5, 2.2),
+    'double_crank': (3, 2.5, 2.2, 1),
+    'centric': (1, 2.5, 0),
+    'offset_left': (1, 2.2, 0.7),
+    'offset_right': (1, 2.2, -0.7),
+    'short_coupler': (1, 1.1, 0),
+    'offset_longer_than_crank': (0.5, 3, 1.5),
+}
+LIMITED = {
+    'rocker_crank': (2, 3, 1, 2.5),
+    'double_rocker': (2, 1, 2.5, 3),
+    'double_rocker_two_arcs': (2, 1, 1.5, 2),
+    'triple_rocker_far': (2, 1.5, 1.2, 2.2),
+    'triple_rocker_near': (1.5, 1.2, 3, 1.6),
+    'p0_and_near_limit': (2, 4, 1, 3),
+    'offset_left': (2, 2.5, 1),
+    'offset_right': (2, 2.5, -1),
+    'long_crank': (3, 2, 1.5),
+    'offset_longer_than_coupler': (1, 2, 2.5),
+    'offset_longest': (1, 0.5, -1.2),
+    'rotating_coupler': (3, 1, 0.5),
+    'rotating_coupler_far_offset': (3, 1, -1.5),
+    'rotating_coupler_centric': (2, 1, 0),
+    'upper_change_point': (3, 2, 1),
+    'lower_change_point': (3, 2, -1),
+}
+
+
+def of(lengths, *args, **kwargs):
+    """A four-bar of four lengths, or a slider-crank of three."""
+    return (four_bar if len(lengths) == 4 else slider_crank)(lengths, *args, **kwargs)
+
+
+DOCUMENT_1 = FourBar(
+    Frame(0.425, 5.497787143782138),
+    Body(0.1, inertia=0.0245),
+    Coupler(0.315, 2.0, 0.016, (0.1575, 0.0)),
+    Body(0.5, 3.5, 0.066, (0.25, 0.0)),
+)
+PUMPS = {
+    'pump': wind_pump((0.5, 1.6, 2.3)),
+    'pump_open': wind_pump((0.5, 1.6, 2.3), 'open'),
+    'pump_short_rod': wind_pump((0.4, 2.3, 1.6)),
+    'document_3': WindPump(
+        Body(0.12, 20.0, 20.0, (-0.24, 0.0)),
+        Coupler(0.8, 40.0, 1.2, (0.72, 0.0)),
+        Body(1.6, 4.0, 0.85, (0.8, 0.0)),
+        Piston(1.5, 0.0, 6.0, 60.0),
+        'crossed',
+    ),
+}
+# One of everything.
+ALL = {
+    'document_1': DOCUMENT_1,
+    **{
+        f'{name}{"_crossed" * (assembly == "crossed")}': of(lengths, 0.3, assembly)
+        for name, lengths in {**FULL, **CHANGE_POINTS}.items()
+        for assembly in ASSEMBLIES
+    },
+    'inclined_by_turns': slider_crank((0.5, 3, 1.5), 0.3 + 40 * TURN),
+    'document_4': SliderCrank(
+        Body(1.0, 1.2, 0.1, (0.5, 0.0)),
+        Coupler(math.sqrt(2), 0.8, 0.15, (0.7, 0.0)),
+        Slider(mass=2.0, force=-3.0, damping=0.4),
+        Guide(),
+    ),
+    **PUMPS,
+}
+
+
+def oracle_of(mechanism, *lengths):
+    return ORACLES[type(mechanism)](mechanism, *lengths)
+
+
+def turning_parts(mechanism):
+    """Names of the parts that turn, in the order of the links."""
+    return [name for name in ('crank', 'coupler', 'rod', 'rocker') if hasattr(mechanism, name)]
+
+
+def longest(mechanism):
+    lengths = [getattr(mechanism, name).length for name in turning_parts(mechanism)]
+    if isinstance(mechanism, SliderCrank):
+        lengths.append(abs(mechanism.slider.offset))
+    return max(lengths + ([mechanism.frame.length] if isinstance(mechanism, FourBar) else []))
+
+
+def coordinates(mechanism, cranks):
+    """All coordinates: the dyad of a wind pump is opened by 0.4 to pi - 0.4 rad."""
+    if not isinstance(mechanism, WindPump):
+        return (cranks,)
+    r, b, c = (getattr(mechanism, name).length for name in ('crank', 'coupler', 'rod'))
+    with np.errstate(under='ignore'):
+        opened = math.pi / 2 + (math.pi / 2 - 0.4) * np.sin(1.7 * np.asarray(cranks))
+        square = b * b + c * c - 2 * b * c * np.cos(opened) - (r * np.sin(cranks)) ** 2
+        slides = r * np.cos(cranks) + np.sqrt(square)
+    return cranks, slides if np.ndim(cranks) else float(slides)
+
+
+def motion(mechanism, cranks, speed=2.0, acceleration=1.5):
+    """Coordinates, rates and accelerations, each a tuple; the slider of a pump has its own."""
+    count = len(mechanism.coordinates)
+    size = longest(mechanism)
+    rates = speed, -0.35 * size * speed
+    return coordinates(mechanism, cranks), rates[:count], (acceleration, 0.4 * size)[:count]
+
+
+def is_free(mechanism):
+    """Whether its accelerations follow from a torque, as a wind pump's do."""
+    return hasattr(mechanism, 'rod')
+
+
+def last_pin(mechanism):
+    """Of the chain: the slider's, or of a four-bar the rocker's with the coupler."""
+    return 'D' if is_free(mechanism) else 'B'
+
+
+def moving(solver, cranks, speed=2.0, acceleration=1.5, q=None, u=None):
+    """A state at these crank angles; what accelerates a wind pump's crank counts as torque."""
+    if not is_free(solver.mechanism):
+        return solver.state(cranks, speed, acceleration)
+    place, rates, _ = motion(solver.mechanism, cranks, speed)
+    q, u = q or place, u or rates
+    return solver.state(q, u, solver.accelerations(q, u, acceleration))
+
+
+def asked_of_oracle(mechanism, crank, speed=2.0, acceleration=1.5):
+    """The same state for the reference."""
+    if not is_free(mechanism):
+        return crank, speed, acceleration
+    q, u, _ = motion(mechanism, crank, speed)
+    return q, u, acceleration
+
+
+def path(oracle, *motion):
+    """The reference's state at times around this one."""
+    if not is_free(oracle.mechanism):
+        crank, speed, acceleration = motion
+        return lambda t: oracle.state(
+            crank + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration
+        )
+    q, u, torque = motion
+    found = oracle.state(*motion).acceleration
+    a = found[0], found[3]
+    return lambda t: oracle.state(
+        tuple(x + v * t + e * t**2 / 2 for x, v, e in zip(q, u, a, strict=True)),
+        tuple(v + e * t for v, e in zip(u, a, strict=True)),
+        torque,
+    )
+
+
+def vector(pair):
+    """x and y, floats or arrays, as a complex number."""
+    return np.asarray(pair[0]) + 1j * np.asarray(pair[1])
+
+
+def rows(state):
+    """All quantities: positions, velocities, accelerations, torque."""
+    return np.array([*state.position, *state.velocity, *state.acceleration, state.torque])
+
+
+def kinds(mechanism):
+    """For each of these quantities its order (0 to 2, torque 3), and whether a link slides."""
+    slides = [link.slides for link in mechanism.structure().links]
+    return [(order, slide) for order in range(3) for slide in slides] + [(3, False)]
+
+
+def is_close(got, expected, ulps, mechanism):
+    """Whether quantities over many angles agree within some ulp of each one's largest value.
+
+    The slider of a folded mechanism stays at 0: it is held to the crank's length.
+    """
+    largest = np.max(np.abs(expected), axis=1, keepdims=True)
+    difference = np.abs(got - expected)
+    for i, (order, slides) in enumerate(kinds(mechanism)):
+        if slides and largest[i] < 1e-10 * mechanism.crank.length:
+            largest[i] = 4 * mechanism.crank.length
+        elif not slides and order == 0:
+            difference[i] = np.abs(np.remainder(difference[i] + math.pi, TURN) - math.pi)
+            largest[i] = math.pi
+    return bool(np.all(difference <= ulps * np.spacing(largest)))
+
+
+def worst_errors(
+    solver, angles, speed=1.0, acceleration=0.0, lengths=None, period=24, floor=1e-20
+):
+    """Errors of position, velocity, acceleration and torque, over each quantity's largest value.
+
+    Angles count in rad. The largest values are those over these angles and `period` more,
+    spread over two turns. A quantity below `floor` of its natural size, such as the spin of a
+    parallelogram's coupler or the place of a slider that stays at 0, is held to that.
+
+    Args:
+        solver: The solver under test, of a four-bar or slider-crank.
+        angles: Crank angles, rad; each is asked for alone and as one array.
+        speed: Crank speed, rad/s.
+        acceleration: Crank acceleration, rad/s^2.
+        lengths: As for Oracle.
+        period: Number of angles added for the largest values only; 0 for a limited crank.
+        floor: See above.
+
+    Returns:
+        The four largest errors, whichever the link and the way of asking.
+    """
+    oracle = oracle_of(solver.mechanism, lengths)
+    expected = [_row(oracle.state(x, speed, acceleration)) for x in angles]
+    start = float(mp.mpf(angles[0]) - oracle.angle(angles[0])) + 0.1
+    spread = [start + 4 * math.pi * i / period for i in range(period)]
+    around = [_row(oracle.state(x, speed, acceleration)) for x in spread]
+    largest = [max(abs(row[i]) for row in expected + around) for i in range(10)]
+    for i, turns in enumerate(oracle.turning):
+        largest[i] = mp.mpf(1) if turns else largest[i]
+    natural = oracle.natural(speed, acceleration)
+    scales = [x if x > floor * n else mp.mpf(n) for x, n in zip(largest, natural, strict=True)]
+    one_by_one = [_row(solver.state(x, speed, acceleration)) for x in angles]
+    together = solver.state(np.array(angles), speed, acceleration)
+    worst = [0.0] * 10
+    for got in (one_by_one, np.array(_row(together)).T.tolist()):
+        for row, right in zip(got, expected, strict=True):
+            for i in range(10):
+                error = mp.mpf(row[i]) - right[i]
+                if i < 3 and oracle.turning[i]:
+                    error = wrap(error)
+                worst[i] = max(worst[i], float(abs(error) / scales[i]) if scales[i] else 0.0)
+    return max(worst[:3]), max(worst[3:6]), max(worst[6:9]), worst[9]
+
+
+def _row(state):
+    return *state.position, *state.velocity, *state.acceleration, state.torque
+
+
+# What the laws do to a mechanism.
+
+
+def _bodies(mechanism, change):
+    return {name: change(getattr(mechanism, name)) for name in turning_parts(mechanism)}
+
+
+def mirrored(mechanism):
+    """About the x axis."""
+    changes = _bodies(
+        mechanism, lambda body: replace(body, center=(body.center[0], -body.center[1]))
+    )
+    changes['gravity'] = mechanism.gravity[0], -mechanism.gravity[1]
+    if not isinstance(mechanism, WindPump):
+        changes['frame'] = replace(mechanism.frame, angle=-mechanism.frame.angle)
+    if isinstance(mechanism, SliderCrank):
+        changes['slider'] = replace(mechanism.slider, offset=-mechanism.slider.offset)
+    # Where a change point at theta = 0 is passed, the mirrored branch has the same name.
+    elif not (isinstance(mechanism, FourBar) and Oracle(mechanism).folded):
+        changes['assembly'] = ASSEMBLIES[mechanism.assembly == 'open']
+    return replace(mechanism, **changes)
+
+
+def turned(mechanism, angle, onto=None):
+    """With its gravity, about A0; a wind pump by half a turn alone, its guide is the x axis."""
+    gravity = complex(*mechanism.gravity) * cmath.exp(1j * angle)
+    changes = {'gravity': (gravity.real, gravity.imag)}
+    if not isinstance(mechanism, WindPump):
+        onto = mechanism.frame.angle + angle if onto is None else onto
+        changes['frame'] = replace(mechanism.frame, angle=onto)
+    return replace(mechanism, **changes)
+
+
+def scaled(mechanism, factor):
+    """Lengths and gravity by the factor, so that the motion is the same in time."""
+
+    def larger(body):
+        return replace(
+            body, length=body.length * factor, inertia=body.inertia * factor**2,
+            center=tuple(x * factor for x in body.center),
+        )  # fmt: skip
+
+    changes = _bodies(mechanism, larger)
+    changes['gravity'] = tuple(x * factor for x in mechanism.gravity)
+    if isinstance(mechanism, FourBar):
+        changes['frame'] = replace(mechanism.frame, length=mechanism.frame.length * factor)
+    elif isinstance(mechanism, SliderCrank):
+        slider = mechanism.slider
+        changes['slider'] = replace(
+            slider, offset=slider.offset * factor, force=slider.force * factor
+        )
+    return replace(mechanism, **changes)
+
+
+# Mechanisms whose lengths are whole multiples of a power of two: sums of them are exact, so that
+# change points are drawn as themselves.
+
+
+@st.composite
+def full_four_bars(draw, scales=20, turns=0):
+    del turns
+    shortest = draw(st.integers(4, 256))
+    middle = draw(st.integers(shortest, 512))
+    long = draw(st.integers(middle, 512))
+    far = draw(st.integers(long, long + middle - shortest))
+    others = draw(st.permutations((middle, long, far)))
+    lengths = draw(st.sampled_from([(shortest, *others), (*others, shortest)]))
+    angle = draw(st.integers(-3 * 1024, 3 * 1024)) / 1024
+    unit = 2.0 ** (draw(st.integers(-scales, scales)) - 8)
+    return four_bar(lengths, angle, draw(st.sampled_from(ASSEMBLIES)), unit)
+
+
+@st.composite
+def full_slider_cranks(draw, scales=20, turns=150):
+    r = draw(st.integers(4, 256))
+    offset = draw(st.one_of(st.just(0), st.integers(-256, 256)))
+    slack = draw(st.one_of(st.just(0), st.integers(0, 512)))
+    angle = draw(st.integers(-3 * 1024, 3 * 1024)) / 1024
+    if turns:
+        angle += TURN * draw(st.one_of(st.just(0), st.integers(-turns, turns)))
+    unit = 2.0 ** (draw(st.integers(-scales, scales)) - 8)
+    lengths = r, r + abs(offset) + slack, offset
+    return slider_crank(lengths, angle, draw(st.sampled_from(ASSEMBLIES)), unit)
+
+
+@st.composite
+def wind_pumps(draw, scales=20, turns=0):
+    del turns
+    b, c = draw(st.integers(64, 512)), draw(st.integers(64, 512))
+    r = draw(st.integers(4, int(0.35 * min(b, c))))
+    unit = 2.0 ** (draw(st.integers(-scales, scales)) - 8)
+    return wind_pump((r, b, c), draw(st.sampled_from(ASSEMBLIES)), unit)
+
+
+ANY = {'four_bar': full_four_bars, 'slider_crank': full_slider_cranks, 'wind_pump': wind_pumps}

@@ -1,0 +1,394 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Laws that hold for every mechanism, whatever its links and however many its coordinates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import mechanisms
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mechanisms import (
+    ALL,
+    ANY,
+    TURN,
+    coordinates,
+    is_close,
+    kinds,
+    longest,
+    mirrored,
+    motion,
+    oracle_of,
+    rows,
+    scaled,
+    turned,
+    vector,
+)
+from mpmath import mp
+
+from linkage_ros import FourBar, SliderCrank, Solver, WindPump
+
+every = pytest.mark.parametrize('name', ALL)
+of_one_coordinate = pytest.mark.parametrize(
+    'name', [name for name, mechanism in ALL.items() if not isinstance(mechanism, WindPump)]
+)
+any_of = pytest.mark.parametrize('kind', ANY)
+angles_of_two_turns = st.floats(-TURN, TURN, allow_subnormal=False)
+
+
+def spread_about(cranks):
+    """These crank angles and 24 others over two turns, so that largest values are seen."""
+    return np.array([*cranks, *np.linspace(-6.0, 6.5, 24)])
+
+
+def damping_of(mechanism):
+    slider = getattr(mechanism, 'slider', None)
+    return getattr(slider, 'damping', 0.0), getattr(slider, 'force', 0.0)
+
+
+def undamped(mechanism):
+    if isinstance(mechanism, FourBar):
+        return mechanism
+    return replace(mechanism, slider=replace(mechanism.slider, damping=0.0))
+
+
+def parts_of(mechanism):
+    """The bodies, a slider among them."""
+    names = ('crank', 'coupler', 'rod', 'rocker', 'slider')
+    return [getattr(mechanism, name) for name in names if hasattr(mechanism, name)]
+
+
+# Ways of asking.
+
+
+@every
+def test_scalars_and_arrays_agree_to_a_few_ulp(name):
+    mechanism = ALL[name]
+    solver = Solver(mechanism)
+    q, u, a = motion(mechanism, np.linspace(-7.0, 14.0, 9001))  # more than one chunk
+    places = zip(*(x.tolist() for x in q), strict=True)
+    one_by_one = np.array([rows(solver.state(place, u, a)) for place in places]).T
+    assert is_close(rows(solver.state(q, u, a)), one_by_one, 4, mechanism)
+
+
+@every
+@pytest.mark.parametrize('shape', [(0,), (3, 0), (1,), (2, 3), (2, 1, 4)])
+def test_the_shape_of_the_angles_is_kept(name, shape):
+    mechanism = ALL[name]
+    solver = Solver(mechanism)
+    angles = np.arange(math.prod(shape), dtype=float).reshape(shape)
+    q, u, a = motion(mechanism, angles)
+    got = rows(solver.state(q, u, a))
+    assert got.shape == (len(kinds(mechanism)), *shape)
+    flat = rows(solver.state(tuple(x.ravel() for x in q), u, a))
+    assert np.array_equal(got.reshape(len(got), -1), flat)
+    # Views that are not contiguous are read right as well.
+    transposed = solver.state(tuple(x.T for x in q), u, a).torque
+    assert np.allclose(transposed, solver.state(q, u, a).torque.T, rtol=1e-14, atol=0)
+
+
+@every
+@pytest.mark.parametrize('kind', [float, np.float64, np.array])
+def test_floats_of_any_kind_give_floats(name, kind):
+    mechanism = ALL[name]
+    solver = Solver(mechanism)
+    given_motion = motion(mechanism, 0.7, 3.0, 1.0)
+    state = solver.state(*given_motion)
+    assert solver.state(*(tuple(map(kind, x)) for x in given_motion)) == state
+    assert {type(x) for row in state[:3] for x in row} == {float}
+    assert type(state.torque) is float
+    if len(given_motion[0]) == 1:
+        assert solver.state(*(kind(x) for (x,) in given_motion)) == state
+
+
+@any_of
+@given(data=st.data(), crank=st.floats(-20, 20))
+def test_angles_stay_in_range_and_coordinates_are_returned_as_asked(kind, data, crank):
+    mechanism = data.draw(ANY[kind]())
+    solver, q = Solver(mechanism), coordinates(mechanism, crank)
+    state = solver.state(q)
+    asked = [state.position[solver.links.index(name)] for name in solver.coordinates]
+    assert tuple(asked) == q
+    for link, position in zip(solver.structure.links[1:], state.position[1:], strict=True):
+        assert link.slides or abs(position) <= math.pi
+
+
+# Geometry.
+
+
+def gap(mechanism, position):
+    """By how much the links fail to close the loop, m; in the caller's precision."""
+    vectors = [
+        mp.mpf(getattr(mechanism, part).length) * mp.expj(mp.mpf(float(angle)))
+        for part, angle in zip(mechanisms.turning_parts(mechanism), position, strict=False)
+    ]
+    if isinstance(mechanism, WindPump):
+        return abs(sum(vectors) - mp.mpf(float(position[3])))
+    frame = mp.expj(mp.mpf(mechanism.frame.angle))
+    if isinstance(mechanism, SliderCrank):
+        place = mp.mpc(mp.mpf(float(position[2])), mp.mpf(mechanism.slider.offset))
+        return abs(vectors[0] + vectors[1] - place * frame)
+    end = mp.mpf(mechanism.frame.length) * frame
+    return abs(vectors[0] + vectors[1] - vectors[2] - end)
+
+
+@any_of
+@given(data=st.data(), crank=angles_of_two_turns)
+def test_loop_closes_within_8_ulp_of_the_longest_link(kind, data, crank):
+    mechanism = data.draw(ANY[kind]())
+    solver, q = Solver(mechanism), coordinates(mechanism, crank)
+    for state in (solver.state(q), solver.state(tuple(np.array([x]) for x in q))):
+        position = [float(np.ravel(x)[0]) for x in state.position]
+        slides = [abs(x) for x, link in zip(position, solver.structure.links, strict=True)
+                  if link.slides]  # fmt: skip
+        with mp.workdps(40):
+            residual = gap(mechanism, position)
+        assert residual <= 8 * math.ulp(max(longest(mechanism), *slides, 0.0))
+
+
+@every
+def test_rates_and_accelerations_are_derivatives_to_second_order(name):
+    """Of all links, and of all points that the mechanism has."""
+    mechanism = ALL[name]
+    solver = Solver(mechanism)
+    q, u, a = motion(mechanism, np.linspace(0.0, 6.0, 41))
+    slides = [link.slides for link in solver.structure.links]
+    points = list(solver.structure.points)
+
+    def at(t):
+        """Positions and velocities of links and points at a time."""
+        state = solver.state(
+            tuple(x + v * t + e * t * t / 2 for x, v, e in zip(q, u, a, strict=True)),
+            tuple(v + e * t for v, e in zip(u, a, strict=True)),
+            a,
+        )
+        moving = [solver.point(state, point) for point in points]
+        return (
+            [*state.position, *(vector(x.position) for x in moving)],
+            [*map(np.broadcast_to, state.velocity, [q[0].shape] * len(slides)),
+             *(vector(x.velocity) for x in moving)],
+            [*state.acceleration, *(vector(x.acceleration) for x in moving)],
+        )  # fmt: skip
+
+    _, velocity, acceleration = at(0.0)
+    longest_step = 0.002 if isinstance(mechanism, WindPump) else 0.02
+    steps, errors = [longest_step / 2**i for i in range(4)], []
+    for step in steps:
+        later, earlier = at(step), at(-step)
+        errors.append([])
+        for i in range(len(velocity)):
+            moved, gained = (later[k][i] - earlier[k][i] for k in (0, 1))
+            if i < len(slides) and not slides[i]:
+                moved = np.remainder(moved + math.pi, TURN) - math.pi
+            for change, right in ((moved, velocity[i]), (gained, acceleration[i])):
+                errors[-1].append(np.max(np.abs(change / (2 * step) - right)))
+    for quantity in np.array(errors).T:
+        if quantity[0] < 1e-11:  # at rest or exactly linear
+            assert np.max(quantity) < 1e-11
+            continue
+        assert quantity[-1] < 1e-2
+        order = np.polyfit(np.log(steps), np.log(quantity), 1)[0]
+        assert order == pytest.approx(2.0, abs=0.1)
+
+
+# Mirrored, turned, scaled and played backwards.
+
+
+def signs(mechanism):
+    """What a reflection about the x axis does to each quantity."""
+    return np.array([1.0 if slides else -1.0 for _, slides in kinds(mechanism)])
+
+
+@any_of
+@given(data=st.data(), cranks=st.lists(angles_of_two_turns, min_size=4, max_size=4))
+def test_mirrored_mechanism_moves_mirrored(kind, data, cranks):
+    mechanism = data.draw(ANY[kind]())
+    q, u, a = motion(mechanism, spread_about(cranks))
+    before = rows(Solver(mechanism).state(q, u, a))
+    image = ((-x[0], *x[1:]) for x in (q, u, a))
+    after = rows(Solver(mirrored(mechanism)).state(*image))
+    after *= signs(mechanism)[:, None]
+    if kind == 'four_bar':  # each by itself: all forms of its equations are symmetric
+        for got, expected in zip(after.T, before.T, strict=True):
+            assert is_close(got[:, None], expected[:, None], 2, mechanism)
+    assert is_close(after[:-1], before[:-1], 8, mechanism)
+    # Where folded links balance, the torque is a small difference of large moments.
+    assert is_close(after, before, 64, mechanism)
+
+
+@any_of
+@given(
+    data=st.data(),
+    cranks=st.lists(st.integers(-8192, 8192), min_size=4, max_size=4),
+    onto=st.integers(-3 * 1024, 3 * 1024),
+)
+def test_turned_mechanism_moves_turned(kind, data, cranks, onto):
+    """All angles are dyadic fractions: their sums are exact, except half a turn of a pump."""
+    mechanism = data.draw(ANY[kind](turns=0))
+    onto /= 1024
+    by = math.pi if kind == 'wind_pump' else onto - mechanism.frame.angle
+    cranks = np.array([x / 1024 for x in [*cranks, *range(-6144, 6657, 512)]])
+    q, u, a = motion(mechanism, cranks)
+    expected = rows(Solver(mechanism).state(q, u, a))
+    image = [(q[0] + by, *(-x for x in q[1:]))] + [(x[0], *(-y for y in x[1:])) for x in (u, a)]
+    other = turned(mechanism, by, onto)
+    got = rows(Solver(other).state(*image))
+    for i, (order, slides) in enumerate(kinds(mechanism)):
+        if kind == 'wind_pump' and slides:
+            got[i] *= -1
+        elif not slides and order == 0:
+            expected[i] += by
+    if kind == 'four_bar':
+        for one, right in zip(got.T, expected.T, strict=True):
+            assert is_close(one[:-1, None], right[:-1, None], 16, mechanism)
+            weight = 2.0 * mechanism.coupler.length * math.hypot(*mechanism.gravity)
+            assert one[-1] == pytest.approx(right[-1], rel=1e-13, abs=1e-14 * weight)
+    # The half turn of a wind pump is rounded.
+    ulps = 32 if kind == 'wind_pump' else 16
+    assert is_close(got[:-1], expected[:-1], ulps, mechanism)
+    # A torque of this size is turned.
+    weight = 4.5 * mechanism.coupler.length * math.hypot(*mechanism.gravity)
+    largest = np.max(np.abs(expected[-1]))
+    assert np.max(np.abs(got[-1] - expected[-1])) <= 1e-14 * max(largest, weight)
+
+
+@any_of
+@given(data=st.data(), crank=angles_of_two_turns, power=st.integers(-20, 19))
+def test_scaled_mechanism_moves_alike_and_takes_torque_by_its_square(kind, data, crank, power):
+    mechanism, factor = data.draw(ANY[kind](scales=0)), 2.0**power
+    q, u, a = motion(mechanism, crank)
+    larger = ((x[0], *(y * factor for y in x[1:])) for x in (q, u, a))
+    solver, other = Solver(mechanism), Solver(scaled(mechanism, factor))
+    got, expected = rows(other.state(*larger)), rows(solver.state(q, u, a))
+    expected[[slides for _, slides in kinds(mechanism)]] *= factor
+    expected[-1] *= factor**2
+    assert got.tolist() == expected.tolist()
+
+
+@any_of
+@given(data=st.data(), crank=angles_of_two_turns)
+def test_motion_played_backwards_takes_the_same_torque_but_for_damping(kind, data, crank):
+    mechanism = data.draw(ANY[kind]())
+    q, u, a = motion(mechanism, crank)
+    reverse = tuple(-x for x in u)
+    solver = Solver(undamped(mechanism))
+    forth, back = (solver.state(q, rates, a) for rates in (u, reverse))
+    assert back.position == forth.position
+    assert back.velocity == tuple(-x for x in forth.velocity)
+    assert back.acceleration == forth.acceleration
+    assert back.torque == forth.torque
+    damped = Solver(mechanism)
+    gain = damped.state(q, u, a).torque - damped.state(q, reverse, a).torque
+    slide = 0.0 if kind == 'wind_pump' else forth.velocity[-1]  # nothing drives a pump's slider
+    lost = 2 * damping_of(mechanism)[0] * slide * slide / u[0]
+    size = abs(forth.torque) + lost + mechanism.coupler.length**2
+    assert gain == pytest.approx(lost, rel=1e-13, abs=1e-14 * size)
+
+
+# The terms of the equations of motion.
+
+
+@every
+def test_torques_of_weight_speed_and_acceleration_add_up(name):
+    """M q'' + h - Q: linear in the accelerations, and, without damping, squares of the rates."""
+    mechanism = undamped(ALL[name])
+    solver = Solver(mechanism)
+    weightless = replace(mechanism, gravity=(0.0, 0.0))
+    if isinstance(mechanism, SliderCrank):
+        weightless = replace(weightless, slider=replace(mechanism.slider, force=0.0))
+    weightless = Solver(weightless)
+    for crank in np.linspace(-6.0, 6.5, 23).tolist():
+        q, u, a = motion(mechanism, crank, 20.0, -13.0)
+        rest = (0.0,) * len(u)
+
+        def torque(*motion, solver=solver, q=q):
+            return solver.state(q, *motion).torque
+
+        held, of_speed, of_acceleration = torque(rest, rest), torque(u, rest), torque(rest, a)
+        (row, *_) = solver.matrix(q)
+        inertial = sum(m * x for m, x in zip(row, a, strict=True))
+        # The bodies' shares may cancel: what each of them amounts to bounds the rounding.
+        fastest = abs(u[0])
+        if isinstance(mechanism, WindPump):
+            fastest = max(map(abs, solver.state(q, u, a).velocity))
+        square = 4 * fastest**2 + max(map(abs, a))
+        size = longest(mechanism)
+        shares = [
+            (body.mass, getattr(body, 'length', size), getattr(body, 'inertia', 0.0))
+            for body in parts_of(mechanism)
+        ]
+        rounding = 1e-14 * sum(
+            mass * (10 * length + 8 * square * length**2) + inertia * square
+            for mass, length, inertia in shares
+        )
+        assert abs(torque(u, a) - (of_speed + of_acceleration - held)) <= rounding
+        assert abs(of_acceleration - held - inertial) <= rounding
+        twice = torque(tuple(2 * x for x in u), rest)
+        assert abs((twice - held) - 4 * (of_speed - held)) <= rounding
+        alone = torque(u, a, solver=weightless)
+        assert abs(alone + held - torque(u, a)) <= rounding
+
+
+@every
+def test_accelerations_are_those_which_take_the_torque(name):
+    mechanism = ALL[name]
+    solver = Solver(mechanism)
+    for crank in np.linspace(-6.0, 6.5, 23).tolist():
+        q, u, _ = motion(mechanism, crank)
+        found = solver.accelerations(q, u, 5.0)
+        matrix = np.array(solver.matrix(q))
+        assert np.all(np.linalg.eigvalsh(matrix) > 0)
+        assert np.array_equal(matrix, matrix.T)
+        assert solver.forward(q, u, 5.0).accelerations == found
+        state = solver.state(q, u, found)
+        size = 5.0 + np.max(np.abs(matrix)) * max(map(abs, found))
+        assert state.torque == pytest.approx(5.0, rel=0, abs=1e-13 * size)
+
+
+# Work and energy.
+
+
+@of_one_coordinate
+@pytest.mark.parametrize('acceleration', [0.0, -3.0])
+def test_power_put_in_less_what_is_lost_is_the_rate_of_the_energy(name, acceleration):
+    """The energy is the reference's, differentiated in 50 digits: no pin forces are involved."""
+    mechanism = ALL[name]
+    oracle, solver, speed = oracle_of(mechanism), Solver(mechanism), 2.0
+    damping, push = damping_of(mechanism)
+    errors, largest = [], 0.0
+    for crank in np.linspace(-6.0, 6.0, 13).tolist():
+        with mp.workdps(60):
+
+            def energy(t, crank=crank):
+                return oracle.energy(
+                    crank + speed * t + acceleration * t**2 / 2, speed + acceleration * t
+                )
+
+            state = oracle.state(crank, speed, acceleration)
+            slide = state.velocity[2]
+            force = mp.mpf(push) - mp.mpf(damping) * slide
+            expected = (mp.diff(energy, 0) - force * slide) / speed
+            assert abs(expected - state.torque) < 1e-35
+        errors.append(abs(solver.state(crank, speed, acceleration).torque - float(expected)))
+        largest = max(largest, abs(float(expected)))
+    assert max(errors) < 1e-14 * largest
+
+
+@of_one_coordinate
+def test_work_over_the_period_at_constant_speed_is_what_damping_takes(name):
+    """The trapezoid rule is exact to all digits here: the torque is smooth and periodic."""
+    mechanism = ALL[name]
+    solver, speed = Solver(mechanism), 3.0
+    period = TURN * solver.reach.period_turns
+    crank = np.arange(2880) * (period / 2880)
+    state = solver.state(crank, speed)
+    work = np.sum(state.torque) * period / 2880
+    damping, _ = damping_of(mechanism)
+    lost = np.sum(damping * state.velocity[2] ** 2) * period / 2880 / speed
+    throughput = np.sum(np.abs(state.torque)) * period / 2880
+    assert throughput > 1.0
+    assert work == pytest.approx(lost, rel=0, abs=1e-12 * throughput)

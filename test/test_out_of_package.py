@@ -1,0 +1,336 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A mechanism, a load and a method from docs/examples run in every program of the package."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from importlib import import_module
+
+import numpy as np
+import pytest
+from house import FILES
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from mpmath import mp
+from pages import ROOT
+from rclpy.serialization import deserialize_message
+from ros_harness import Listener, environment, fresh_domain, wait_for
+from sensor_msgs.msg import JointState
+from test_node import stop
+from test_rerun_view import read
+
+from linkage_ros import Body, Coupler, MechanismError, Solver
+from linkage_ros.charts.motion import draw_motion
+from linkage_ros.dynamics.period import SpeedDrivenPeriod
+from linkage_ros.methods.registry import METHODS
+from linkage_ros.model.parts import Guide, Slider
+from linkage_ros.model.registry import MECHANISMS
+from linkage_ros.view.drawing import Drawing
+from linkage_ros.wire.urdf import make_urdf
+
+EXAMPLES = ROOT / 'docs' / 'examples'
+GEAR = EXAMPLES / 'cardan_gear.yaml'
+SPEED = 4 * math.pi
+IMPORT = f'import sys; sys.path.insert(0, {str(EXAMPLES)!r}); '
+
+
+@pytest.fixture(scope='module')
+def cardan_gear():
+    """The example as a module, known to the programs that the tests start, not to this one."""
+    sys.path.insert(0, str(EXAMPLES))
+    module = import_module('cardan_gear')
+    sys.path.remove(str(EXAMPLES))
+    del MECHANISMS['cardan_gear']
+    yield module
+    del sys.modules['cardan_gear']
+
+
+@pytest.fixture(scope='module')
+def solver(cardan_gear):
+    gear = cardan_gear.CardanGear(
+        Body(0.1, inertia=0.02),
+        Coupler(0.1, mass=0.5, inertia=0.001, center=(0.01, 0.02), point=(0.05, 0.0)),
+        Slider(mass=2.0, damping=30.0, force=-5.0),
+        cardan_gear.Spring(400.0, 0.05),
+        Guide(0.7),
+    )
+    return Solver(gear)
+
+
+def textbook(crank, speed, change, stiffness=400):
+    """Slider position and driving torque of the example, by complex numbers, in mpf."""
+    r, delta, gravity = mp.mpf(0.1), mp.mpf(0.7), mp.mpc(0, mp.mpf(-9.81))
+    alpha, u, a = mp.mpf(crank), mp.mpf(speed), mp.mpf(change)
+    guide, theta = mp.expj(delta), alpha - delta
+    arm = r * mp.expj(alpha)
+    body = mp.mpc(mp.mpf(0.01), mp.mpf(0.02)) * mp.expj(2 * delta - alpha)
+    slope = 1j * arm - 1j * body
+    acceleration = (1j * a - u**2) * arm + (-1j * a - u**2) * body
+    torque = mp.mpf(0.02) * a + mp.mpf(0.001) * a
+    torque += mp.mpf(0.5) * ((acceleration - gravity) * mp.conj(slope)).real
+    x, slope = 2 * r * mp.cos(theta), -2 * r * mp.sin(theta)
+    push = 2 * (slope * a - x * u**2 - (gravity / guide).real)
+    push += 30 * slope * u + 5 + stiffness * (x - mp.mpf(0.05))
+    return x, torque + push * slope
+
+
+def start(program, *arguments):
+    return [sys.executable, EXAMPLES / 'run.py', program, *map(str, arguments)]
+
+
+def with_package(**others):
+    path = os.pathsep.join((str(ROOT), os.environ.get('PYTHONPATH', '')))
+    return {**os.environ, **others, 'PYTHONPATH': path}
+
+
+def run(*words, cwd, code=0):
+    done = subprocess.run(
+        words, cwd=cwd, env=with_package(), capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    return done.stdout if not code else done.stderr
+
+
+def check_textbook(joints):
+    """Within the rounding of the crank angle in the message, which counts all turns."""
+    assert list(joints.name) == ['crank', 'coupler', 'slider']
+    crank, coupler, slider = joints.position
+    ulp, (x, torque) = math.ulp(crank), textbook(crank, SPEED, 0)
+    assert abs(slider - x) < 1e-16 + 0.2 * ulp
+    assert abs(math.remainder(coupler - (1.4 - 2 * crank), 2 * math.pi)) < 1e-15 + 4 * ulp
+    assert joints.velocity[1] == -2 * joints.velocity[0]
+    assert abs(joints.effort[0] - torque) < 2e-14 + 60 * ulp
+
+
+# ---------------------------------------------------------------- exactness
+
+
+@pytest.mark.parametrize('crank', [0.3, 0.7 + math.pi / 2, 0.7 - math.pi / 2, -2.0, 1e3])
+def test_torque_and_position_have_the_digits_of_the_textbook(solver, crank):
+    with mp.workdps(50):
+        state = solver.state(crank, 5.0, 3.0)
+        x, torque = textbook(crank, 5.0, 3.0)
+        assert abs(state.position[2] / x - 1) < 5e-16
+        assert abs(state.torque - torque) < 3e-15
+        without = textbook(crank, 5.0, 3.0, stiffness=0)[1]
+        assert abs(state.torque - without) > 0.5
+
+
+def test_the_traced_formulas_have_the_bits_of_the_formulas(solver):
+    random = np.random.default_rng(7)
+    for q, u, a in random.uniform(-20, 20, (300, 3)).tolist():
+        traced, plain = solver.state(q, u, a), solver._moving.untraced(q, u, a)
+        assert [v.hex() for row in traced[:3] for v in row] == [
+            float(v).hex() for row in plain[:3] for v in row
+        ]
+        assert traced.torque.hex() == plain.torque.hex()
+
+
+def test_accelerations_invert_the_torque_and_energy_holds_the_spring(solver):
+    crank = np.linspace(-3, 4, 50)
+    state = solver.state(crank, 5.0, 3.0)
+    assert solver.accelerations(crank, 5.0, state.torque) == pytest.approx(3.0, abs=1e-12)
+    step = 1e-5
+    later, sooner = (
+        sum(solver.energy(crank + sign * step * 5.0, 5.0 + sign * step * 3.0)) for sign in (1, -1)
+    )
+    slide = state.velocity[2]
+    power = state.torque * 5.0 - 30.0 * slide**2 - 5.0 * slide
+    assert (later - sooner) / (2 * step) == pytest.approx(power, rel=1e-6, abs=1e-6)
+
+
+def test_a_gear_that_does_not_mesh_and_unknown_joint_forces_are_refused(cardan_gear, solver):
+    with pytest.raises(MechanismError, match=r'must be crank\.length = 0\.1 and 0'):
+        cardan_gear.CardanGear(Body(0.1), Coupler(0.2))
+    with pytest.raises(MechanismError, match='joint forces of a CardanGear are not known'):
+        solver.reactions(solver.state(1.0))
+
+
+def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solver, tmp_path):
+    class Pinion(cardan_gear.CardanGear):
+        pinion = property(lambda self: self.coupler)
+
+        def structure(self):
+            plain = super().structure()
+            crank, coupler, slider = plain.links
+            return plain._replace(links=(crank, coupler._replace(name='pinion'), slider))
+
+    gear = Pinion(**{name: getattr(solver.mechanism, name) for name in Pinion.__match_args__})
+    drawing = Drawing(gear)
+    ends = {'crank': ('A0', 'A'), 'pinion': ('A', 'B')}
+    assert (drawing.ends, drawing.owners) == (ends, {'B': 'slider', 'C': 'pinion'})
+    shown = drawing.links(drawing.place(np.array([[0.2, 1.2, 0.17]])))
+    assert {name: line.shape[1] for name, line in shown.items()} == {
+        'crank': 2, 'pinion': 4, 'slider': 5,
+    }  # fmt: skip
+    assert 'name="pinion_link"' in make_urdf(gear)
+    draw_motion(SpeedDrivenPeriod(gear, SPEED), ['pinion'], tmp_path / 'motion.png')
+    assert (tmp_path / 'motion.png').stat().st_size > 50_000
+
+
+# ---------------------------------------------------------------- the programs
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    """A second of the gear, recorded."""
+    root = tmp_path_factory.mktemp('gear')
+    run(*start('record', GEAR, 'run.mcap', '--duration', 1), cwd=root)
+    return root
+
+
+def test_a_record_has_the_states_of_the_textbook(folder):
+    with (folder / 'run.mcap').open('rb') as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        found = [decoded for *_, decoded in reader.iter_decoded_messages(['/joint_states'])]
+    assert len(found) == 200
+    for joints in found:
+        check_textbook(joints)
+
+
+def test_the_log_is_verified_and_described(folder):
+    verified = run(*start('log', 'verify', 'run.mcap'), cwd=folder)
+    assert '200 states, every one equal to the bit' in verified
+    told = run(*start('log', 'info', 'run.mcap'), cwd=folder)
+    assert 'cardan_gear, open, crank-slider, stroke 0.4 m' in told
+    assert 'spring.stiffness: 400.0  # N/m' in told
+
+
+def test_a_motion_under_a_torque_is_recorded_and_verified(folder):
+    text = GEAR.read_text().replace('rpm: 120.0', 'drive: torque\n    motor: {torque: 20.0}')
+    (folder / 'torque.yaml').write_text(text)
+    run(*start('record', 'torque.yaml', 'torque.mcap', '--duration', 1), cwd=folder)
+    verified = run(*start('log', 'verify', 'torque.mcap'), cwd=folder)
+    assert '200 states, every one equal to the bit' in verified
+
+
+def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):
+    run(*start('chart', 'motion', GEAR), cwd=folder)
+    assert (folder / 'cardan_gear_motion.png').stat().st_size > 50_000
+    with (folder / 'cardan_gear_motion.csv').open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) > 700
+    for row in rows[::90]:
+        exact = textbook(float(row['crank.position [rad]']), SPEED, 0)[1]
+        assert abs(float(row['driving_torque [N m]']) - exact) < 3e-13
+
+
+def test_the_view_shows_the_links_of_the_mechanism(folder):
+    words = ('run.mcap', '--viewer', 'run.rrd', '--no-ros', '--rate', 20)
+    run(*start('replay', *words), cwd=folder)
+    found = read(folder / 'run.rrd')
+    assert {'/linkage/crank', '/linkage/coupler', '/linkage/slider'} <= set(found)
+
+
+def test_the_real_node_publishes_the_states_of_the_textbook(folder):
+    domain, path = fresh_domain(), folder / 'live.mcap'
+    arguments = ('--ros-args', '--params-file', GEAR, '-p', f'log:={path}')
+    topics = {
+        '/joint_states': 'sensor_msgs/msg/JointState',
+        '/robot_description': 'std_msgs/msg/String',
+    }
+    with Listener(domain, topics) as listener:
+        process = subprocess.Popen(
+            start('node', *arguments), env=with_package(**environment(domain)),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        try:
+            wait_for(lambda: len(listener.received['/joint_states']) > 100)
+            wait_for(lambda: listener.received['/robot_description'])
+        finally:
+            code, output = stop(process)
+    assert code == 0, output
+    for data in listener.received['/joint_states']:
+        check_textbook(deserialize_message(data, JointState))
+    assert 'every one equal to the bit' in run(*start('log', 'verify', path), cwd=folder)
+
+
+def test_the_urdf_has_the_links_of_the_mechanism(folder):
+    code = IMPORT + (
+        'import cardan_gear; from linkage_ros.parameters.configuration import load; '
+        'from linkage_ros.wire.urdf import make_urdf; '
+        f'print(make_urdf(load({str(GEAR)!r}).mechanism))'
+    )
+    robot = ET.fromstring(run(sys.executable, '-c', code, cwd=folder).encode())
+    assert [joint.get('name') for joint in robot.findall('joint')] == [
+        'crank', 'coupler', 'slider',
+    ]  # fmt: skip
+
+
+MEASURE = """
+import json
+from linkage_ros.charts.accuracy import draw_accuracy
+from linkage_ros.charts.stability import draw_stability
+from linkage_ros.methods import accuracy, outcomes
+from linkage_ros.methods.bench import Bench
+from linkage_ros.charts.motion import draw_motion
+from linkage_ros.dynamics.period import SpeedDrivenPeriod
+from linkage_ros.methods.registry import METHODS
+from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.parameters.configuration import load
+import two_circles
+
+METHODS[1:-1] = []  # of all, the default and the new one
+linkages = (load(name).mechanism for name in ('quadrilateral', 'slider_crank'))
+benches = {name: Bench(task, 24) for name, task in accuracy.tasks(*linkages).items()}
+plain = lambda what, _: what
+points = accuracy.measure_accuracy(benches, quick=True, progress=plain)
+draw_accuracy([p for p in points if p.mechanism == 'quadrilateral'], 'it', 'accuracy.png')
+some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
+cells = outcomes.measure_outcomes(some, cases=2, progress=plain)
+draw_stability(cells, [], 'it', 'stability.png')
+print(json.dumps([[p.record() for p in points], [c.record() for c in cells]]))
+"""
+
+
+def test_the_charts_find_the_method_and_measure_its_speed_and_errors(folder):
+    assert not [method for method in METHODS if method.name == 'two circles']
+    points, cells = json.loads(run(sys.executable, '-c', IMPORT + MEASURE, cwd=folder))
+    for picture in ('accuracy.png', 'stability.png'):
+        assert (folder / picture).stat().st_size > 50_000
+    default, circles = (
+        {(p['mechanism'], p['mode']): p for p in points if key(p) == (name, 'position')}
+        for name in ('factored closed form', 'two circles')
+    )
+    assert len(default) == len(circles) == 6
+    for place, point in circles.items():
+        if place[0] == 'near a change point':
+            assert default[place]['max_error'] < 1e-15
+            assert 1e-6 < point['max_error'] < 1e-3
+        else:
+            assert point['max_error'] < 2e-15
+            assert point['us_per_state'] > 0
+    own = [cell for cell in cells if cell['method'] == 'two circles']
+    assert {c['situation']: c['outcome'] for c in own} == {
+        'ordinary': 'right',
+        'no assembly': 'NaN',
+    }
+
+
+def key(point):
+    return point['method'], point['quantity']
+
+
+# ---------------------------------------------------------------- the limits
+
+
+def test_without_the_import_the_name_is_refused_in_one_line(folder):
+    words = (sys.executable, '-m', 'linkage_ros.record', str(GEAR), 'no.mcap')
+    told = run(*words, cwd=folder, code=2)
+    assert "mechanism = 'cardan_gear': must be one of four_bar, slider_crank, wind_pump" in told
+    assert told.count('\n') == 1
+    assert not (folder / 'no.mcap').exists()
+
+
+def test_no_file_of_the_package_knows_the_examples():
+    for path in FILES:
+        text = path.read_text().lower()
+        assert 'cardan' not in text, path
+        assert 'two circles' not in text, path
