@@ -18,6 +18,8 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, NamedTuple, TypeVar
 
+import numpy as np
+
 from linkage_ros.errors import ConfigurationError, shortened
 
 _T = TypeVar('_T')
@@ -101,6 +103,9 @@ class Quantity:
     def _number(self, value: object) -> float | None:
         if isinstance(value, bool) or not hasattr(value, '__float__'):
             return None
+        # NumPy makes a float of its complex numbers without their imaginary part.
+        if isinstance(value, (np.generic, np.ndarray)) and np.iscomplexobj(value):
+            return None
         try:
             number = float(typing.cast('typing.SupportsFloat', value))
         except (OverflowError, TypeError, ValueError):
@@ -112,6 +117,8 @@ class Quantity:
         # Sets have no order, iterators are used up, mappings would give their keys.
         is_row = hasattr(value, '__len__') and hasattr(value, '__getitem__')
         if isinstance(value, (str, bytes, Mapping)) or not is_row:
+            return None
+        if isinstance(value, np.ndarray) and value.ndim == 0:  # has a __len__, which raises
             return None
         numbers = [self._number(item) for item in typing.cast('typing.Iterable[object]', value)]
         if len(numbers) != 2 or numbers[0] is None or numbers[1] is None:

@@ -342,6 +342,7 @@ def test_limits_of_pairs_are_inclusive(name):
     [
         *(math.nan, math.inf, -math.inf, None, True, False, '1.0', b'1', [], [1.0], {}, 1j),
         *(10**400, -(10**400), float, Decimal('NaN'), Decimal('1e400')),
+        *(np.complex128(1 + 2j), np.complex64(1), np.array(1 + 2j)),
         pytest.param(object(), id='object()'),  # its repr has an address, another each time
     ],
     ids=repr,
@@ -366,6 +367,7 @@ def test_a_number_too_long_to_print_is_refused_too():
     [
         *([], [1.0], [1.0, 2.0, 3.0], 0.0, 'xy', b'xy', None, [1.0, math.nan], [math.inf, 0.0]),
         *([True, False], ['0', '0'], [[0.0, 1.0], [0.0, 1.0]], [None, None], [10**400, 0]),
+        *(np.array(1.0), np.array([0.1 + 1j, 0.2]), [np.complex128(0.1 + 1j), 0.2]),
     ],
     ids=repr,
 )
