@@ -17,7 +17,7 @@ from linkage_ros.wire.diagnostics import ERROR, OK, WARN
 
 TICKS = 200  # a second
 BUSY = (
-    'more than 5% of the ticks of the last 10 s were missed: '
+    'more than 10 % of the ticks of the last 10 s were missed: '
     'the machine is too busy for this rate_hz'
 )
 STEPPED = 'the clock was stepped in the last 10 s'

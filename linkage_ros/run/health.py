@@ -110,7 +110,7 @@ class Watch:
         self._is_busy = is_full and share > (_END if self._is_busy else _BEGIN)
         if self._is_busy:
             troubles.append(
-                f'more than {_END:.0%} of the ticks of the last {SPAN} s were missed: '
+                f'more than {100 * _BEGIN:g} % of the ticks of the last {SPAN} s were missed: '
                 'the machine is too busy for this rate_hz'
             )
         rate = kept / (last.time - first.time)
