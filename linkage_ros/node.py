@@ -97,7 +97,8 @@ class LinkageNode(ParameterNode):
         self._description.publish(self._machine.description)
         if self._log is not None:
             self._log.write(ROBOT_DESCRIPTION, time.time_ns(), self._machine.description)
-        self._watch = Watch(self.get_fully_qualified_name().lstrip('/'))
+        name = self.get_fully_qualified_name().lstrip('/')
+        self._watch = Watch(name, is_torque_driven=bool(self._inbox))
         self._ticker.start(self._begin)
         # Simulated time may stand still; whether all goes well is asked in real time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)

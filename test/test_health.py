@@ -20,6 +20,10 @@ BUSY = (
     'more than 10 % of the ticks of the last 10 s were missed: '
     'the machine is too busy for this rate_hz'
 )
+FAST = (
+    BUSY + ', or the crank is too fast: a fast crank costs more per tick '
+    '(add motor.damping or lower rate_hz)'
+)
 STEPPED = 'the clock was stepped in the last 10 s'
 
 
@@ -29,9 +33,9 @@ def seconds_pass(monkeypatch):
     monkeypatch.setattr(health.time, 'monotonic', itertools.count().__next__)
 
 
-def motion(missed, steps=None):
+def motion(missed, steps=None, **watched):
     """The level of the motion in every report, and the lines of the log, from misses a second."""
-    watch, counts = Watch('node'), Timekeeping()
+    watch, counts = Watch('node', **watched), Timekeeping()
     levels, lines = [], []
     for now, stepped in itertools.zip_longest(missed, steps or [], fillvalue=0):
         counts.missed += now
@@ -68,6 +72,11 @@ def test_a_busy_machine_is_said_once_and_its_end_once():
     assert lines == [(WARN, BUSY), (OK, '192.0 Hz kept')]
     changes = [later for earlier, later in pairwise(levels) if later != earlier]
     assert changes == [WARN, OK]
+
+
+def test_a_torque_driven_run_is_told_that_a_fast_crank_costs_more():
+    _, lines = motion([0] * 10 + [40, 80, 30, 50] * 10 + [0] * 20, is_torque_driven=True)
+    assert lines == [(WARN, FAST), (OK, '192.0 Hz kept')]
 
 
 def test_the_warning_takes_some_seconds_to_begin():

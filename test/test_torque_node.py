@@ -262,3 +262,16 @@ def test_a_topic_of_two_types_is_one_line_and_exit_code_2(topic):
     assert done.returncode == 2, done.stderr
     assert 'Traceback' not in done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
+
+
+def test_too_many_ticks_of_a_torque_are_said_to_grow_with_the_speed():
+    topic, domain = '/diagnostics', fresh_domain()
+    arguments = node_arguments(drive='torque', rate_hz=1e5)
+    with (
+        Listener(domain, {topic: 'diagnostic_msgs/msg/DiagnosticArray'}) as heard,
+        running('node', *arguments, domain=domain) as node,
+    ):
+        wait_for(lambda: any(b'a fast crank costs more' in one for one in heard.received[topic]))
+        code, output = stop(node)
+    assert code == 0
+    assert 'add motor.damping or lower rate_hz' in output

@@ -19,6 +19,10 @@ SPAN = 10
 # Shares of missed ticks above which the warning begins, and below which it ends. They differ, so
 # that a share near one of them does not switch the warning on and off.
 _BEGIN, _END = 0.10, 0.05
+_FAST = (
+    ', or the crank is too fast: a fast crank costs more per tick (add motor.damping or lower '
+    'rate_hz)'
+)
 
 
 class Health(NamedTuple):
@@ -48,13 +52,15 @@ class _Seen(NamedTuple):
 class Watch:
     """Judges a run by its last seconds, report by report."""
 
-    def __init__(self, node: str) -> None:
+    def __init__(self, node: str, *, is_torque_driven: bool = False) -> None:
         """Starts with a run that has done nothing yet.
 
         Args:
             node: Name of the node, for the names of the statuses.
+            is_torque_driven: Whether the motion is integrated, which costs more the faster it is.
         """
         self._node = node
+        self._is_torque_driven = is_torque_driven
         self._seen = deque([_Seen(time.monotonic(), Timekeeping(), {})], maxlen=SPAN + 1)
         self._is_busy = False
         self._told: dict[str, Status] = {}
@@ -112,6 +118,7 @@ class Watch:
             troubles.append(
                 f'more than {100 * _BEGIN:g} % of the ticks of the last {SPAN} s were missed: '
                 'the machine is too busy for this rate_hz'
+                + (_FAST if self._is_torque_driven else '')
             )
         rate = kept / (last.time - first.time)
         values = {
