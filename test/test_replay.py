@@ -567,6 +567,11 @@ def test_a_clock_that_was_set_back_is_said(called, tmp_path, step):
     ('options', 'words'),
     [
         (['--ros-args', '-p', 'x'], 'override rule'),
+        (
+            ['--ros-args', '-p', 'qos_overrides./joint_states.publisher.depth:=1'],
+            "'qos_overrides./joint_states.publisher.depth' is not a parameter of linkage_replay",
+        ),
+        (['--ros-args', '-p', 'rate:=2.0'], "'rate' is not a parameter of linkage_replay"),
         (['--clock', '0'], "--clock: '0': must be"),
         (['--viewer', 'nonsense', '--no-ros'], 'nonsense'),
     ],

@@ -13,13 +13,16 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from linkage_ros.errors import LogError
+from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.parameters.configuration import without_ros_own
 from linkage_ros.playback.feed import Item
 from linkage_ros.playback.pace import Pace
 from linkage_ros.playback.player import Sink
+from linkage_ros.quantities import shown
 from linkage_ros.ros.context import USER_ERRORS, on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
+from linkage_ros.ros.parameters import given_values
 from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.wire.codecs import encode_clock
 from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
@@ -52,12 +55,17 @@ def republishing(
         Takes the messages.
 
     Raises:
+        ConfigurationError: The command line sets a parameter; the node has none of its own.
         LogError: A topic has a type that linkage_ros does not write, or a name that is none.
     """
     with ExitStack() as stack:
         stack.enter_context(on_ros(arguments))
         with reported_as_configuration():
             node = Node(name)
+        for parameter in without_ros_own(given_values(node)):
+            raise ConfigurationError(
+                f'{shown(parameter)} is not a parameter of {name}: leave it out'
+            )
         stack.enter_context(served(node))
         publishers = _publishers(node, log, set(topics))
         if clock_hz is not None:
