@@ -62,7 +62,7 @@ def start(context: LaunchContext) -> list:
         actions.append(publisher)
     else:
         actions.append(LogInfo(msg=how_to_install('robot_state_publisher', 'tf')))
-    if arguments['rviz'].lower() in {'true', '1'}:
+    if run.rviz:
         template = Path(__file__).parents[1] / 'rviz' / 'linkage.rviz'
         file = rviz_file(template, run.fixed_frame, arguments['frame_prefix'])
         if is_installed('rviz2'):

@@ -165,6 +165,21 @@ def test_wrong_values_are_refused_before_anything_is_started(launched):
         launched(DEMO, rpm='fast')
     with pytest.raises(ConfigurationError, match='joint_prefix'):
         launched(DEMO, joint_prefix='l/')
+    with pytest.raises(ConfigurationError, match=r"^rviz = 'maybe': must be true or false$"):
+        launched(DEMO, rviz='maybe')
+
+
+def test_temporary_files_are_removed_when_the_launch_ends(tmp_path):
+    code = (
+        'from linkage_ros.parameters.launched import parameter_file\n'
+        "print(open(parameter_file({'rpm': 60.0})).read())"
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], env={**os.environ, 'TMPDIR': str(tmp_path)},
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    assert yaml.safe_load(done.stdout) == {'/**': {'ros__parameters': {'rpm': 60.0}}}
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_frames_of_messages_and_rviz_are_those_of_tf(launched):

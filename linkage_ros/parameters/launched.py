@@ -7,6 +7,7 @@ Nothing of launch is imported here: the tests read this on machines without it.
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import tempfile
@@ -16,11 +17,13 @@ from typing import NamedTuple
 
 from linkage_ros.parameters.configuration import configure, read_values
 from linkage_ros.parameters.parameter_file import read_scalar
+from linkage_ros.quantities import Quantity
 from linkage_ros.wire.codecs import ROOT_FRAME
 from linkage_ros.wire.urdf import make_urdf
 
 # Arguments that are text even where they look like a number; empty arguments are not given.
 _TEXTS = ('log', 'viewer', 'joint_prefix')
+_RVIZ = Quantity('switch', 'open RViz as well')
 
 
 class Demo(NamedTuple):
@@ -30,11 +33,13 @@ class Demo(NamedTuple):
         node: Parameters of linkage_node.
         publisher: Parameters of robot_state_publisher.
         fixed_frame: Name in tf of the link that carries the fixed pivots.
+        rviz: Whether to open RViz as well.
     """
 
     node: dict[str, object]
     publisher: dict[str, object]
     fixed_frame: str
+    rviz: bool
 
 
 def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, object]:
@@ -77,7 +82,8 @@ def demo(arguments: Mapping[str, str]) -> Demo:
         'frame_prefix': prefix,
         'use_sim_time': values.get('use_sim_time', False),
     }
-    return Demo({**values, 'frame_id': fixed_frame}, publisher, fixed_frame)
+    rviz = _RVIZ.clean('rviz', given(arguments, ['rviz']).get('rviz', False)) is True
+    return Demo({**values, 'frame_id': fixed_frame}, publisher, fixed_frame, rviz)
 
 
 def parameter_file(values: Mapping[str, object]) -> str:
@@ -112,10 +118,12 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
 
 
 def _write(text: str, suffix: str) -> str:
+    """Writes a temporary file, which is removed when the launch has ended; returns its path."""
     with tempfile.NamedTemporaryFile(
         'w', prefix='linkage_', suffix=suffix, delete=False, encoding='utf-8'
     ) as file:
         file.write(text)
+    atexit.register(Path(file.name).unlink, missing_ok=True)
     return file.name
 
 
