@@ -32,7 +32,7 @@ def stability(options: argparse.Namespace) -> None:
         moved = measure_motion_outcomes(movers, cases=cases, progress=progress)
         save_records(records, [cell.record() for cell in (*cells, *moved)])
         title = (
-            'What comes of each method in each situation\n'
+            'Outcome of each method in each situation\n'
             f'the worst of {cases} cases, or of a few motions, and the largest relative error'
         )
         draw_stability(cells, moved, title, picture)

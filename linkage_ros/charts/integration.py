@@ -89,7 +89,7 @@ def _add_legend(figure: Figure) -> None:
         handles=[handles[0], star, *handles[1:], *front_handles()], loc='outside lower center',
         ncols=3, fontsize=SMALL, frameon=False, title_fontsize=SMALL,
         title=textwrap.fill(f'From left to right: {_settings()}.', 110) + '\n'
-        'At 1000 \N{MICRO SIGN}s a motion would be as fast as the world.',
+        '1000 \N{MICRO SIGN}s would be real time.',
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 """Speed against accuracy of integrators, on motions under a torque.
 
 A point's time, `us_per_state`, is that of one simulated ms, at which the live default makes one
-state: 1000 us would be as fast as the world. What a motion loses is its largest error at all of
+state: 1000 us would be real time. What a motion loses is its largest error at all of
 its times; a state is asked for every 50 ms, and read by the method's own means if its steps are
 longer.
 """

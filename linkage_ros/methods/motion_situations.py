@@ -152,7 +152,7 @@ MOTION_SITUATIONS = (
     ),
     MotionSituation(
         'stretched dyad',
-        'the same from 1 ms after, where the coordinates no longer tell the motion',
+        'the same from 1 ms after, where the coordinates no longer describe the motion',
         _stretched,
         exists=False,
     ),
