@@ -129,8 +129,8 @@ class LinkageNode(ParameterNode):
             if health.dropped
         )
         self.get_logger().info(
-            f'{counts.kept} states published, {counts.missed} ticks missed, '
-            f'{counts.clock_steps} clock steps, '
+            f'{counts.kept} states published, {_count(counts.missed, "tick")} missed, '
+            f'{_count(counts.clock_steps, "clock step")}, '
             f'latest tick {counts.late.greatest / NS_PER_MS:.1f} ms late' + ''.join(lost)
         )
 
@@ -249,6 +249,10 @@ class LinkageNode(ParameterNode):
         words = str(error) if known else f'the motion ends here: {type(error).__name__}: {error}'
         self.get_logger().fatal(words)
         self._stop.set()
+
+
+def _count(number: int, noun: str) -> str:
+    return f'{number} {noun}{"" if number == 1 else "s"}'
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -29,9 +30,11 @@ from ros_harness import (
 from linkage_ros.log.reader import LogReader
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
+from linkage_ros.node import LinkageNode
 from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.machine import Machine
+from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.wire.codecs import JointStateCodec
 
 JOINTS = ('crank', 'coupler', 'rocker')
@@ -107,11 +110,26 @@ def test_every_message_arrives_in_order_with_stamps_one_period_apart(ten_seconds
     stamps = [stamp for stamp, _ in decoded(listener.received['/joint_states'])]
     assert len(stamps) > 2000
     gaps = {later - earlier for earlier, later in pairwise(stamps)}
-    missed = int(re.search(r'(\d+) ticks missed,', output)[1])
+    missed = int(re.search(r'(\d+) ticks? missed,', output)[1])
     assert {gap % 5_000_000 for gap in gaps} == {0}
     assert gaps == {5_000_000} or missed
     session = replace(load('quadrilateral').session, log=str(path))
     assert log.configuration == replace(load('quadrilateral'), session=session)
+
+
+@pytest.mark.parametrize(
+    ('number', 'words'),
+    [(0, '0 ticks missed, 0 clock steps,'), (1, '1 tick missed, 1 clock step,')],
+)
+def test_the_closing_line_counts_one_in_the_singular(number, words):
+    said, counts = [], Timekeeping()
+    counts.missed = counts.clock_steps = number
+    node = SimpleNamespace(
+        _ticker=SimpleNamespace(counts=counts), _health=dict,
+        get_logger=lambda: SimpleNamespace(info=said.append),
+    )  # fmt: skip
+    LinkageNode._say_what_became(node)
+    assert words in said[0]
 
 
 def test_the_log_explains_every_state_to_the_bit(ten_seconds):

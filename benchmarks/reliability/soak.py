@@ -134,7 +134,7 @@ def errors(log: LogReader, machine: Machine, stamps: set[int]) -> dict[int, floa
 def account(path: Path, heard: Path, output: str) -> dict[str, Any]:
     """Counts what was published, logged and heard, and checks the log."""
     published, missed = map(
-        int, re.findall(r'(\d+) states published, (\d+) ticks missed', output)[0]
+        int, re.findall(r'(\d+) states published, (\d+) ticks? missed', output)[0]
     )
     with LogReader(path) as log:
         report = verify(log)
