@@ -18,12 +18,15 @@ from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
+from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.viewers import SPAWN
 from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
+from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.view.rerun_program import require_screen
+from linkage_ros.wire.topics import JOINT_STATES
 
 _NAME = 'demo'
 _FOLDER = Path('demo')
@@ -58,6 +61,17 @@ class Heard:
             f'{max(gaps) / NS_PER_MS:.3f} ms apart, {span * _RPM / 60:.1f} turns, '
             f'driving torque {min(self.torques):.4f} to {max(self.torques):.4f} N m'
         )
+
+    def lost(self, log: LogReader) -> int:
+        """How many joint states were published while this listened but not received."""
+        decode = Machine(log.configuration).joint_states.decode
+        published = (
+            decode(message.data)[0]
+            for message in log.messages()
+            if message.topic == f'/{JOINT_STATES.name}'
+        )
+        first, last = self.stamps[0], self.stamps[-1]
+        return sum(first <= stamp <= last for stamp in published) - len(self.stamps)
 
 
 def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
@@ -117,6 +131,9 @@ def _live(viewer: str | Path) -> None:
     if code != 0:
         raise LinkageError(f'linkage_node ended with exit code {code}')
     print(heard.report())
+    with LogReader(_LOG) as log:
+        if lost := heard.lost(log):
+            print(f'published but not received: {lost}; the subscriber lost them, not the node')
 
 
 def _recorded(viewer: str | Path) -> None:

@@ -17,6 +17,10 @@ import pytest
 from ros_harness import environment, fresh_domain
 
 import linkage_ros
+from linkage_ros.demo import Heard
+from linkage_ros.log.reader import LogReader
+from linkage_ros.parameters.configuration import load
+from linkage_ros.record import record
 
 PROGRAM = 'python -m linkage_ros.demo'
 
@@ -41,6 +45,17 @@ def test_an_argument_does_not_start_it(tmp_path, argument, code, out, err):
     )  # fmt: skip
     assert (done.returncode, done.stdout[: len(out)], done.stderr) == (code, out, err)
     assert not list(tmp_path.iterdir())
+
+
+def test_messages_that_the_subscriber_lost_are_counted(tmp_path):
+    path, heard = tmp_path / 'run.mcap', Heard()
+    record(load('quadrilateral'), path, duration=0.1)  # 200 Hz
+    with LogReader(path) as log:
+        begin = log.motions[0].stamp
+        heard.stamps = [begin + tick * 5_000_000 for tick in (3, 4, 5, 6, 9)]  # joined late
+        assert heard.lost(log) == 2
+        heard.stamps = heard.stamps[:4]
+        assert heard.lost(log) == 0
 
 
 def children(pid):
@@ -74,6 +89,6 @@ def test_a_shared_machine_makes_no_warning_and_few_lines(tmp_path):
     assert demo.returncode == 0, said
     published, missed = re.search(r'(\d+) states published, (\d+) ticks? missed', said).groups()
     assert int(missed) > 0.03 * int(published), said
-    # `make demo` adds one line, where it sets up.
-    assert len(said.splitlines()) <= 7, said
+    # `make demo` adds one line, where it sets up; another tells of messages that were lost.
+    assert len(said.splitlines()) <= 7 + ('not received' in said), said
     assert 'WARN' not in said
