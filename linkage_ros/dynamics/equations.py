@@ -67,7 +67,7 @@ class Model(NamedTuple):
     """All constants of a mechanism.
 
     Attributes:
-        loop: Of the kinematics.
+        loop: Constants of the kinematics.
         inertias: C_jj for each link, kg m^2; of a link that slides its mass, kg; None: 0.
         couplings: C_jk of links that a body couples.
         weight: The weights of all bodies.
@@ -236,8 +236,8 @@ class Edge(NamedTuple):
     """How near a dyad is to the end of what the coordinates can describe.
 
     Attributes:
-        sine: Of the angle at which its links meet; 0 at the end.
-        rate: Its change, 1/s.
+        sine: Sine of the angle at which the links meet; 0 at the end.
+        rate: Rate of change of the sine, 1/s.
     """
 
     sine: Real
@@ -245,10 +245,10 @@ class Edge(NamedTuple):
 
 
 class Forward(NamedTuple):
-    """What a torque does.
+    """The response to a torque.
 
     Attributes:
-        accelerations: Of the coordinates, rad/s^2 or m/s^2.
+        accelerations: Accelerations of the coordinates, rad/s^2 or m/s^2.
         edges: For each dyad that limits the motion.
     """
 

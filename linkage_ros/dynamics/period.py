@@ -54,7 +54,7 @@ class Period:
     """A motion that repeats, over one of its periods.
 
     Attributes:
-        solver: Of the mechanism that moves.
+        solver: Solver of the mechanism that moves.
         crank: Crank angles from 0 to the end of the period, rising, rad.
         speed: Mean crank speed, rad/s.
         mean_power: Mean driving power over time, W.
@@ -67,7 +67,7 @@ class Period:
         """Takes the motion.
 
         Args:
-            solver: Of the mechanism that moves.
+            solver: Solver of the mechanism that moves.
             crank: Crank angles, rad.
             state: At the crank angles.
             speed: Mean crank speed, rad/s.

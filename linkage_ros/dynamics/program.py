@@ -82,9 +82,9 @@ class Line(NamedTuple):
     """One operation on a tape.
 
     Attributes:
-        operation: Its name.
+        operation: Name of the operation.
         operands: Numbers of earlier lines.
-        text: Of an input, constant or literal, as it is written.
+        text: Source text of an input, constant or literal.
     """
 
     operation: str
@@ -99,7 +99,7 @@ class Tape:
         title: Name of the formula.
         lines: The operations.
         names: What the formulas call the results of lines.
-        result: Of the formula, with recording numbers.
+        result: Result of the formula, in recording numbers.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class Tape:
 
         Args:
             formula: From constants and arguments to numbers in nested tuples.
-            constants: Of the structure to record; their values do not matter.
+            constants: Constants of the structure to record; their values do not matter.
             arguments: Their names.
         """
         self.title = formula.__name__
@@ -136,7 +136,7 @@ class Tape:
         """Records an operation, or finds it done already.
 
         Args:
-            operation: Its name.
+            operation: Name of the operation.
             *operands: Recording numbers and literals.
 
         Returns:

@@ -61,7 +61,7 @@ class LinkMass(NamedTuple):
     Attributes:
         mass: kg.
         inertia: kg m^2.
-        center: Its centre of mass.
+        center: Centre of mass.
         slides: Whether it slides.
     """
 

@@ -112,7 +112,7 @@ def follow(point: Point, state: State) -> PointMotion:
     """The motion of a point in a state.
 
     Args:
-        point: As a combination of the directions of links.
+        point: The point, as a combination of link directions.
         state: Floats or arrays.
 
     Returns:
@@ -125,7 +125,7 @@ def loop_residual(structure: Structure, state: State) -> float:
     """How far apart the two ways around the loop end.
 
     Args:
-        structure: Of the mechanism.
+        structure: Structure of the mechanism.
         state: Floats.
 
     Returns:

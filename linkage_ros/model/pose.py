@@ -16,11 +16,12 @@ class LinkPose(NamedTuple):
     Attributes:
         position: Direction from first to second pin, in [-pi, pi] except the crank's, rad; of a
             sliding link its place along its guide, m.
-        cos: Of the direction; of a sliding link, of its guide's.
-        sin: Of the direction, likewise; None: it is 0.
-        jacobian: Its velocity per rate of each coordinate; None: the coordinate does not move it.
-        curvature: Its acceleration per product of two rates (1 1; 1 2; 2 2), while none of the
-            rates changes; None: there is none.
+        cos: Cosine of the direction; for a sliding link, of the guide's direction.
+        sin: Sine of the same direction; None: it is 0.
+        jacobian: Velocity of the link per rate of each coordinate; None: the coordinate does not
+            move it.
+        curvature: Acceleration of the link per product of two rates (1 1; 1 2; 2 2), while none
+            of the rates changes; None: there is none.
     """
 
     position: Real

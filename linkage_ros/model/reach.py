@@ -92,7 +92,7 @@ class Reach(NamedTuple):
         Where motion is fast the steps become finer, to far below the width.
 
         Args:
-            steps_per_turn: Of the even steps.
+            steps_per_turn: Number of even steps in a turn.
 
         Returns:
             Angles from 0 to 2 pi or 4 pi, rad, in rising order.

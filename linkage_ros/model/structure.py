@@ -34,10 +34,10 @@ class Link(NamedTuple):
     parent in the tree: the coupler's from the crank, the rod's from the coupler.
 
     Attributes:
-        name: Of the link and of its joint.
+        name: Name of the link and of its joint.
         mass: kg.
         inertia: About its centre of mass, kg m^2; 0 for a link that slides.
-        center: Its centre of mass; of a link that slides, its pin.
+        center: Centre of mass; for a link that slides, its pin.
         parent: Index of the parent link; None: base_link.
         origin: Place of the joint in its parent, x + iy, m.
         angle: Direction of the joint's x axis in its parent, rad.
@@ -58,7 +58,7 @@ class Pin(NamedTuple):
     """A pin joint between two links.
 
     Attributes:
-        name: Of its point.
+        name: Name of the pin's point.
         first: Index of the link that exerts the force of the pin; None: the frame.
         second: Index of the link on which it acts.
     """

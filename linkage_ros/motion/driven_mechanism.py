@@ -28,7 +28,7 @@ class DrivenMechanism:
     """A mechanism under a torque: a system of first order, for whatever integrates it.
 
     Attributes:
-        solver: Of the mechanism.
+        solver: Solver of the mechanism.
         torque: On the crank, N m, over time, s, and crank speed, rad/s.
     """
 

@@ -18,7 +18,7 @@ class Plant:
     """A mechanism under its motor and under commands, followed from its start.
 
     Attributes:
-        solver: Of the mechanism.
+        solver: Solver of the mechanism.
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class Plant:
         """Puts it into its start.
 
         Args:
-            solver: Of the mechanism.
+            solver: Solver of the mechanism.
             drive: Motor and start.
             integrate: Makes what follows the motion.
 
