@@ -58,7 +58,7 @@ def end(event: ProcessExited, _: LaunchContext) -> list:
     """Ends the launch with a process.
 
     Args:
-        event: Its end.
+        event: The exit event of the process.
 
     Returns:
         What ends the launch.

@@ -69,7 +69,7 @@ _LIBRARIES = {
 
 
 def missing_library(module: str) -> str:
-    """What to tell a user who lacks a library.
+    """Message for a user who lacks a library.
 
     Args:
         module: The module that cannot be imported.

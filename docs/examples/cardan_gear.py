@@ -34,7 +34,7 @@ class Spring(Checked):
     """A linear spring between the frame and the slider.
 
     Attributes:
-        stiffness: N/m; 0: there is no spring.
+        stiffness: Spring stiffness, N/m; 0 means no spring.
         rest_position: Slider position at which the spring is relaxed, m.
     """
 
@@ -83,7 +83,7 @@ class CardanLoop(NamedTuple):
     Attributes:
         radius: Length r of crank and coupler, m.
         angle: Direction delta of the guide, rad.
-        guide: Its unit vector.
+        guide: Unit vector of the guide.
     """
 
     radius: float
@@ -147,7 +147,7 @@ class CardanGear(Mechanism):
         return CardanLoop(self.crank.length, angle, Vector(math.cos(angle), math.sin(angle)))
 
     def reach(self) -> Reach:
-        """What the crank can do: it turns through every angle, and nowhere suddenly."""
+        """Reach of the crank: it turns fully, and motion is fast nowhere."""
         return Reach('crank-slider')
 
     def loads(self) -> tuple[Load, ...]:

@@ -35,7 +35,7 @@ class PoincareMap:
     """The map of one pump whose motor's torque falls with the crank speed.
 
     Attributes:
-        solver: Of the mechanism.
+        solver: Solver of the mechanism.
         damping: What the motor's torque loses per crank speed, N m s.
     """
 

@@ -78,7 +78,7 @@ def follow_run(
     """Follows a motion from crank angle 0.
 
     Args:
-        solver: Of the pump.
+        solver: Solver of the pump.
         motor: Of the pump.
         point: Slider position, m, its velocity, m/s, and crank speed, rad/s, at the start.
         duration: s.

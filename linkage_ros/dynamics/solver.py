@@ -71,12 +71,12 @@ class Solver:
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
-        """What the crank can do; None: its angle alone does not determine the motion."""
+        """Reach of the crank; None if its angle alone does not determine the motion."""
         return self.mechanism.reach()
 
     @property
     def reach(self) -> Reach:
-        """What the crank can do.
+        """Reach of the crank.
 
         Raises:
             MechanismError: The crank angle alone does not determine the motion.
@@ -300,7 +300,7 @@ class Solver:
         return dict(zip(names, found, strict=True))
 
     def _meanings(self, quantity: str) -> list[str]:
-        """What errors call the values of the coordinates, words joined by _."""
+        """Names of the coordinates' values in errors, with words joined by _."""
         slides = {link.name: link.slides for link in self.structure.links}
         is_place = quantity == 'position'
         return [

@@ -16,7 +16,7 @@ class Travel(NamedTuple):
     """The motion of the output link over a period.
 
     Attributes:
-        output: Its name, such as 'rocker' or 'slider'.
+        output: Name of the output link, such as 'rocker' or 'slider'.
         slides: Whether it slides.
         extremes: Where it reverses, lowest and highest position, rad or m; beyond pi only where
             it swings through the seam. None: it turns fully.
