@@ -2,19 +2,69 @@
 # SPDX-License-Identifier: Apache-2.0
 """The vocabulary of the formulas: they run on floats, on arrays and on recording numbers.
 
-A term that a mechanism does not have is None, and formulas leave it out: `total`, `difference`
-and `times` do so.
+A term that a mechanism does not have is `ZERO`: sums and products drop it.
 """
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable
+import operator
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkage_ros.numeric import Real
+
+
+class _Zero:
+    """The zero of terms that a mechanism does not have: x + ZERO is x itself, ZERO * x is ZERO.
+
+    Unlike 0.0 it belongs to the structure of a mechanism, so that a program does not compute it.
+    """
+
+    __array_ufunc__ = None
+
+    def __repr__(self) -> str:
+        return 'ZERO'
+
+    def __bool__(self) -> bool:
+        return False
+
+    def __float__(self) -> float:
+        return 0.0
+
+    def __neg__(self) -> _Zero:
+        return self
+
+    def __sub__(self, other: Real) -> Real:
+        return -other
+
+    def __mul__(self, other: Real) -> _Zero:
+        return self
+
+    def __add__(self, other: Real) -> Real:
+        return other
+
+    __radd__ = __rsub__ = __add__
+    __rmul__ = __truediv__ = __mul__
+
+
+ZERO = _Zero()
+
+
+def total(terms: Iterable[Real]) -> Real:
+    """The sum of the terms from left to right, ZERO without any.
+
+    The built-in sum begins with 0 and, from Python 3.12, compensates rounding errors.
+    """
+    return functools.reduce(operator.add, terms, ZERO)
+
+
+def number(value: Real) -> Real:
+    """The value itself, 0.0 for ZERO."""
+    return 0.0 if value is ZERO else value
 
 
 def sin(angle: Real) -> Real:
@@ -39,7 +89,7 @@ def atan2(y: Real, x: Real) -> Real:
 
 def is_finite(*values: Real) -> Any:
     """Whether a sum of values is finite, and with it each of them, as a condition."""
-    value = total(*values)
+    value = number(total(values))
     return value - value >= 0.0  # inf - inf is not a number, for which no comparison holds
 
 
@@ -95,32 +145,6 @@ class Opaque:
         return self.function(*values)
 
 
-def total(*terms: Real | None) -> Real:
-    """The sum of the terms that are there, from left to right; None if there is none."""
-    present = [term for term in terms if term is not None]
-    if not present:
-        return None
-    result, *others = present
-    for term in others:
-        result = result + term
-    return result
-
-
-def difference(first: Real | None, second: Real | None) -> Real:
-    """First - second, for the terms that are there; None if there is none."""
-    if second is None:
-        return first
-    return -second if first is None else first - second
-
-
-def times(*factors: Real | None) -> Real:
-    """The product, from left to right; None if a factor is not there."""
-    result: Real = 1
-    for factor in factors:
-        result = None if result is None or factor is None else result * factor
-    return result
-
-
 class Vector(NamedTuple):
     """A vector in the plane.
 
@@ -148,6 +172,11 @@ class Vector(NamedTuple):
     def at(cls, angle: Real) -> Vector:
         """The unit vector in a direction, rad."""
         return cls(cos(angle), sin(angle))
+
+    @classmethod
+    def of(cls, place: complex) -> Vector:
+        """A constant vector, with ZERO for parts that are 0."""
+        return cls(place.real or ZERO, place.imag or ZERO)
 
     def left(self) -> Vector:
         """The vector turned by 90 degrees, counter-clockwise."""

@@ -20,7 +20,7 @@ from mechanisms import ALL, TURN, four_bar, oracle_of
 from mpmath import mp
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Solver
-from linkage_ros.formulas import cos, sin
+from linkage_ros.formulas import Vector, cos, sin
 from linkage_ros.model.loads import LinkLoad
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.structure import Link, Mechanism, Point, Structure
@@ -131,7 +131,7 @@ class Polynomials(NamedTuple):
         directions = [(cos(position), sin(position)) for position, *_ in links[:-1]]
         return Pose(
             tuple(
-                LinkPose(position, *direction, jacobian, curvature)
+                LinkPose(position, Vector(*direction), jacobian, curvature)
                 for (position, jacobian, curvature), direction in zip(
                     links, [*directions, self.guide], strict=True
                 )
@@ -202,7 +202,7 @@ class Made(Mechanism):
 
     def loads(self):
         push = LinkLoad(4, self.force, self.drag)
-        return push, LinkLoad(2, None, 0.3), Spring(3, self.stiffness)
+        return push, LinkLoad(2, damping=0.3), Spring(3, self.stiffness)
 
 
 def summed_over_bodies(made, q, u, a):

@@ -40,7 +40,7 @@ from linkage_ros import (
     WindPump,
 )
 from linkage_ros.dynamics.program import Program
-from linkage_ros.formulas import Opaque, atan2, cos, require, sin, sqrt, times, total, where
+from linkage_ros.formulas import Opaque, atan2, cos, require, sin, sqrt, total, where
 from linkage_ros.model.loads import LinkLoad
 from linkage_ros.parameters.configuration import load
 
@@ -951,7 +951,7 @@ def test_a_load_of_a_stranger_may_read_a_table():
 
 def series(factors, x):
     angles = [x * n for n in range(1, len(factors) + 1)]
-    return total(*(times(f, cos(angle)) for f, angle in zip(factors, angles, strict=True)))
+    return total(f * cos(angle) for f, angle in zip(factors, angles, strict=True))
 
 
 def test_a_sum_may_be_long():

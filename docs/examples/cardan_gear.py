@@ -18,13 +18,13 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from linkage_ros.errors import MechanismError
-from linkage_ros.formulas import Vector, atan2, cos, sin
+from linkage_ros.formulas import ZERO, Vector, atan2, cos, sin
 from linkage_ros.model.loads import LinkLoad, Load
 from linkage_ros.model.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.model.structure import Link, Mechanism, Point, Structure
+from linkage_ros.model.structure import Link, Mechanism, Point, Structure, traced
 from linkage_ros.numeric import Real, two_sum
 from linkage_ros.quantities import Checked, quantity
 
@@ -60,13 +60,13 @@ class SpringLoad(NamedTuple):
     stiffness: float
     rest_position: float
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real | None]) -> dict[int, Real]:
+    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """The force along the guide, N."""
         del rates
         stretch = links[self.link].position - self.rest_position
         return {self.link: -(self.stiffness * stretch)}
 
-    def resistance(self, rates: Sequence[Real | None]) -> dict[int, Real]:
+    def resistance(self, rates: Sequence[Real]) -> dict[int, Real]:
         """No part of the force takes power for good."""
         del rates
         return {}
@@ -102,9 +102,9 @@ class CardanLoop(NamedTuple):
         forth, back = along + across, along - across
         return Pose(
             (
-                LinkPose(crank, forth.x, forth.y, (1.0,), (None,)),
-                LinkPose(atan2(back.y, back.x), back.x, back.y, (-1.0,), (None,)),
-                LinkPose(x, self.guide.x, self.guide.y, (-y,), (-x,)),
+                LinkPose(crank, forth, (1.0,), (ZERO,)),
+                LinkPose(atan2(back.y, back.x), back, (-1.0,), (ZERO,)),
+                LinkPose(x, self.guide, (-y,), (-x,)),
             ),
             (),
         )
@@ -155,7 +155,7 @@ class CardanGear(Mechanism):
         slider, spring = self.slider, self.spring
         loads: list[Load] = []
         if slider.force or slider.damping:
-            loads.append(LinkLoad(2, slider.force or None, slider.damping or None))
+            loads.append(LinkLoad(2, slider.force or ZERO, slider.damping or ZERO))
         if spring.stiffness:
             loads.append(SpringLoad(2, spring.stiffness, spring.rest_position))
         return tuple(loads)
@@ -163,25 +163,19 @@ class CardanGear(Mechanism):
     def structure(self) -> Structure:
         """How the links hang together: the loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
-        r = complex(crank.length)
-        points = {
-            'A0': Point((0j, 0j, 0j)),
-            'A': Point((r, 0j, 0j)),
-            'B': Point((r, r, 0j)),
-        }
-        if coupler.point is not None:
-            points['C'] = Point((r, complex(*coupler.point), 0j))
-        centers = Point((complex(*crank.center), 0j, 0j)), Point((r, complex(*coupler.center), 0j))
+        A0 = Point.at(0j, 3)
+        A = A0.along(0, crank.length)
+        B = A.along(1, coupler.length)
         return Structure(
             (
-                Link('crank', crank.mass, crank.inertia, centers[0]),
-                Link('coupler', coupler.mass, coupler.inertia, centers[1], parent=0, origin=r),
-                Link('slider', slider.mass, 0.0, points['B'], angle=self.frame.angle, slides=True),
+                Link.turning('crank', crank, 0, A0),
+                Link.turning('coupler', coupler, 1, A),
+                Link('slider', slider.mass, 0.0, B, angle=self.frame.angle, slides=True),
             ),
-            points,
+            {'A0': A0, 'A': A, 'B': B, **traced(coupler, A)},
             # No pins: how the teeth of ring and pinion share the load is not modelled, so that
             # joint forces are refused.
-            closure=points['B'],
+            closure=B,
         )
 
 

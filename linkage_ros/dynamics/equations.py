@@ -18,18 +18,19 @@ coordinates that nothing drives. No pin reaction appears.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from linkage_ros.dynamics.state import State
 from linkage_ros.formulas import (
+    ZERO,
     Opaque,
+    Vector,
     cross,
-    difference,
     dot,
     is_finite,
+    number,
     require,
-    times,
     total,
     where,
 )
@@ -46,20 +47,18 @@ class Coupling(NamedTuple):
         j: Index of the first link.
         k: Index of the second link.
         real: kg m^2.
-        imag: None where it is 0: centres of mass lie on the lines between the pins.
+        imag: ZERO where the centres of mass lie on the lines between the pins.
     """
 
     j: int
     k: int
-    real: float
-    imag: float | None
+    real: Real
+    imag: Real
 
     def turned(self, links: Sequence[LinkPose]) -> tuple[Real, Real]:
         """C_jk e^(i (phi_k - phi_j)) as A and B."""
         first, second = links[self.j], links[self.k]
         cos, sin = dot(first.direction, second.direction), cross(first.direction, second.direction)
-        if self.imag is None:
-            return self.real * cos, self.real * sin
         return self.real * cos - self.imag * sin, self.real * sin + self.imag * cos
 
 
@@ -68,7 +67,7 @@ class Model(NamedTuple):
 
     Attributes:
         loop: Constants of the kinematics.
-        inertias: C_jj for each link, kg m^2; of a link that slides its mass, kg; None: 0.
+        inertias: C_jj for each link, kg m^2; of a link that slides its mass, kg; or ZERO.
         couplings: C_jk of links that a body couples.
         weight: The weights of all bodies.
         loads: What else acts on the links.
@@ -80,7 +79,7 @@ class Model(NamedTuple):
     """
 
     loop: Loop
-    inertias: tuple[float | None, ...]
+    inertias: tuple[Real, ...]
     couplings: tuple[Coupling, ...]
     weight: Weight
     loads: tuple[Load, ...]
@@ -116,23 +115,22 @@ def model_of(mechanism: Mechanism, structure: Structure, *refusals: Opaque) -> M
             return links[j].mass * complex(-gravity.imag, gravity.real)
         return sum((b.mass * b.center.weights[j] for b in turning), 0j).conjugate() * gravity
 
-    inertias = [
+    inertias = (
         link.mass if link.slides else moment(j, j).real + link.inertia
         for j, link in enumerate(links)
-    ]
+    )
     couplings = (
-        Coupling(j, k, c.real, c.imag or None)
+        Coupling(j, k, *Vector.of(c))
         for j, k in itertools.combinations(range(len(links)), 2)
         if (c := moment(j, k))
     )
-    weights = [weight(j) for j in range(len(links))]
+    weights = tuple(Vector.of(weight(j)) for j in range(len(links)))
     slides = tuple(link.slides for link in links)
-    carried = tuple((w.real or None, w.imag or None) if w else None for w in weights)
     return Model(
         mechanism.loop(),
-        tuple(inertia or None for inertia in inertias),
+        tuple(inertia or ZERO for inertia in inertias),
         tuple(couplings),
-        Weight(carried, slides),
+        Weight(weights, slides),
         mechanism.loads(),
         structure.dyads,
         slides,
@@ -140,26 +138,26 @@ def model_of(mechanism: Mechanism, structure: Structure, *refusals: Opaque) -> M
     )
 
 
-def velocities(pose: Pose, u: Sequence[Real]) -> list[Real | None]:
-    """Velocity of each link, from the rates of the coordinates; None: it rests."""
-    return [
-        total(*(times(k, rate) for k, rate in zip(link.jacobian, u, strict=True)))
-        for link in pose.links
-    ]
+def velocities(pose: Pose, u: Sequence[Real]) -> list[Real]:
+    """Velocity of each link, from the rates of the coordinates."""
+    return [_product(link.jacobian, u) for link in pose.links]
 
 
-def accelerations(pose: Pose, u: Sequence[Real], a: Sequence[Real]) -> list[Real | None]:
-    """Acceleration of each link; with no a, what remains while no rate changes."""
+def accelerations(pose: Pose, u: Sequence[Real], a: Sequence[Real]) -> list[Real]:
+    """Acceleration of each link; with no a, the part that remains while no rate changes."""
     products = [x * y for x, y in itertools.combinations_with_replacement(u, 2)]
-    bias = [
-        total(*(times(c, product) for c, product in zip(link.curvature, products, strict=True)))
+    return [
+        _product(link.curvature, products) + (_product(link.jacobian, a) if a else ZERO)
         for link in pose.links
     ]
-    return [total(b, c) for b, c in zip(bias, velocities(pose, a), strict=True)] if a else bias
+
+
+def _product(row: Iterable[Real], column: Iterable[Real]) -> Real:
+    return total(x * y for x, y in zip(row, column, strict=True))
 
 
 def balance(
-    model: Model, pose: Pose, rates: Sequence[Real | None], changes: Sequence[Real | None]
+    model: Model, pose: Pose, rates: Sequence[Real], changes: Sequence[Real]
 ) -> list[Real]:
     """M q'' + h - Q: the force that must act on each coordinate.
 
@@ -175,46 +173,38 @@ def balance(
     Returns:
         For each coordinate, N m where it is an angle, else N.
     """
-    forces = [
-        times(inertia, change) for inertia, change in zip(model.inertias, changes, strict=True)
-    ]
+    forces = [x * change for x, change in zip(model.inertias, changes, strict=True)]
     for load in (model.weight, *model.loads):
         for j, force in load.forces(pose.links, rates).items():
-            forces[j] = difference(forces[j], force)
+            forces[j] -= force
     for coupling in model.couplings:
         j, k, *_ = coupling
         a, b = coupling.turned(pose.links)
-        forces[j] = difference(
-            total(forces[j], times(a, changes[k])), times(b, times(rates[k], rates[k]))
-        )
-        forces[k] = total(forces[k], times(a, changes[j]), times(b, times(rates[j], rates[j])))
-    return [_power(pose, i, forces) for i in range(len(pose.links[0].jacobian))]
+        forces[j] = forces[j] + a * changes[k] - b * (rates[k] * rates[k])
+        forces[k] = forces[k] + a * changes[j] + b * (rates[j] * rates[j])
+    return [_product(column, forces) for column in _columns(pose)]
 
 
 def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
     """The mass matrix M, kg m^2 between angles, kg between slides."""
-    coupled = {(j, j): inertia for j, inertia in enumerate(model.inertias)}
+    size, columns = len(pose.links), _columns(pose)
+    inertias = [[ZERO] * size for _ in range(size)]
+    for j, inertia in enumerate(model.inertias):
+        inertias[j][j] = inertia
     for coupling in model.couplings:
-        a, _ = coupling.turned(pose.links)
-        coupled[coupling.j, coupling.k] = coupled[coupling.k, coupling.j] = a
-    columns = list(zip(*(link.jacobian for link in pose.links), strict=True))
-    momenta = [
-        [
-            total(*(times(coupled.get((j, k)), slope) for k, slope in enumerate(column)))
-            for j in range(len(column))
-        ]
-        for column in columns
+        j, k, *_ = coupling
+        inertias[j][k] = inertias[k][j] = coupling.turned(pose.links)[0]
+    momenta = [[_product(row, column) for row in inertias] for column in columns]
+    # M is symmetric: each of its values is computed once.
+    return [
+        [_product(columns[min(i, j)], momenta[max(i, j)]) for j in range(len(columns))]
+        for i in range(len(columns))
     ]
-    size = range(len(columns))
-    upper = {(i, j): _power(pose, i, momenta[j]) for i in size for j in size if i <= j}
-    return [[upper[min(i, j), max(i, j)] for j in size] for i in size]
 
 
-def _power(pose: Pose, i: int, forces: Sequence[Real | None]) -> Real:
-    """The power of forces on the links, per rate of a coordinate."""
-    jacobian = (link.jacobian[i] for link in pose.links)
-    power = total(*(times(*pair) for pair in zip(jacobian, forces, strict=True)))
-    return 0.0 if power is None else power
+def _columns(pose: Pose) -> list[tuple[Real, ...]]:
+    """The jacobian: for each coordinate, the links' velocities per rate of it."""
+    return list(zip(*(link.jacobian for link in pose.links), strict=True))
 
 
 def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]) -> State:
@@ -225,11 +215,7 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real])
     torque, *_ = balance(model, pose, rates, changes)
     require(is_finite(torque, *changes), model.refuse, *q, *u, *a)
     positions = tuple(link.position for link in pose.links)
-    return State(positions, _filled(rates), _filled(changes), torque)
-
-
-def _filled(values: Sequence[Real | None]) -> tuple[Real, ...]:
-    return tuple(0.0 if value is None else value for value in values)
+    return State(positions, tuple(rates), tuple(changes), torque)
 
 
 class Edge(NamedTuple):
@@ -264,7 +250,7 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
     held = balance(model, pose, rates, accelerations(pose, u, ()))
     matrix = mass_matrix(model, pose)
     driven = [torque - held[0], *(-force for force in held[1:])]
-    inertia = _determinant(matrix)
+    inertia = number(_determinant(matrix))
     require(inertia > 0, model.massless)
     found = tuple(
         _determinant(
@@ -295,20 +281,20 @@ def _determinant(rows: Sequence[Sequence[Real]]) -> Real:
     first, *others = rows
     if not others:
         return first[0]
-    result: Real = None
+    result: Real = ZERO
     for i, factor in enumerate(first):
         term = factor * _determinant([[*row[:i], *row[i + 1 :]] for row in others])
-        result = difference(result, term) if i % 2 else total(result, term)
+        result = result - term if i % 2 else result + term
     return result
 
 
-def _edge(model: Model, pose: Pose, dyad: Dyad, sine: Real, rates: Sequence[Real | None]) -> Edge:
+def _edge(model: Model, pose: Pose, dyad: Dyad, sine: Real, rates: Sequence[Real]) -> Edge:
     first, second = pose.links[dyad.first], pose.links[dyad.second]
+    turning = rates[dyad.second]
+    across = second.direction
     if model.slides[dyad.second]:
-        across, turning = second.direction.left(), None
-    else:
-        across, turning = second.direction, rates[dyad.second]
-    rate = dot(first.direction, across) * difference(turning, rates[dyad.first])
+        turning, across = ZERO, across.left()
+    rate = dot(first.direction, across) * (turning - rates[dyad.first])
     return Edge(abs(sine), where(sine >= 0, rate, -rate))
 
 
@@ -327,13 +313,12 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
     pose = model.loop.pose(tuple(q))
     matrix = mass_matrix(model, pose)
     kinetic = total(
-        *(
-            0.5 * mass * (one * other)
-            for row, one in zip(matrix, u, strict=True)
-            for mass, other in zip(row, u, strict=True)
-        )
+        0.5 * mass * (one * other)
+        for row, one in zip(matrix, u, strict=True)
+        for mass, other in zip(row, u, strict=True)
     )
-    return kinetic, total(*(load.potential(pose.links) for load in (model.weight, *model.loads)))
+    loads = (model.weight, *model.loads)
+    return kinetic, total(load.potential(pose.links) for load in loads)
 
 
 def matrix(model: Model, q: Sequence[Real]) -> tuple[tuple[Real, ...], ...]:

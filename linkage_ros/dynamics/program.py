@@ -60,6 +60,12 @@ class Recorder:
         """Records an operation on values."""
         return self.tape.record(operation, *values)
 
+    def binary(self, sign: str, a: Real, b: Real) -> Real:
+        """Records an operation between two values; ZERO drops out by its own operators."""
+        if a is formulas.ZERO or b is formulas.ZERO:
+            return NotImplemented
+        return self.tape.record(sign, a, b)
+
     def __call__(self, *values: Real) -> Recorder:
         """Records a call of an opaque function."""
         return self.tape.record('call', self, *values)
@@ -72,8 +78,8 @@ class Recorder:
 
 
 for _name, _sign in _OPERATORS.items():
-    setattr(Recorder, f'__{_name}__', lambda a, b, sign=_sign: a.tape.record(sign, a, b))
-    setattr(Recorder, f'__r{_name}__', lambda a, b, sign=_sign: a.tape.record(sign, b, a))
+    setattr(Recorder, f'__{_name}__', lambda a, b, sign=_sign: a.binary(sign, a, b))
+    setattr(Recorder, f'__r{_name}__', lambda a, b, sign=_sign: a.binary(sign, b, a))
 for _name in ('abs', 'neg'):
     setattr(Recorder, f'__{_name}__', lambda a, name=_name: a.tape.record(name, a))
 
@@ -123,13 +129,14 @@ class Tape:
         if is_free:
             sys.setprofile(self._take_names)
         try:
-            self.result = formula(
+            result = formula(
                 transformed(lambda _: next(given), constants),
                 *(transformed(lambda name: self._add('input', (), name), x) for x in arguments),
             )
         finally:
             if is_free:
                 sys.setprofile(None)
+        self.result = transformed(formulas.number, result)
         self.lines = list(self._numbers)
 
     def record(self, operation: str, *operands: Real) -> Recorder:
@@ -334,9 +341,10 @@ class Program:
     def untraced(self, *values: float) -> Any:
         """The formula itself on floats: to step through, and to compare with."""
         given = iter(values)
-        return self.formula(
+        result = self.formula(
             self.constants, *(transformed(lambda _: next(given), x) for x in self._arguments)
         )
+        return transformed(formulas.number, result)
 
     def arrays(self, *values: Real, by_math: bool = False) -> Any:
         """The program on arrays of one shape.

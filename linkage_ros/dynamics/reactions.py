@@ -15,17 +15,7 @@ from typing import NamedTuple
 
 from linkage_ros.dynamics.equations import Model, accelerations, velocities
 from linkage_ros.dynamics.state import Track
-from linkage_ros.formulas import (
-    Opaque,
-    Vector,
-    cross,
-    difference,
-    dot,
-    is_finite,
-    require,
-    times,
-    total,
-)
+from linkage_ros.formulas import ZERO, Opaque, Vector, cross, dot, is_finite, require
 from linkage_ros.model.pose import Pose
 from linkage_ros.model.structure import Dyad, Mechanism, Pin, Structure
 from linkage_ros.numeric import Real
@@ -66,7 +56,7 @@ class LinkMass(NamedTuple):
     """
 
     mass: float
-    inertia: float
+    inertia: Real
     center: Track
     slides: bool
 
@@ -93,7 +83,7 @@ def joints_of(mechanism: Mechanism, structure: Structure, refuse: Opaque) -> Joi
     """The constants of a mechanism's reactions."""
     return Joints(
         tuple(
-            LinkMass(link.mass, link.inertia, Track.of(link.center), link.slides)
+            LinkMass(link.mass, link.inertia or ZERO, Track.of(link.center), link.slides)
             for link in structure.links
         ),
         structure.pins,
@@ -120,7 +110,7 @@ def reactions(
     for j in reversed(range(len(pose.links))):
         balance.complete(j)
     forces = tuple(balance.forces[pin.name] for pin in joints.pins)
-    torque = balance.moment(0, Vector(0.0, 0.0))
+    torque = balance.moment(0, Vector(ZERO, ZERO))
     guides, shaking, moment = balance.on_frame()
     return forces, guides, shaking, moment - torque, torque
 
@@ -128,9 +118,8 @@ def reactions(
 def _require_open(joints: Joints, pose: Pose, dyad: Dyad, sine: Real, q: Sequence[Real]) -> None:
     """Refuses coordinates that are those of a change point, rounded."""
     first, second = pose.links[dyad.first], pose.links[dyad.second]
-    turning = (None,) * len(q) if joints.bodies[dyad.second].slides else second.jacobian
-    for angle, k1, k2 in zip(q, first.jacobian, turning, strict=True):
-        slope = difference(k2, k1)
+    for angle, k1, k2 in zip(q, first.jacobian, second.jacobian, strict=True):
+        slope = (ZERO if joints.bodies[dyad.second].slides else k2) - k1
         require(abs(sine) > _ROUNDING * abs(slope) * (1 + abs(angle)), joints.refuse, *q)
 
 
@@ -146,34 +135,31 @@ class _Balance:
         model: Model,
         joints: Joints,
         pose: Pose,
-        rates: Sequence[Real | None],
-        changes: Sequence[Real | None],
+        rates: Sequence[Real],
+        changes: Sequence[Real],
     ) -> None:
         self._joints = joints
         self._directions = [link.direction for link in pose.links]
-        self._resistance: dict[int, Real] = {}
         self._place = {
-            pin.name: track.motion(self._directions, rates, changes).position
+            pin.name: track.follow(self._directions, rates, changes).position
             for pin, track in zip(joints.pins, joints.places, strict=True)
         }
-        pushes: dict[int, Real] = {}
+        pushes = [ZERO] * len(joints.bodies)
+        self._resistance = [ZERO] * len(joints.bodies)
         for load in model.loads:
-            for found, forces in (
-                (pushes, load.forces(pose.links, rates)),
-                (self._resistance, load.resistance(rates)),
-            ):
-                found.update({j: total(found.get(j), force) for j, force in forces.items()})
+            for j, force in load.forces(pose.links, rates).items():
+                pushes[j] += force
+            for j, force in load.resistance(rates).items():
+                self._resistance[j] += force
         self._centers, self._needed, self._couples = [], [], []
-        for j, body in enumerate(joints.bodies):
-            center = body.center.motion(self._directions, rates, changes)
+        for body, direction, push, change in zip(
+            joints.bodies, self._directions, pushes, changes, strict=True
+        ):
+            center = body.center.follow(self._directions, rates, changes)
             force = (center.acceleration - joints.gravity) * body.mass
-            push = pushes.get(j, 0.0)
-            if body.slides:
-                force = force - self._directions[j] * push
             self._centers.append(center.position)
-            self._needed.append(force)
-            spin = times(body.inertia, changes[j])
-            self._couples.append(0.0 if body.slides else difference(spin, push))
+            self._needed.append(force - direction * push if body.slides else force)
+            self._couples.append(ZERO if body.slides else body.inertia * change - push)
         self.forces: dict[str, Vector] = {}
 
     def _known(self, j: int) -> list[tuple[Vector, Vector]]:
@@ -222,17 +208,17 @@ class _Balance:
 
     def on_frame(self) -> tuple[tuple[Real, ...], Vector, Real]:
         """The forces of the guides on their sliders; force and moment about A0 on the frame."""
-        guides, shaking, moment = [], Vector(0.0, 0.0), 0.0
+        guides, shaking, moment = [], Vector(ZERO, ZERO), ZERO
         for j, body in enumerate(self._joints.bodies):
-            resistance = self._resistance.get(j, 0.0)
+            resistance = self._resistance[j]
             if body.slides:
                 guide = self._directions[j]
                 guides.append(dot(guide.left(), self._rest(j)))
                 force = -(guide * resistance + guide.left() * guides[-1])
-                shaking = shaking + force
-                moment = moment + cross(self._centers[j], force)
+                shaking += force
+                moment += cross(self._centers[j], force)
             else:
-                moment = moment - resistance
+                moment -= resistance
         for pin in self._joints.pins:
             if pin.first is None:
                 force = self.forces[pin.name]

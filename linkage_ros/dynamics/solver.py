@@ -17,7 +17,7 @@ from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Reactions, joints_of, reactions
 from linkage_ros.dynamics.state import PointMotion, State, Track
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
-from linkage_ros.formulas import Opaque, is_finite, require
+from linkage_ros.formulas import Opaque, Vector, is_finite, require
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Real, real_numbers, require_finite
@@ -378,7 +378,7 @@ def _point_motion(
 ) -> PointMotion:
     track, refuse = constants
     require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
-    return track.follow(angles, rates, changes)
+    return track.follow([Vector.at(angle) for angle in angles], rates, changes)
 
 
 def _refuse_massless() -> NoReturn:

@@ -8,7 +8,7 @@ import cmath
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from linkage_ros.formulas import Vector, difference, times, total
+from linkage_ros.formulas import ZERO, Vector, number
 from linkage_ros.model.structure import Point, Structure
 from linkage_ros.numeric import Real
 
@@ -48,64 +48,46 @@ class PointMotion(NamedTuple):
 
 
 class Track(NamedTuple):
-    """A point for formulas: the weights of `Point` in parts, None where they are 0.
+    """A point for formulas: the weights of `Point` in parts, ZERO where they are 0.
 
     Attributes:
-        weights: For each link (along, across) of its direction, m; None: the point does not
-            follow the link.
-        fixed: (x, y), m.
+        weights: For each link (along, across) of its direction, m.
+        fixed: m.
     """
 
-    weights: tuple[tuple[float | None, float | None] | None, ...]
-    fixed: tuple[float, float]
+    weights: tuple[Vector, ...]
+    fixed: Vector
 
     @classmethod
     def of(cls, point: Point) -> Track:
         """The track of a point."""
-        weights = tuple((w.real or None, w.imag or None) if w else None for w in point.weights)
-        return cls(weights, (point.fixed.real, point.fixed.imag))
+        return cls(tuple(map(Vector.of, point.weights)), Vector.of(point.fixed))
 
     def follow(
-        self, angles: Sequence[Real], rates: Sequence[Real], accelerations: Sequence[Real]
-    ) -> PointMotion:
-        """Follows the point, from the angles of the links; see `motion`."""
-        directions = [
-            Vector.at(angle) if weight else None
-            for angle, weight in zip(angles, self.weights, strict=True)
-        ]
-        return self.motion(directions, rates, accelerations)
-
-    def motion(
-        self,
-        directions: Sequence[Vector | None],
-        rates: Sequence[Real | None],
-        accelerations: Sequence[Real | None],
+        self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
     ) -> PointMotion:
         """Follows the point (document 2, eq. a2, a3, 34, 35; their derivative).
 
         Args:
-            directions: Unit vector of each link; None where the point does not follow it.
+            directions: Unit vector of each link.
             rates: Velocity of each link, rad/s.
-            accelerations: Acceleration of each link, rad/s^2.
+            changes: Acceleration of each link, rad/s^2.
 
         Returns:
             The motion.
         """
-        position = Vector(*self.fixed)
-        vx = vy = ax = ay = None
-        for j, weight in enumerate(self.weights):
-            if weight:
-                (along, across), (c, s) = weight, directions[j] or Vector(1.0, 0.0)
-                px = difference(times(along, c), times(across, s))
-                py = total(times(along, s), times(across, c))
-                rate, change = rates[j], accelerations[j]
-                square = times(rate, rate)
-                position = position + Vector(px, py)
-                vx, vy = difference(vx, times(rate, py)), total(vy, times(rate, px))
-                ax = difference(ax, total(times(change, py), times(square, px)))
-                ay = total(ay, difference(times(change, px), times(square, py)))
-        vx, vy, ax, ay = (0.0 if value is None else value for value in (vx, vy, ax, ay))
-        return PointMotion(position, Vector(vx, vy), Vector(ax, ay))
+        position, velocity, acceleration = self.fixed, Vector(ZERO, ZERO), Vector(ZERO, ZERO)
+        for weight, direction, rate, change in zip(
+            self.weights, directions, rates, changes, strict=True
+        ):
+            arm = Vector(
+                direction.x * weight.x - direction.y * weight.y,
+                direction.y * weight.x + direction.x * weight.y,
+            )
+            position += arm
+            velocity += arm.left() * rate
+            acceleration += arm.left() * change - arm * (rate * rate)
+        return PointMotion(position, velocity, acceleration)
 
 
 def follow(point: Point, state: State) -> PointMotion:
@@ -118,7 +100,9 @@ def follow(point: Point, state: State) -> PointMotion:
     Returns:
         Its position, velocity and acceleration in the axes of base_link.
     """
-    return Track.of(point).follow(*state[:3])
+    angles, rates, changes, _ = state
+    motion = Track.of(point).follow([Vector.at(angle) for angle in angles], rates, changes)
+    return PointMotion(*(Vector(number(x), number(y)) for x, y in motion))
 
 
 def loop_residual(structure: Structure, state: State) -> float:

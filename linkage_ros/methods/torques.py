@@ -18,7 +18,7 @@ from linkage_ros.dynamics.equations import Model, balance, model_of
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State, follow
-from linkage_ros.formulas import Opaque, Vector, cos, sin
+from linkage_ros.formulas import ZERO, Opaque, Vector, cos, sin
 from linkage_ros.methods.loop import Linkage
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.numeric import SCALAR, Functions, Real, require_finite
@@ -61,7 +61,7 @@ def _balance(
     directions = [Vector(cos(angle), sin(angle)) for angle in position[:2]]
     directions.append(guide or Vector(cos(position[2]), sin(position[2])))
     links = (
-        LinkPose(place, *direction, (slope,), (None,))
+        LinkPose(place, direction, (slope,), (ZERO,))
         for place, direction, slope in zip(position, directions, jacobian, strict=True)
     )
     return tuple(balance(model, Pose(tuple(links), ()), rates, changes))

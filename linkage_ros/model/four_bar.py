@@ -27,12 +27,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from linkage_ros.errors import MechanismError
-from linkage_ros.formulas import Opaque, Vector, atan2, cross, dot, where
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, where
 from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, gravity_quantity
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
-from linkage_ros.model.transmission import Coefficients, Halves, Transmission
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, traced
+from linkage_ros.model.transmission import Halves, Square, Transmission
 from linkage_ros.numeric import Real, equalities, nearest_turns, rounded, short_sum
 from linkage_ros.quantities import quantity
 
@@ -88,7 +88,7 @@ class FourBarLoop(NamedTuple):
         if self.length is None:
             base = half_way * self.quotient
             mean: Real = 0.5
-            mean_slope: Real = 0.0
+            mean_slope: Real = ZERO
         else:
             diff_dr, sum_dr = self.ground
             diff_bc, sum_bc = self.dyad
@@ -111,21 +111,17 @@ class FourBarLoop(NamedTuple):
         coupler = Vector(base.x * cos_m + base.y * signed, base.y * cos_m - base.x * signed)
         rocker = Vector(base.x * cos_m - base.y * signed, base.y * cos_m + base.x * signed)
         turn, bend = (0.5 * self.side) * first, (0.5 * self.side) * second
+        crank_direction = Vector(half_way.x * C - half_way.y * S, half_way.x * S + half_way.y * C)
         return Pose(
             (
+                LinkPose(crank, crank_direction, (1.0,), (ZERO,)),
                 LinkPose(
-                    crank, half_way.x * C - half_way.y * S, half_way.x * S + half_way.y * C,
-                    (1.0,), (None,),
+                    atan2(coupler.y, coupler.x), coupler, (mean - turn,), (mean_slope - bend,)
                 ),
-                LinkPose(
-                    atan2(coupler.y, coupler.x), *coupler, (mean - turn,), (mean_slope - bend,)
-                ),
-                LinkPose(
-                    atan2(rocker.y, rocker.x), *rocker, (mean + turn,), (mean_slope + bend,)
-                ),
+                LinkPose(atan2(rocker.y, rocker.x), rocker, (mean + turn,), (mean_slope + bend,)),
             ),
             (2 * (signed * cos_m),),
-        )  # fmt: skip
+        )
 
     def _careful_mean(
         self, halves: Halves, slopes: tuple[Real, Real], square: Real
@@ -136,23 +132,21 @@ class FourBarLoop(NamedTuple):
         (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
         """
         (S, C, sin_m, cos_m), (first, second) = halves, slopes
-        kappa, p, q = (
-            self.transmission.kappa,
-            self.transmission.cos.least,
-            self.transmission.sin.least,
-        )
+        kappa = self.transmission.kappa
+        p, q = self.transmission.cos.least, self.transmission.sin.least
         (diff_dr, sum_dr), (diff_bc, _) = self.ground, self.dyad
         u, v = self.transmission.ratios(halves)
         # 1 - u^2 and 1 - v^2, and half the derivatives of u^2 and v^2.
-        lack_u = 0.0 if p is None else p / (cos_m * cos_m)
-        lack_v = 0.0 if q is None else q / (sin_m * sin_m)
-        half_u = 0.0 if p is None else -0.5 * u * lack_u * kappa * S / cos_m
-        half_v = 0.0 if q is None else 0.5 * v * lack_v * kappa * C / sin_m
+        lack_u, lack_v = p / (cos_m * cos_m), q / (sin_m * sin_m)
+        half_u, half_v = (
+            -0.5 * u * lack_u * kappa * S / cos_m,
+            0.5 * v * lack_v * kappa * C / sin_m,
+        )
         dr, bc = sum_dr * sum_dr, diff_bc * diff_bc
         g = dr * lack_v + bc * lack_u * (v * v)
         g_slope = 2 * (bc * (lack_u * half_v - v * v * half_u) - dr * half_v)
         a, e = diff_dr * sum_dr, self.moment * first
-        growth = 0.0 if self.length is None else self.length[1]
+        growth = ZERO if self.length is None else self.length[1]
         e_slope, square_slope = self.moment * second, growth * (S * C)
         alike = a * e > 0
         top, bottom = where(alike, g, a - e), where(alike, a + e, square)
@@ -247,19 +241,19 @@ class FourBar(Mechanism):
         longest = max(self._lengths())
         return [short_sum(longest, *terms) for terms in self._sums().values()]
 
-    def _coefficients(self) -> Coefficients:
+    def _transmission(self) -> Transmission:
         r, b, c, d = self._lengths()
         _, sum_dr, _, sum_bc = self._differences()
         far, near, cross = self._short_sums()
         delta, four_bc = self.frame.angle, 4 * b * c
-        return Coefficients(
-            reference=(delta, 0.0),
-            kappa=math.sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
-            p=far * (sum_bc + sum_dr) / four_bc,
-            q=near * cross / four_bc,
-            # Of a loop that just closes, rounding could make them negative.
-            far=max(math.fsum((b, c, -d, r)) * math.fsum((b, c, d, -r)) / four_bc, 0.0),
-            near=max(math.fsum((d, r, -b, c)) * math.fsum((d, r, b, -c)) / four_bc, 0.0),
+        at_far = math.fsum((d, r, -b, c)) * math.fsum((d, r, b, -c)) / four_bc
+        at_near = math.fsum((b, c, -d, r)) * math.fsum((b, c, d, -r)) / four_bc
+        return Transmission(
+            (delta, ZERO),
+            math.sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
+            cos=Square.of(far * (sum_bc + sum_dr) / four_bc, at_near),
+            sin=Square.of(near * cross / four_bc, at_far),
+            refuse=Opaque(lambda crank: self.reach().refuse(crank)),
         )
 
     def loop(self) -> FourBarLoop:
@@ -267,10 +261,10 @@ class FourBar(Mechanism):
         r, d, delta = self.crank.length, self.frame.length, self.frame.angle
         side = 1 if self.assembly == OPEN else -1
         diff_dr, sum_dr, diff_bc, sum_bc = self._differences()
-        coefficients = self._coefficients()
+        transmission = self._transmission()
         concentric = diff_dr == 0 and diff_bc == 0
         return FourBarLoop(
-            coefficients.transmission(Opaque(lambda crank: self.reach().refuse(crank))),
+            transmission,
             side,
             axis=(math.cos(delta), math.sin(delta)),
             ground=(diff_dr, sum_dr),
@@ -278,22 +272,22 @@ class FourBar(Mechanism):
             length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
             moment=side * diff_bc * sum_bc,
             arm=(-r * diff_dr, 2 * r * d),
-            quotient=1 if side * coefficients.kappa > 0 else -1,
-            # Where q < 0 the crank never comes near theta = 0, where L would be short.
-            close=coefficients.q >= 0 and abs(diff_dr) < _CLOSE * sum_dr,
+            quotient=1 if side * transmission.kappa > 0 else -1,
+            # A crank that cannot reach the near side never comes where L would be short.
+            close=not transmission.sin.limits and abs(diff_dr) < _CLOSE * sum_dr,
         )
 
     def reach(self) -> Reach:
         """What the crank can do."""
-        coefficients, sums = self._coefficients(), self._sums()
+        transmission = self._transmission()
         pass_by = abs(self._differences()[0]) / (
             2 * math.sqrt(self.crank.length * self.frame.length)
         )
-        return coefficients.reach(
+        return transmission.reach(
             self.grashof,
-            tuple(self._limits(far=coefficients.p < 0, near=coefficients.q < 0)),
+            tuple(self._limits(far=transmission.cos.limits, near=transmission.sin.limits)),
             self._cures(),
-            tuple(equalities(max(self._lengths()), sums)),
+            tuple(equalities(max(self._lengths()), self._sums())),
             pass_by,
         )
 
@@ -331,29 +325,21 @@ class FourBar(Mechanism):
     def structure(self) -> Structure:
         """How the links hang together: the loop is cut at B."""
         crank, coupler, rocker = self.crank, self.coupler, self.rocker
-        pivot = self.frame.length * cmath.exp(1j * self.frame.angle)
-        r, c = complex(crank.length), complex(rocker.length)
-        points = {
-            'A0': Point((0j, 0j, 0j)),
-            'A': Point((r, 0j, 0j)),
-            'B': Point((0j, 0j, c), pivot),
-            'B0': Point((0j, 0j, 0j), pivot),
-        }
-        if coupler.point is not None:
-            points['C'] = Point((r, complex(*coupler.point), 0j))
-        centers = (
-            Point((complex(*crank.center), 0j, 0j)),
-            Point((r, complex(*coupler.center), 0j)),
-            Point((0j, 0j, complex(*rocker.center)), pivot),
-        )
+        A0 = Point.at(0j, 3)
+        B0 = Point.at(self.frame.length * cmath.exp(1j * self.frame.angle), 3)
+        A, B = A0.along(0, crank.length), B0.along(2, rocker.length)
+        points = {'A0': A0, 'A': A, 'B': B, 'B0': B0, **traced(coupler, A)}
         return Structure(
             (
-                Link('crank', crank.mass, crank.inertia, centers[0]),
-                Link('coupler', coupler.mass, coupler.inertia, centers[1], parent=0, origin=r),
-                Link('rocker', rocker.mass, rocker.inertia, centers[2], origin=pivot),
+                Link.turning('crank', crank, 0, A0),
+                Link.turning('coupler', coupler, 1, A),
+                Link.turning('rocker', rocker, 2, B0),
             ),
             points,
-            closure=Point((r, complex(coupler.length), -c), -pivot),
+            closure=Point.at(-B0.fixed, 3)
+            .along(0, crank.length)
+            .along(1, coupler.length)
+            .along(2, -rocker.length),
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('B0', None, 2)),
-            dyads=(Dyad(1, 2, 'B', ('A', 'B0'), limits=not self._coefficients().turns_fully),),
+            dyads=(Dyad(1, 2, 'B', ('A', 'B0'), limits=not self._transmission().turns_fully),),
         )

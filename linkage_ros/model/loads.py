@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What acts on the links of a mechanism: a load gives a generalised force for each link.
+"""Loads on the links of a mechanism: each gives a generalised force for every link it acts on.
 
 The power of a load is the sum of its forces times the links' rates, so that a link that turns gets
 a torque about its own axis, and a link that slides a force along its guide. Loads are named tuples
-of floats; None marks a term that is not there.
+of floats; ZERO marks a term that is not there.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from linkage_ros.formulas import difference, times, total
+from linkage_ros.formulas import ZERO, Vector, dot
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
 
@@ -20,7 +20,7 @@ from linkage_ros.numeric import Real
 class Load(Protocol):
     """What acts on links."""
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real | None]) -> dict[int, Real]:
+    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """The generalised forces.
 
         Args:
@@ -31,11 +31,11 @@ class Load(Protocol):
             By the index of the link, N m counter-clockwise, or N along the guide.
         """
 
-    def resistance(self, rates: Sequence[Real | None]) -> dict[int, Real]:
+    def resistance(self, rates: Sequence[Real]) -> dict[int, Real]:
         """The part of the forces that dissipates power; the frame exerts it. As `forces`."""
 
-    def potential(self, links: Sequence[LinkPose]) -> Real | None:
-        """The potential energy but for a constant, J; None: there is none."""
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """The potential energy but for a constant, J; ZERO: there is none."""
 
 
 class LinkLoad(NamedTuple):
@@ -48,62 +48,56 @@ class LinkLoad(NamedTuple):
     """
 
     link: int
-    force: float | None = None
-    damping: float | None = None
+    force: Real = ZERO
+    damping: Real = ZERO
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real | None]) -> dict[int, Real]:
+    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
         del links
-        push = difference(self.force, times(self.damping, rates[self.link]))
-        return {} if push is None else {self.link: push}
+        return {self.link: self.force - self.damping * rates[self.link]}
 
-    def resistance(self, rates: Sequence[Real | None]) -> dict[int, Real]:
+    def resistance(self, rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        drag = difference(None, times(self.damping, rates[self.link]))
-        return {} if drag is None else {self.link: drag}
+        return {self.link: -(self.damping * rates[self.link])}
 
-    def potential(self, links: Sequence[LinkPose]) -> Real | None:
+    def potential(self, links: Sequence[LinkPose]) -> Real:
         """See `Load`: there is none."""
         del links
-        return None
+        return ZERO
 
 
 class Weight(NamedTuple):
     """The weights of all bodies, summed for each link j as W_j = sum_bodies m rho_j.
 
     Attributes:
-        moments: For each link, conj(W_j) g as x and y, in N m, each None where it is 0; None:
-            the link carries no weight. Of a link that slides, m g turned by 90 degrees, in N.
+        moments: For each link, conj(W_j) g as x and y, N m; of a link that slides, m g turned by
+            90 degrees, N. ZERO where there is none.
         slides: Whether the link slides.
     """
 
-    moments: tuple[tuple[float | None, float | None] | None, ...]
+    moments: tuple[Vector, ...]
     slides: tuple[bool, ...]
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real | None]) -> dict[int, Real]:
+    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`: Re(conj(i W_j e^(i phi_j)) g)."""
         del rates
-        found = {
-            j: difference(times(moment[1], link.cos), times(moment[0], link.sin))
+        return {
+            j: moment.y * link.direction.x - moment.x * link.direction.y
             for j, (moment, link) in enumerate(zip(self.moments, links, strict=True))
-            if moment
         }
-        return {j: force for j, force in found.items() if force is not None}
 
-    def resistance(self, rates: Sequence[Real | None]) -> dict[int, Real]:
+    def resistance(self, rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`: there is none."""
         del rates
         return {}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """See `Load`: from the height of the origin."""
-        energy: Real = 0.0
-        for moment, slides, link in zip(self.moments, self.slides, links, strict=True):
-            if moment:
-                x, y = moment
-                if slides:
-                    along = difference(times(y, link.cos), times(x, link.sin))
-                    energy = difference(energy, times(along, link.position))
-                else:
-                    energy = energy - total(times(x, link.cos), times(y, link.sin))
+        forces, energy = self.forces(links, ()), ZERO
+        for j, (moment, slides, link) in enumerate(
+            zip(self.moments, self.slides, links, strict=True)
+        ):
+            energy = energy - (
+                forces[j] * link.position if slides else dot(moment, link.direction)
+            )
         return energy

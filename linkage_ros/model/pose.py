@@ -16,24 +16,17 @@ class LinkPose(NamedTuple):
     Attributes:
         position: Direction from first to second pin, in [-pi, pi] except the crank's, rad; of a
             sliding link its place along its guide, m.
-        cos: Cosine of the direction; for a sliding link, of the guide's direction.
-        sin: Sine of the same direction; None: it is 0.
-        jacobian: Velocity of the link per rate of each coordinate; None: the coordinate does not
+        direction: Unit vector of the link; of a sliding link, of its guide.
+        jacobian: Velocity of the link per rate of each coordinate; ZERO: the coordinate does not
             move it.
         curvature: Acceleration of the link per product of two rates (1 1; 1 2; 2 2), while none
-            of the rates changes; None: there is none.
+            of the rates changes; ZERO: there is none.
     """
 
     position: Real
-    cos: Real
-    sin: Real | None
-    jacobian: tuple[Real | None, ...]
-    curvature: tuple[Real | None, ...]
-
-    @property
-    def direction(self) -> Vector:
-        """Unit vector of the link, or of its guide."""
-        return Vector(self.cos, 0.0 if self.sin is None else self.sin)
+    direction: Vector
+    jacobian: tuple[Real, ...]
+    curvature: tuple[Real, ...]
 
 
 class Pose(NamedTuple):

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from linkage_ros.errors import MechanismError
-from linkage_ros.formulas import Opaque, Vector, atan2
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2
 from linkage_ros.model.loads import LinkLoad
 from linkage_ros.model.parts import (
     CROSSED,
@@ -38,8 +38,8 @@ from linkage_ros.model.parts import (
 )
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
-from linkage_ros.model.transmission import Coefficients, Transmission
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, traced
+from linkage_ros.model.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
@@ -95,18 +95,16 @@ class SliderCrankLoop(NamedTuple):
         slope = -(crank.y + coupler.y * turn)
         curvature = -(crank.x + coupler.x * (turn * turn) + coupler.y * bend)
         along, across = guide.x / r, guide.y / r
+        direction = Vector(along * crank.x - across * crank.y, along * crank.y + across * crank.x)
         over_b = 1 / b
         return Pose(
             (
-                LinkPose(
-                    angle, along * crank.x - across * crank.y, along * crank.y + across * crank.x,
-                    (1.0,), (None,),
-                ),
-                LinkPose(atan2(y, x), over_b * x, over_b * y, (turn,), (bend,)),
-                LinkPose(crank.x + coupler.x, guide.x, guide.y, (slope,), (curvature,)),
+                LinkPose(angle, direction, (1.0,), (ZERO,)),
+                LinkPose(atan2(y, x), Vector(over_b * x, over_b * y), (turn,), (bend,)),
+                LinkPose(crank.x + coupler.x, guide, (slope,), (curvature,)),
             ),
             (2 * self.side * sine,),
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True)
@@ -173,25 +171,24 @@ class SliderCrank(Mechanism):
             return 'crank-slider'
         return 'rotating-coupler' if coupler < 0 else 'non-Grashof'
 
-    def _coefficients(self) -> Coefficients:
+    def _transmission(self) -> Transmission:
         r, b, e = self._lengths()
         longest, guide = self._longest(), self.frame.angle
         far, near = (short_sum(longest, *terms) for terms in self._sums().values())
         high, low = two_sum(guide, -HALF_PI[0])
-        return Coefficients(
-            reference=(high, low - HALF_PI[1]),
-            kappa=math.sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
-            p=far / (2 * b),
-            q=near / (2 * b),
-            far=short_sum(longest, b, e, r) / (2 * b),
-            near=short_sum(longest, b, -e, r) / (2 * b),
+        return Transmission(
+            (high, (low - HALF_PI[1]) or ZERO),
+            math.sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
+            cos=Square.of(far / (2 * b), short_sum(longest, b, e, r) / (2 * b)),
+            sin=Square.of(near / (2 * b), short_sum(longest, b, -e, r) / (2 * b)),
+            refuse=Opaque(lambda crank: self.reach().refuse(crank)),
         )
 
     def loop(self) -> SliderCrankLoop:
         """The constants of the pose."""
         guide = self.frame.angle
         return SliderCrankLoop(
-            self._coefficients().transmission(Opaque(lambda crank: self.reach().refuse(crank))),
+            self._transmission(),
             1 if self.assembly == OPEN else -1,
             Vector(math.cos(guide), math.sin(guide)),
             self.crank.length,
@@ -203,14 +200,14 @@ class SliderCrank(Mechanism):
         slider = self.slider
         if not slider.force and not slider.damping:
             return ()
-        return (LinkLoad(2, slider.force or None, slider.damping or None),)
+        return (LinkLoad(2, slider.force or ZERO, slider.damping or ZERO),)
 
     def reach(self) -> Reach:
         """What the crank can do."""
-        coefficients = self._coefficients()
-        return coefficients.reach(
+        transmission = self._transmission()
+        return transmission.reach(
             self.grashof,
-            tuple(self._limits(far=coefficients.p < 0, near=coefficients.q < 0)),
+            tuple(self._limits(far=transmission.cos.limits, near=transmission.sin.limits)),
             self._cures(),
             tuple(equalities(self._longest(), self._sums())),
         )
@@ -239,29 +236,20 @@ class SliderCrank(Mechanism):
         """How the links hang together: the loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
         foot = 1j * slider.offset * cmath.exp(1j * self.frame.angle)
-        r = complex(crank.length)
-        points = {
-            'A0': Point((0j, 0j, 0j)),
-            'A': Point((r, 0j, 0j)),
-            'B': Point((r, complex(coupler.length), 0j)),
-        }
-        if coupler.point is not None:
-            points['C'] = Point((r, complex(*coupler.point), 0j))
-        centers = (
-            Point((complex(*crank.center), 0j, 0j)),
-            Point((r, complex(*coupler.center), 0j)),
-        )
+        A0 = Point.at(0j, 3)
+        A = A0.along(0, crank.length)
+        B = A.along(1, coupler.length)
         return Structure(
             (
-                Link('crank', crank.mass, crank.inertia, centers[0]),
-                Link('coupler', coupler.mass, coupler.inertia, centers[1], parent=0, origin=r),
+                Link.turning('crank', crank, 0, A0),
+                Link.turning('coupler', coupler, 1, A),
                 Link(
-                    'slider', slider.mass, 0.0, points['B'],
+                    'slider', slider.mass, 0.0, B,
                     origin=foot, angle=self.frame.angle, slides=True,
                 ),
             ),
-            points,
-            closure=points['B'],
+            {'A0': A0, 'A': A, 'B': B, **traced(coupler, A)},
+            closure=B,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
-            dyads=(Dyad(1, 2, 'B', ('A', ''), limits=not self._coefficients().turns_fully),),
+            dyads=(Dyad(1, 2, 'B', ('A', ''), limits=not self._transmission().turns_fully),),
         )  # fmt: skip

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import ClassVar, NamedTuple
 
 from linkage_ros.model.loads import Load
-from linkage_ros.model.parts import Body
+from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.model.pose import Loop
 from linkage_ros.model.reach import Reach
 from linkage_ros.quantities import Checked
@@ -24,6 +24,17 @@ class Point(NamedTuple):
 
     weights: tuple[complex, ...]
     fixed: complex = 0j
+
+    @classmethod
+    def at(cls, place: complex, links: int) -> Point:
+        """A fixed point of a mechanism of so many links, at x + iy, m."""
+        return cls((0j,) * links, place)
+
+    def along(self, link: int, place: complex) -> Point:
+        """The point at a place on a turning link whose first pin is here, along + i across, m."""
+        weights = list(self.weights)
+        weights[link] += place
+        return Point(tuple(weights), self.fixed)
 
 
 class Link(NamedTuple):
@@ -52,6 +63,37 @@ class Link(NamedTuple):
     origin: complex = 0j
     angle: float = 0.0
     slides: bool = False
+
+    @classmethod
+    def turning(cls, name: str, body: Body, index: int, pin: Point) -> Link:
+        """A link that turns about its first pin.
+
+        Args:
+            name: Its name.
+            body: The link.
+            index: Its place among the links.
+            pin: The first pin, on the frame or on the link whose weight is the last.
+
+        Returns:
+            The link, with its joint in the tree.
+        """
+        parent = max((j for j, weight in enumerate(pin.weights) if weight), default=None)
+        origin = pin.fixed if parent is None else pin.weights[parent]
+        center = pin.along(index, complex(*body.center))
+        return cls(name, body.mass, body.inertia, center, parent, origin)
+
+
+def traced(coupler: Coupler, pin: Point) -> dict[str, Point]:
+    """The coupler point C by its name, where the coupler, link 1, has one.
+
+    Args:
+        coupler: The coupler.
+        pin: The crank pin A.
+
+    Returns:
+        The point, or nothing.
+    """
+    return {} if coupler.point is None else {'C': pin.along(1, complex(*coupler.point))}
 
 
 class Pin(NamedTuple):

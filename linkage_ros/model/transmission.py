@@ -23,30 +23,32 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from linkage_ros.formulas import Opaque, cos, require, sin, sqrt
+from linkage_ros.formulas import ZERO, Opaque, cos, require, sin, sqrt
 from linkage_ros.model.reach import Arc, Reach
 from linkage_ros.numeric import Real, two_sum
 
 
 class Square(NamedTuple):
-    """cos^2 m = p + x^2 with x = kappa cos h, and sin^2 m = q + x^2 with x = kappa sin h.
+    """cos^2 m = p + x^2 with x = kappa cos h, or sin^2 m = q + x^2 with x = kappa sin h.
 
     Attributes:
-        least: p or q; None: it is 0, and the root is x itself, with its sign.
-        most: The square where x^2 is largest; where given, the square is `most` less the square of
-            the other product, because there less cancels.
+        least: p or q; ZERO where it counts as 0: the root is x itself, with its sign.
+        most: The square where x^2 is largest, 1 - q or 1 - p without their rounding.
         limits: Whether the square can become negative, where the crank cannot be.
+        from_most: Whether to compute it as `most` less the square of the other product, because
+            there less cancels.
     """
 
-    least: float | None
-    most: float | None
+    least: Real
+    most: float
     limits: bool
+    from_most: bool
 
     @classmethod
     def of(cls, least: float, most: float) -> Square:
-        """The square from its least value, p or q, and its largest, 1 - q or 1 - p unrounded."""
-        limits = least < 0
-        return cls(least or None, most if limits and most < -least else None, limits)
+        """The square from its least value and its largest."""
+        most = max(most, 0.0)  # of a loop that just closes, rounding could make it negative
+        return cls(least or ZERO, most, least < 0, least < 0 and most < -least)
 
     def root(self, x: Real, other: Real, refuse: Opaque, crank: Real) -> Real:
         """Cos m or sin m.
@@ -60,9 +62,9 @@ class Square(NamedTuple):
         Returns:
             The root.
         """
-        if self.least is None:
+        if self.least is ZERO:
             return x
-        square = self.least + x * x if self.most is None else self.most - other * other
+        square = self.most - other * other if self.from_most else self.least + x * x
         if self.limits:
             require(square > 0, refuse, crank)
         return sqrt(square)
@@ -89,15 +91,15 @@ class Transmission(NamedTuple):
 
     Attributes:
         reference: Direction of the reference line, rad, in two parts whose sum is exact to
-            twice the digits of a double; the second is None where it is 0.
+            twice the digits of a double.
         kappa: Coupling, signed: negative where the reference is an odd number of turns away,
             so that the branch named at crank angles 0 to pi from it is the one asked for.
-        cos: The square of cos m.
-        sin: The square of sin m.
+        cos: The square of cos m; it limits where the crank cannot reach the far side.
+        sin: The square of sin m; it limits where the crank cannot reach the near side.
         refuse: Refuses a crank angle.
     """
 
-    reference: tuple[float, float | None]
+    reference: tuple[float, Real]
     kappa: float
     cos: Square
     sin: Square
@@ -115,7 +117,7 @@ class Transmission(NamedTuple):
         """
         high, low = self.reference
         angle, error = two_sum(crank, -high)
-        half_error = 0.5 * (error if low is None else error - low)
+        half_error = 0.5 * (error - low)
         half = 0.5 * angle
         sine, cosine = sin(half), cos(half)
         sin_h, cos_h = sine + half_error * cosine, cosine - half_error * sine
@@ -126,8 +128,8 @@ class Transmission(NamedTuple):
 
     def ratios(self, at: Halves) -> tuple[Real, Real]:
         """U and v."""
-        u = 1.0 if self.cos.least is None else self.kappa * at.cos_h / at.cos_m
-        v = 1.0 if self.sin.least is None else self.kappa * at.sin_h / at.sin_m
+        u = 1.0 if self.cos.least is ZERO else self.kappa * at.cos_h / at.cos_m
+        v = 1.0 if self.sin.least is ZERO else self.kappa * at.sin_h / at.sin_m
         return u, v
 
     def slopes(self, at: Halves) -> tuple[Real, Real]:
@@ -139,47 +141,20 @@ class Transmission(NamedTuple):
         Returns:
             d(2m)/d(2h) and d^2(2m)/d(2h)^2.
         """
-        p, q = self.cos.least, self.sin.least
-        sin_m, cos_m = at.sin_m, at.cos_m
+        p, q, sin_m, cos_m = self.cos.least, self.sin.least, at.sin_m, at.cos_m
         u, v = self.ratios(at)
         # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
-        second: Real = 0.0
-        if q is not None:
+        second: Real = ZERO
+        if q is not ZERO:
             second = (0.5 * q) * (u * u * cos_m / (sin_m * sin_m * sin_m))
-        if p is not None:
+        if p is not ZERO:
             second = second - (0.5 * p) * (v * v * sin_m / (cos_m * cos_m * cos_m))
         return u * v, second
-
-
-class Coefficients(NamedTuple):
-    """The map in numbers, before it is part of a loop.
-
-    Attributes:
-        reference: Direction of the reference line, rad, in two parts.
-        kappa: Coupling, signed.
-        p: cos^2 m at h = pi/2; negative: the crank cannot reach the far side.
-        q: sin^2 m at h = 0; negative: the crank cannot reach the near side.
-        far: cos^2 m at h = 0: 1 - q without its rounding.
-        near: sin^2 m at h = pi/2: 1 - p without its rounding.
-    """
-
-    reference: tuple[float, float]
-    kappa: float
-    p: float
-    q: float
-    far: float
-    near: float
 
     @property
     def turns_fully(self) -> bool:
         """Whether a state exists at every crank angle."""
-        return self.p >= 0 and self.q >= 0
-
-    def transmission(self, refuse: Opaque) -> Transmission:
-        """The map as a part of a loop, which refuses crank angles out of reach."""
-        (high, low), p, q = self.reference, self.p, self.q
-        cos_square, sin_square = Square.of(p, self.far), Square.of(q, self.near)
-        return Transmission((high, low or None), self.kappa, cos_square, sin_square, refuse)
+        return not (self.cos.limits or self.sin.limits)
 
     def arcs(self) -> tuple[Arc, ...]:
         """Where the crank can be, in closed form: cos^2 m and sin^2 m must not be negative.
@@ -189,12 +164,14 @@ class Coefficients(NamedTuple):
         """
         if self.turns_fully:
             return ((0.0, 2 * math.pi),)
-        middle = self.reference[0]
-        nearest = 2 * math.atan2(math.sqrt(-self.q), math.sqrt(self.near)) if self.q < 0 else 0.0
-        farthest = 2 * math.atan2(math.sqrt(self.far), math.sqrt(-self.p)) if self.p < 0 else 0.0
-        if self.q >= 0:
+        middle, nearest, farthest = self.reference[0], 0.0, 0.0
+        if self.sin.limits:
+            nearest = 2 * math.atan2(math.sqrt(-self.sin.least), math.sqrt(self.sin.most))
+        if self.cos.limits:
+            farthest = 2 * math.atan2(math.sqrt(self.cos.most), math.sqrt(-self.cos.least))
+        if not self.sin.limits:
             return (_turned(middle - farthest, middle + farthest),)
-        if self.p >= 0:
+        if not self.cos.limits:
             return (_turned(middle + nearest, middle + 2 * math.pi - nearest),)
         return (
             _turned(middle + nearest, middle + farthest),
@@ -207,9 +184,10 @@ class Coefficients(NamedTuple):
         They are at h = 0 and h = pi/2; a crank that cannot get there stops where the angle is 0
         (folded) or pi (stretched).
         """
-        near, far = max(self.q, 0.0) + 0.0, max(self.p, 0.0) + 0.0
-        smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(self.far if near else 1.0))
-        return smallest, 2 * math.atan2(math.sqrt(self.near if far else 1.0), math.sqrt(far))
+        near, far = max(float(self.sin.least), 0.0), max(float(self.cos.least), 0.0)
+        smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(self.cos.most if near else 1.0))
+        largest = 2 * math.atan2(math.sqrt(self.sin.most if far else 1.0), math.sqrt(far))
+        return smallest, largest
 
     def reach(
         self,
@@ -233,11 +211,12 @@ class Coefficients(NamedTuple):
             The reach.
         """
         # Motion is fast at h = 0 and h = pi/2, within these half angles.
-        widths = [math.sqrt(x) / abs(self.kappa) for x in (self.p, self.q) if x > 0]
+        leasts = [float(square.least) for square in (self.cos, self.sin)]
+        widths = [math.sqrt(x) / abs(self.kappa) for x in leasts if x > 0]
         return Reach(
             grashof,
             self.arcs(),
-            2 if (self.p == 0) != (self.q == 0) else 1,
+            2 if (leasts[0] == 0) != (leasts[1] == 0) else 1,
             self.extremes(),
             limits,
             tuple(cures) if limits else (),

@@ -25,6 +25,7 @@ from typing import ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import UnreachableError
 from linkage_ros.formulas import (
+    ZERO,
     Opaque,
     Vector,
     atan2,
@@ -34,13 +35,12 @@ from linkage_ros.formulas import (
     require,
     sin,
     sqrt,
-    total,
     where,
 )
 from linkage_ros.model.loads import LinkLoad
 from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Piston, gravity_quantity
 from linkage_ros.model.pose import LinkPose, Pose
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, traced
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 
@@ -123,25 +123,24 @@ class WindPumpLoop(NamedTuple):
         a21, a22 = r * cross(coupler, crank) * over_c, coupler.x * over_c
 
         def bend(
-            own: Real, other: Real, arm_b: Real | None = None, arm_c: Real | None = None
+            own: Real, other: Real, arm_b: Real = ZERO, arm_c: Real = ZERO
         ) -> tuple[Real, Real]:
             """Curvatures of coupler and rod, from the products of their rates."""
             return (
-                -over_b * total(arm_b, b * cos23 * own, c * other),
-                over_c * total(arm_c, b * own, c * cos23 * other),
+                -over_b * (arm_b + b * cos23 * own + c * other),
+                over_c * (arm_c + b * own + c * cos23 * other),
             )
 
         by_crank = bend(a11 * a11, a21 * a21, r * dot(crank, rod), r * dot(crank, coupler))
         mixed = bend(2 * a11 * a12, 2 * a21 * a22)
         by_slide = bend(a12 * a12, a22 * a22)
         coupler_bends, rod_bends = zip(by_crank, mixed, by_slide, strict=True)
-        nothing = None, None, None
         return Pose(
             (
-                LinkPose(angle, crank.x, crank.y, (1.0, None), nothing),
-                LinkPose(atan2(coupler.y, coupler.x), *coupler, (a11, a12), coupler_bends),
-                LinkPose(atan2(rod.y, rod.x), *rod, (a21, a22), rod_bends),
-                LinkPose(slide, 1.0, None, (None, 1.0), nothing),
+                LinkPose(angle, crank, (1.0, ZERO), (ZERO, ZERO, ZERO)),
+                LinkPose(atan2(coupler.y, coupler.x), coupler, (a11, a12), coupler_bends),
+                LinkPose(atan2(rod.y, rod.x), rod, (a21, a22), rod_bends),
+                LinkPose(slide, Vector(1.0, ZERO), (ZERO, 1.0), (ZERO, ZERO, ZERO)),
             ),
             (root / (-2 * b * c),),
         )
@@ -222,29 +221,19 @@ class WindPump(Mechanism):
     def structure(self) -> Structure:
         """How the links hang together: the loop is cut at D."""
         crank, coupler, rod, slider = self.crank, self.coupler, self.rod, self.slider
-        r, b, c = complex(crank.length), complex(coupler.length), complex(rod.length)
-        points = {
-            'A0': Point((0j, 0j, 0j, 0j)),
-            'A': Point((r, 0j, 0j, 0j)),
-            'B': Point((r, b, 0j, 0j)),
-            'D': Point((r, b, c, 0j)),
-        }
-        if coupler.point is not None:
-            points['C'] = Point((r, complex(*coupler.point), 0j, 0j))
-        centers = (
-            Point((complex(*crank.center), 0j, 0j, 0j)),
-            Point((r, complex(*coupler.center), 0j, 0j)),
-            Point((r, b, complex(*rod.center), 0j)),
-        )
+        A0 = Point.at(0j, 4)
+        A = A0.along(0, crank.length)
+        B = A.along(1, coupler.length)
+        D = B.along(2, rod.length)
         return Structure(
             (
-                Link('crank', crank.mass, crank.inertia, centers[0]),
-                Link('coupler', coupler.mass, coupler.inertia, centers[1], parent=0, origin=r),
-                Link('rod', rod.mass, rod.inertia, centers[2], parent=1, origin=b),
-                Link('slider', slider.mass, 0.0, points['D'], slides=True),
+                Link.turning('crank', crank, 0, A0),
+                Link.turning('coupler', coupler, 1, A),
+                Link.turning('rod', rod, 2, B),
+                Link('slider', slider.mass, 0.0, D, slides=True),
             ),
-            points,
-            closure=points['D'],
+            {'A0': A0, 'A': A, 'B': B, 'D': D, **traced(coupler, A)},
+            closure=D,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('D', 2, 3)),
             dyads=(Dyad(1, 2, 'B', ('A', 'D'), limits=True),),
         )

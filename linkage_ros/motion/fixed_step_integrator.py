@@ -13,12 +13,13 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+import operator
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, TypeAlias
 
 from linkage_ros.dynamics.program import Argument, Program
 from linkage_ros.errors import LinkageError
-from linkage_ros.formulas import times, total, where
+from linkage_ros.formulas import ZERO, total, where
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
 from linkage_ros.numeric import Real, within_two_turns
 
@@ -36,8 +37,8 @@ _STAGES = (
     (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
     (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
 )
-_WEIGHTS = (35 / 384, None, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
-_ERRORS = (71 / 57600, None, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+_WEIGHTS = (35 / 384, ZERO, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
+_ERRORS = (71 / 57600, ZERO, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 
 
 class Steps(Protocol):
@@ -196,7 +197,7 @@ def _moved(
     weights: tuple[Real, ...], phase: tuple[Real, ...], h: Real, *slopes: tuple[Real, ...]
 ) -> tuple[Real, ...]:
     return tuple(
-        value + h * total(*map(times, weights, rates))
+        value + h * total(map(operator.mul, weights, rates))
         for value, *rates in zip(phase, *slopes, strict=True)
     )
 
