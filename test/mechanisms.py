@@ -141,11 +141,19 @@ PUMPS = {
 # One of everything.
 ALL = {
     'document_1': DOCUMENT_1,
-    **{
-        f'{name}{"_crossed" * (assembly == "crossed")}': of(lengths, 0.3, assembly)
-        for name, lengths in {**FULL, **CHANGE_POINTS}.items()
-        for assembly in ASSEMBLIES
-    },
+    'crank_rocker': four_bar(FULL['crank_rocker']),
+    'double_crank': four_bar(FULL['double_crank'], -2.0, 'crossed'),
+    'parallelogram': four_bar(CHANGE_POINTS['parallelogram']),
+    'antiparallelogram': four_bar(CHANGE_POINTS['parallelogram'], 0.3, 'crossed'),
+    'kite': four_bar(CHANGE_POINTS['kite_r_d'], 5.5),
+    'p0': four_bar(CHANGE_POINTS['p0']),
+    'q0': four_bar(CHANGE_POINTS['q0_rocker_longest'], 0.3, 'crossed'),
+    'centric': slider_crank(FULL['centric']),
+    'offset_right': slider_crank(FULL['offset_right'], 5.5, 'crossed'),
+    'upper': slider_crank(CHANGE_POINTS['upper']),
+    'lower': slider_crank(CHANGE_POINTS['lower'], 0.3, 'crossed'),
+    'equal_links': slider_crank(CHANGE_POINTS['both']),
+    'folded': slider_crank(CHANGE_POINTS['both'], 0.3, 'crossed'),
     'inclined_by_turns': slider_crank((0.5, 3, 1.5), 0.3 + 40 * TURN),
     'document_4': SliderCrank(
         Body(1.0, 1.2, 0.1, (0.5, 0.0)),

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import ALL, TURN, four_bar, oracle_of
 from mpmath import mp
@@ -40,7 +40,7 @@ def test_torque_at_rest_is_mass_matrix_times_acceleration_less_weights_and_force
     mechanism = ALL[name]
     oracle, solver = oracle_of(mechanism), Solver(mechanism)
     push = mp.mpf(getattr(getattr(mechanism, 'slider', None), 'force', 0.0))
-    for crank in (0.1, 1.0, 2.2, 4.0, 5.7, -3.0):
+    for crank in (0.1, 2.2, -3.0):
         with mp.workdps(60):
             inertia = 2 * (oracle.energy(crank, 1) - oracle.energy(crank, 0))
             held = mp.diff(lambda x: oracle.energy(x, 0), crank)
@@ -79,6 +79,7 @@ def test_gravity_at_any_angle_is_the_sum_of_its_components():
     )
 
 
+@settings(max_examples=15)
 @given(cranks, st.floats(-20, 20), st.floats(-20, 20))
 def test_lone_crank_is_a_pendulum(crank, speed, acceleration):
     """With massless coupler and rocker the equation of motion is known in closed form."""
@@ -246,7 +247,7 @@ def summed_over_bodies(made, q, u, a):
 
 
 @pytest.mark.parametrize('count', [1, 2, 3])
-@pytest.mark.parametrize('seed', range(10))
+@pytest.mark.parametrize('seed', range(3))
 def test_equations_of_motion_are_the_sum_over_the_bodies(seed, count):
     made = Made(seed, count)
     solver = Solver(made)

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import (
     ANY,
@@ -47,8 +47,8 @@ def around(lengths, angle, exponents):
 
 
 @each_assembly
-@pytest.mark.parametrize('angle', [0.3, -40.0])
-@pytest.mark.parametrize('crank', [0.0, 1.234, -7.5])
+@pytest.mark.parametrize('angle', [-40.0])
+@pytest.mark.parametrize('crank', [-7.5])
 @pytest.mark.parametrize('name', ['crank_rocker', 'double_crank', 'offset_left', 'offset_right'])
 def test_reference_is_consistent_to_50_digits(name, crank, angle, assembly):
     mechanism = of(FULL[name], angle, assembly)
@@ -80,8 +80,8 @@ def test_reference_is_consistent_to_50_digits(name, crank, angle, assembly):
 @through_change_points
 def test_reference_moves_smoothly_through_change_points(name, assembly):
     oracle = oracle_of(of(CHANGE_POINTS[name], 5.5, assembly))
-    step = TURN / 96
-    states = [oracle.state(0.4 + i * step, 1.0) for i in range(2 * 96)]
+    step = TURN / 48
+    states = [oracle.state(0.4 + i * step, 1.0) for i in range(2 * 48)]
     for before, after in itertools.pairwise(states):
         for link in (1, 2):
             moved = after.position[link] - before.position[link]
@@ -90,7 +90,7 @@ def test_reference_moves_smoothly_through_change_points(name, assembly):
             # Hermite's corrected trapezoid rule; a change of branch would leave O(step).
             rule = step / 2 * (before.velocity[link] + after.velocity[link])
             rule += step**2 / 12 * (before.acceleration[link] - after.acceleration[link])
-            assert abs(moved - rule) < 1e-4 * step
+            assert abs(moved - rule) < 1e-3 * step
 
 
 class Slipped:
@@ -132,6 +132,7 @@ def test_comparison_catches_the_other_branch(name):
 
 
 @pytest.mark.parametrize('kind', ['four_bar', 'slider_crank'])
+@settings(max_examples=15)
 @given(
     data=st.data(),
     angles=st.lists(st.floats(-TURN, TURN, allow_subnormal=False), min_size=4, max_size=4),
@@ -142,16 +143,16 @@ def test_any_mechanism_whose_crank_turns_fully_is_right(kind, data, angles):
 
 
 @each_assembly
-@pytest.mark.parametrize('angle', [0.0, 0.3, 5.5, -2.0])
+@pytest.mark.parametrize('angle', [0.3, -2.0])
 @through_change_points
 def test_change_points_are_hit_neared_and_passed(name, angle, assembly):
     lengths = CHANGE_POINTS[name]
     solver = Solver(of(lengths, angle, assembly))
-    angles = around(lengths, angle, (3, 7, 9, 12, 15))
+    angles = around(lengths, angle, (3, 8, 15))
     assert max(worst_errors(solver, angles, 2.0, 1.5)) < 1e-13
 
 
-@pytest.mark.parametrize('turns', [1, -1, 2, 159])
+@pytest.mark.parametrize('turns', [-1, 159])
 @through_change_points
 def test_branch_does_not_depend_on_turns_in_the_angle_of_frame_or_guide(name, turns):
     solver = Solver(of(CHANGE_POINTS[name], 0.3 + turns * TURN))
@@ -176,12 +177,12 @@ def test_lengths_typed_in_decimals_meet_the_change_point_that_was_meant(text, as
     solver = Solver(oracle.mechanism)
     assert solver.reach.grashof == 'change-point'
     assert solver.reach.turns_fully
-    errors = worst_errors(solver, around(meant, 0.3, (3, 8, 12, 15)), 2.0, 1.5, meant)
+    errors = worst_errors(solver, around(meant, 0.3, (3, 8, 15)), 2.0, 1.5, meant)
     assert max(errors) < 1e-13
 
 
 @each_assembly
-@pytest.mark.parametrize('gap', [1e-14, 1e-10, 1e-6])
+@pytest.mark.parametrize('gap', [1e-14, 1e-8])
 @through_change_points
 def test_lengths_a_little_off_a_change_point_keep_all_digits(name, gap, assembly):
     tried = 0
@@ -203,7 +204,7 @@ def test_lengths_a_little_off_a_change_point_keep_all_digits(name, gap, assembly
     assert tried >= least.get(name, 1 if len(CHANGE_POINTS[name]) == 4 else 2)
 
 
-@pytest.mark.parametrize('unit', [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize('unit', [1e-6, 1e6])
 @pytest.mark.parametrize('name', FULL)
 def test_tiny_and_huge_mechanisms_are_right(name, unit):
     solver = Solver(of(FULL[name], unit=unit))
@@ -225,7 +226,7 @@ def test_limited_crank_is_right_until_a_thousandth_of_a_radian_from_its_limit(na
     solver = Solver(of(LIMITED[name], 0.3, assembly))
     assert not solver.reach.turns_fully
     for arc in solver.reach.arcs:
-        for crank in distances_inside(arc, (1e-3, 1e-2, 0.1, 0.3, 1.0)):
+        for crank in distances_inside(arc, (1e-3, 0.1, 1.0)):
             errors = worst_errors(solver, [crank], 2.0, 1.5, period=0, floor=1)
             assert max(errors) < 1e-12
 

@@ -44,7 +44,7 @@ def gap(first, second):
 
 
 @pytest.mark.parametrize('assembly', SIDE)
-@pytest.mark.parametrize('seed', range(20))
+@pytest.mark.parametrize('seed', range(4))
 def test_half_angle_solution_agrees_where_it_is_defined(seed, assembly):
     rng = random.Random(seed)
     middle = sorted(rng.uniform(1.6, 3) for _ in range(3))

@@ -10,7 +10,7 @@ from dataclasses import replace
 import mechanisms
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import (
     ALL,
@@ -69,7 +69,7 @@ def parts_of(mechanism):
 def test_scalars_and_arrays_agree_to_a_few_ulp(name):
     mechanism = ALL[name]
     solver = Solver(mechanism)
-    q, u, a = motion(mechanism, np.linspace(-7.0, 14.0, 9001))  # more than one chunk
+    q, u, a = motion(mechanism, np.linspace(-7.0, 14.0, 1001))
     places = zip(*(x.tolist() for x in q), strict=True)
     one_by_one = np.array([rows(solver.state(place, u, a)) for place in places]).T
     assert is_close(rows(solver.state(q, u, a)), one_by_one, 4, mechanism)
@@ -106,6 +106,7 @@ def test_floats_of_any_kind_give_floats(name, kind):
 
 
 @any_of
+@settings(max_examples=15)
 @given(data=st.data(), crank=st.floats(-20, 20))
 def test_angles_stay_in_range_and_coordinates_are_returned_as_asked(kind, data, crank):
     mechanism = data.draw(ANY[kind]())
@@ -137,6 +138,7 @@ def gap(mechanism, position):
 
 
 @any_of
+@settings(max_examples=15)
 @given(data=st.data(), crank=angles_of_two_turns)
 def test_loop_closes_within_8_ulp_of_the_longest_link(kind, data, crank):
     mechanism = data.draw(ANY[kind]())
@@ -204,6 +206,7 @@ def signs(mechanism):
 
 
 @any_of
+@settings(max_examples=15)
 @given(data=st.data(), cranks=st.lists(angles_of_two_turns, min_size=4, max_size=4))
 def test_mirrored_mechanism_moves_mirrored(kind, data, cranks):
     mechanism = data.draw(ANY[kind]())
@@ -221,6 +224,7 @@ def test_mirrored_mechanism_moves_mirrored(kind, data, cranks):
 
 
 @any_of
+@settings(max_examples=15)
 @given(
     data=st.data(),
     cranks=st.lists(st.integers(-8192, 8192), min_size=4, max_size=4),
@@ -257,6 +261,7 @@ def test_turned_mechanism_moves_turned(kind, data, cranks, onto):
 
 
 @any_of
+@settings(max_examples=15)
 @given(data=st.data(), crank=angles_of_two_turns, power=st.integers(-20, 19))
 def test_scaled_mechanism_moves_alike_and_takes_torque_by_its_square(kind, data, crank, power):
     mechanism, factor = data.draw(ANY[kind](scales=0)), 2.0**power
@@ -270,6 +275,7 @@ def test_scaled_mechanism_moves_alike_and_takes_torque_by_its_square(kind, data,
 
 
 @any_of
+@settings(max_examples=15)
 @given(data=st.data(), crank=angles_of_two_turns)
 def test_motion_played_backwards_takes_the_same_torque_but_for_damping(kind, data, crank):
     mechanism = data.draw(ANY[kind]())

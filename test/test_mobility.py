@@ -10,7 +10,7 @@ import re
 from fractions import Fraction
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import ASSEMBLIES, CHANGE_POINTS, FULL, LIMITED, TURN, oracle_of
 from mechanisms import of as made_of
@@ -60,6 +60,7 @@ def test_grashof_class_and_reach(lengths, grashof, turns_fully, arcs):
 any_lengths = st.tuples(*[st.integers(1, 40)] * 4).filter(lambda x: 2 * max(x) < sum(x))
 
 
+@settings(max_examples=15)
 @given(any_lengths)
 def test_class_follows_from_shortest_and_longest_link(lengths):
     """Grashof's rule on whole numbers, where it is exact; every order of the links."""
@@ -91,13 +92,14 @@ any_slider_crank = st.tuples(st.integers(1, 40), st.integers(1, 40), st.integers
 @pytest.mark.parametrize(
     'every', [any_lengths, any_slider_crank], ids=['four_bar', 'slider_crank']
 )
+@settings(max_examples=15)
 @given(data=st.data(), angle=st.floats(-7, 7), assembly=st.sampled_from(ASSEMBLIES))
 def test_crank_reaches_just_where_the_loop_closes(every, data, angle, assembly):
     """The crank's circle, 48 angles of it, against the reach in closed form."""
     solver = Solver(made_of(data.draw(every), angle, assembly))
     oracle = oracle_of(solver.mechanism)
-    for i in range(48):
-        crank = i * TURN / 48 + 0.01
+    for i in range(24):
+        crank = i * TURN / 24 + 0.01
         inside = any(
             start < crank + turn < end for start, end in solver.reach.arcs for turn in (0, TURN)
         )
@@ -137,7 +139,7 @@ MORE_LIMITED = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize('angle', [0.0, 0.3, -2.5, 5.5, 100.0])
+@pytest.mark.parametrize('angle', [0.3, 100.0])
 @pytest.mark.parametrize('lengths', [*LIMITED.values(), *MORE_LIMITED])
 def test_ends_of_the_reach_are_where_the_loop_just_closes(lengths, angle):
     solver = Solver(made_of(lengths, angle))
@@ -265,7 +267,7 @@ CURES = {
 def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
     """Four-bars and slider-cranks with random lengths, and with round ones."""
     rng, seen, count = random.Random(7), set(), lengths
-    for number in range(4000):
+    for number in range(600):
         if number % 2:
             lengths = [rng.uniform(0.1, 5) for _ in range(count)]
         else:

@@ -40,7 +40,7 @@ PROMISED = 1e-9
 TORQUE = 5e-14
 # The loop's gap at B: as a part of the lengths, and of those times speed and acceleration.
 CLOSED = 2e-14
-COUNT = 20
+COUNT = 8
 CRANKS = 2 * math.pi * (np.arange(12) + 0.3) / 12 - 5.0
 
 

@@ -11,7 +11,7 @@ from fractions import Fraction
 import mechanisms
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mechanisms import ASSEMBLIES, TURN, full_slider_cranks, rows, slider_crank, worst_errors
 from oracle import wrap
@@ -65,7 +65,7 @@ def test_document_4_has_its_printed_values():
 @pytest.mark.parametrize('loads', [{}, {'force': -7.0, 'damping': 2.5, 'offset': 0.3}])
 def test_document_4_is_right_over_the_turn(loads, assembly):
     mechanism = replace(DOCUMENT, slider=Slider(mass=2.0, **loads), assembly=assembly)
-    angles = [math.radians(degrees / 2) for degrees in range(720)]
+    angles = [math.radians(degrees) for degrees in range(0, 360, 5)]
     assert max(worst_errors(Solver(mechanism), angles, 0.5, 1.0, period=0)) < 1e-13
 
 
@@ -90,6 +90,7 @@ def test_sinusoidal_slider_loses_what_the_formula_says():
     assert np.sum(state.torque) * TURN / 360 == pytest.approx(4 * math.pi * 5 * 0.04 * 3)
 
 
+@settings(max_examples=15)
 @given(full_slider_cranks(), angles_of_two_turns)
 def test_massless_mechanism_hands_the_slider_forces_through(mechanism, crank):
     slider = replace(mechanism.slider, mass=0.0)
@@ -152,7 +153,7 @@ def test_guide_across_the_x_axis_takes_tiny_crank_angles(name, sign, assembly):
     assert max(worst_errors(solver, near, 2.0, 1.5)) < 1e-13
 
 
-@pytest.mark.parametrize('halves', [-7, -3, -1, 1, 3, 5, 7, 99])
+@pytest.mark.parametrize('halves', [-7, 1, 99])
 @pytest.mark.parametrize('name', ['upper', 'lower'])
 def test_branch_is_the_one_of_the_nearest_turn_at_half_turns_of_the_guide(name, halves):
     """No double is an odd multiple of pi: the branch changes from one double to the next."""
@@ -176,11 +177,11 @@ def test_offset_below_4_ulp_of_the_crank_counts_as_none_where_that_meets_equalit
     solver = Solver(slider_crank((1, 1, offset), 0.3, assembly))
     assert solver.mobility.grashof == 'change-point'
     assert solver.mobility.period_turns == 1
-    errors = worst_errors(solver, around(0.3, (3, 8, 12, 15)), 2.0, 1.5, (1, 1, 0))
+    errors = worst_errors(solver, around(0.3, (3, 8, 15)), 2.0, 1.5, (1, 1, 0))
     assert max(errors) < 1e-13
 
 
-GAPS = 0.0, 2.0**-7, 2.0**-20, 2.0**-33, 2.0**-46
+GAPS = 0.0, 2.0**-20, 2.0**-46
 
 
 @pytest.mark.parametrize('assembly', ASSEMBLIES)
@@ -198,7 +199,7 @@ def test_nearly_centric_mechanisms_of_nearly_equal_links_keep_all_digits(longer,
             assert max(worst_errors(solver, angles, 2.0, 1.5, period=6)) < 1e-13
 
 
-@pytest.mark.parametrize('ratio', [1e-1, 1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize('ratio', [1e-2, 1e-8])
 @pytest.mark.parametrize('place', ['crank', 'offset', 'slack'])
 def test_odd_proportions_keep_all_digits(place, ratio):
     lengths = {
@@ -214,6 +215,7 @@ def test_odd_proportions_keep_all_digits(place, ratio):
 # What the crank can do.
 
 
+@settings(max_examples=15)
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(-40, 40))
 def test_class_and_period_follow_from_the_lengths(r, b, offset):
     """On whole numbers, where sums are exact."""
@@ -263,6 +265,7 @@ def effect_of_one_ulp(mechanism, crank):
     return base, effects
 
 
+@settings(max_examples=15)
 @given(
     st.tuples(st.integers(20, 1000), st.integers(20, 1000), st.integers(-1000, 1000)),
     st.floats(0.01, 0.99),

@@ -138,7 +138,7 @@ def test_a_billion_turns_later_every_angle_has_the_same_bits():
     motion = begin(150.0, NOW, crank_angle=0.3)
     two_turns = 8 * 10**8
     late = two_turns * 500_000_000
-    for elapsed in range(0, two_turns, 12_345_677):
+    for elapsed in range(0, two_turns, 52_345_677):
         early, now = motion.at(NOW + elapsed), motion.at(NOW + late + elapsed)
         assert (now.angle, now.speed) == (early.angle, early.speed)
         assert is_nearest(
@@ -289,7 +289,7 @@ def test_a_change_without_acceleration_continues_the_phase_and_takes_the_new_spe
 def test_thousands_of_changes_lose_nothing():
     speeds = [150.0, 0.1, -33.3, 1e6, 1e-6, 0.0, 1 / 3]
     motion, exact, stamp = begin(speeds[-1], NOW), Fraction(0), NOW
-    for count in range(1, 5_001):
+    for count in range(1, 1_001):
         step = 1 + 7_919 * count % 1_000_003
         exact += Fraction(motion.rpm) * step / MINUTE
         stamp += step
@@ -340,7 +340,7 @@ drives = st.builds(
 times = st.integers(0, 10**12) | st.integers(0, 10**18)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(drives, st.lists(times, min_size=1, max_size=6), times)
 def test_changing_to_the_same_speed_changes_nothing(drive, stamps, later):
     whole = CrankMotion.begin(drive, NOW)
@@ -354,7 +354,7 @@ def test_changing_to_the_same_speed_changes_nothing(drive, stamps, later):
     assert seam_distance(got.angle, expected.angle) <= math.ulp(4 * math.pi)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(drives, times)
 def test_a_mirrored_drive_gives_the_mirrored_motion(drive, elapsed):
     start = None if drive.start_rpm is None else -drive.start_rpm
@@ -366,7 +366,7 @@ def test_a_mirrored_drive_gives_the_mirrored_motion(drive, elapsed):
     assert seam_distance(other.angle, 4 * math.pi - crank.angle) <= math.ulp(4 * math.pi)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(drives, times, st.integers(1, 10**9))
 def test_the_angle_turned_between_two_stamps_is_what_the_speeds_there_allow(drive, elapsed, step):
     motion = CrankMotion.begin(drive, 0)
@@ -451,7 +451,7 @@ def test_a_crank_that_comes_to_rest_never_gets_there(rpm, start_rpm, acceleratio
 def test_time_to_turn_sees_a_peak_between_two_nanoseconds(sense):
     """Back by a turn and a little, then forward: the turn is reached near the reversal or late."""
     rng, peaks = random.Random(1), 0
-    for _ in range(600):
+    for _ in range(200):
         acceleration = rng.uniform(1e8, 5e8)
         # In a nanosecond beside the reversal the crank moves by 4e-11 turns at most.
         speed = math.sqrt(4 * math.pi * acceleration) * (1 + 2e-11 * rng.random()) * 30 / math.pi
@@ -468,10 +468,10 @@ def test_time_to_turn_sees_a_peak_between_two_nanoseconds(sense):
             assert got == min(near), (acceleration, speed)
         elif not near:
             assert got > 2 * peak_ns
-    assert peaks > 50
+    assert peaks > 15
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(drives, st.integers(1, 50))
 def test_time_to_turn_splits_reached_from_not_yet_reached(drive, turns):
     motion = CrankMotion.begin(drive, NOW)
@@ -489,7 +489,7 @@ def test_time_to_turn_splits_reached_from_not_yet_reached(drive, turns):
 # ---------------------------------------------------------------- log and limits
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(drives, times, speeds, times)
 def test_the_log_keeps_a_motion_to_the_last_bit(drive, elapsed, rpm, later):
     for motion in (

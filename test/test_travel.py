@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from linkage_ros import (
@@ -56,6 +56,7 @@ def crank_rockers(draw):
     return (min(r, 0.95 * middle[0]), *others)
 
 
+@settings(max_examples=15)
 @given(crank_rockers(), st.sampled_from(ASSEMBLIES), ANGLES)
 def test_rocker_swings_between_stretched_and_folded_crank_and_coupler(lengths, assembly, angle):
     r, b, c, d = lengths
@@ -70,6 +71,7 @@ def test_rocker_swings_between_stretched_and_folded_crank_and_coupler(lengths, a
     assert found.time_ratio == pytest.approx(ratio, rel=1e-7)
 
 
+@settings(max_examples=15)
 @given(crank_rockers(), st.sampled_from(ASSEMBLIES))
 def test_transmission_angles_are_those_of_the_two_triangles_with_the_frame(lengths, assembly):
     r, b, c, d = lengths
@@ -78,6 +80,7 @@ def test_transmission_angles_are_those_of_the_two_triangles_with_the_frame(lengt
     assert high == pytest.approx(opposite(d + r, b, c), abs=1e-7)
 
 
+@settings(max_examples=15)
 @given(
     st.floats(0.05, 0.9), st.floats(-0.95, 0.95), st.sampled_from(ASSEMBLIES), ANGLES,
     st.sampled_from([1e-3, 1.0, 1e4]),
@@ -148,6 +151,7 @@ def test_outputs_that_turn_fully_rest_or_take_two_turns(mechanism, span, ratio):
     assert '-0 ' not in words
 
 
+@settings(max_examples=15)
 @given(
     st.sampled_from([(1, 2, 2, 1), (1, 2, 1, 2), (1, 3, 2, 2), (1, 1, 1, 1), (1.5, 3, 2.5, 1)]),
     st.integers(0, 3), st.floats(-14, -1), st.sampled_from([-1, 1]), ANGLES,

@@ -83,7 +83,7 @@ def places(draw):
     return pump, (crank, slide), rates
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(places(), numbers(-50, 50))
 def test_all_motion_is_that_of_fifty_digits(place, torque):
     pump, q, u = place
@@ -107,7 +107,7 @@ def test_all_motion_is_that_of_fifty_digits(place, torque):
     assert (x, y) == (pytest.approx(q[1], abs=1e-14), pytest.approx(0, abs=1e-14))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(places(), numbers(-50, 50))
 def test_energies_and_accelerations_are_those_of_lagrange(place, torque):
     pump, q, u = place
@@ -123,7 +123,7 @@ def test_energies_and_accelerations_are_those_of_lagrange(place, torque):
     assert found == pytest.approx(tuple(true), rel=1e-9, abs=1e-9 * (1 + max(map(abs, true))))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(places(), numbers(-50, 50))
 def test_the_matrix_is_positive_and_power_is_the_rate_of_energy(place, torque):
     pump, q, u = place
@@ -147,7 +147,7 @@ def test_the_matrix_is_positive_and_power_is_the_rate_of_energy(place, torque):
     assert power == pytest.approx(torque * u[0] - damping * u[1] ** 2, rel=1e-12, abs=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(places(), numbers(-50, 50), numbers(0.01, 100))
 def test_mirrored_and_scaled_pumps_move_mirrored_and_scaled(place, torque, scale):
     pump, (crank, slide), (speed, velocity) = place
@@ -256,7 +256,7 @@ def edges(pump, crank):
                 yield x + side * mp.sqrt(radius**2 - y**2), side if radius == b + c else -side
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     st.integers(-300, 300), st.floats(0.01, 0.4), st.floats(0.5, 2), st.floats(0.5, 2),
     st.one_of(st.sampled_from([0.0, math.pi, math.pi / 2]), st.floats(-1000, 1000)),
