@@ -96,7 +96,7 @@ class LinkageNode(ParameterNode):
         # Before the first tick, which with use_sim_time may be a long time away.
         self._description.publish(self._machine.description)
         if self._log is not None:
-            self._log.write(ROBOT_DESCRIPTION, time.time_ns(), self._machine.description)
+            self._log.write(time.time_ns(), [(ROBOT_DESCRIPTION, self._machine.description)])
         name = self.get_fully_qualified_name().lstrip('/')
         self._watch = Watch(name, is_torque_driven=bool(self._inbox))
         self._ticker.start(self._begin)
@@ -173,9 +173,9 @@ class LinkageNode(ParameterNode):
         if motion is not self._motion:
             self._move(motion)
         if self._inbox and isinstance(motion, TorqueMotion):
-            for command in self._inbox.fetch():
+            for came, command in self._inbox.fetch():
                 if self._log is not None:
-                    self._log.write(JOINT_COMMANDS, *command)
+                    self._log.write(came, [(JOINT_COMMANDS, command)])
             motion.command(stamp, self._inbox.commands.torque())
         snapshot = self._machine.snapshot_at(self._motion, stamp)
         self._state = snapshot.state
@@ -186,9 +186,7 @@ class LinkageNode(ParameterNode):
             if not topic.on_demand or publisher.get_subscription_count():
                 publisher.publish(message)
         if self._log is not None:
-            for topic, message in zip(self._machine.topics, snapshot.messages, strict=True):
-                self._log.write(topic, now, message)
-            self._log.take_notes()
+            self._log.write(now, zip(self._machine.topics, snapshot.messages, strict=True))
         if self._view is not None:
             position, velocity, _, effort = snapshot.values
             self._view.offer(Sample(stamp, position, velocity, effort))
@@ -217,9 +215,7 @@ class LinkageNode(ParameterNode):
         diagnosis = encode_diagnostics(self._ticker.now(), self._hardware, statuses)
         self._diagnostics.publish(diagnosis)
         if self._log is not None:
-            self._log.note(DIAGNOSTICS, diagnosis)
-            if isinstance(self._ticker, SimTimeTicker):  # it ticks in this very thread, or stands
-                self._log.take_notes()
+            self._log.write(time.time_ns(), [(DIAGNOSTICS, diagnosis)])
 
     def _health(self) -> dict[str, Health]:
         parts = {'log': self._log, 'viewer': self._view}

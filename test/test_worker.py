@@ -7,8 +7,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
-import time
-from collections import deque
 from itertools import pairwise
 
 import pytest
@@ -186,34 +184,32 @@ def test_in_a_race_every_item_is_either_consumed_in_order_or_counted():
     assert worker.dropped == 100_000 - len(items)
 
 
-class SlowlyTaken(deque):
-    """Lets another thread run wherever one may in earnest."""
+def test_threads_that_offer_at_once_lose_and_mix_nothing():
+    """Items that are offered together arrive next to each other; every other one is counted."""
+    consumer = Gated()
+    worker, _ = start(consumer, capacity=50, period=0.0001)
 
-    def popleft(self):
-        item = super().popleft()
-        time.sleep(0.001)
-        return item
+    def offer(thread):
+        for number in range(0, 20_000, 2):
+            worker.offer((thread, number), (thread, number + 1))
 
-    def __len__(self):
-        time.sleep(0.001)
-        return super().__len__()
-
-
-def test_items_on_their_way_are_not_counted_as_dropped():
-    """Between the queue and the consumer they are neither waiting nor lost."""
-    consumer, done, seen = Gated(), threading.Event(), set()
-    worker, _ = start(consumer, period=PATIENCE)
-    consumer.close = done.set
-    worker._queue = SlowlyTaken(maxlen=1_000)
-    for item in range(50):
-        worker.offer(item)
-    closing = threading.Thread(target=worker.close, args=(PATIENCE,))
-    closing.start()
-    while not done.is_set():
-        seen.add(worker.dropped)
-    closing.join(PATIENCE)
-    assert consumer.items == list(range(50))
-    assert seen <= {0}
+    threads = [threading.Thread(target=offer, args=(i,)) for i in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert worker.close(PATIENCE)
+    items = consumer.items
+    assert len(items) + worker.dropped == 60_000
+    for i in range(3):
+        own = [number for thread, number in items if thread == i]
+        assert own == sorted(set(own))
+    broken = sum(
+        first[1] % 2 == 0 and second != (first[0], first[1] + 1)
+        for batch in consumer.batches
+        for first, second in pairwise(batch)
+    )
+    assert broken == 0
 
 
 # ---------------------------------------------------------------- a consumer that fails

@@ -68,6 +68,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self._file.stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD
         )
         self._schemas: dict[str, int] = {}
+        self._next_flush = 0.0  # on the monotonic clock, s
         try:
             with self._file.reported():
                 self._writer.start(profile='ros2', library='linkage_ros')

@@ -1,11 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The log of a node: what it publishes and hears, from whichever thread that comes."""
+"""The log of a node: the messages that it publishes and hears."""
 
 from __future__ import annotations
 
-import queue
-import time
 from collections.abc import Iterable
 
 from rclpy.node import Node
@@ -28,7 +26,7 @@ _CLOSE_SECONDS = 30.0
 
 
 class RunLog:
-    """Writes a log in threads of its own; all but `note` is for one thread at a time."""
+    """Writes a log in threads of its own; any thread may write to it."""
 
     def __init__(
         self, node: Node, configuration: Configuration, topics: Iterable[tuple[Topic, str]]
@@ -47,8 +45,6 @@ class RunLog:
         self._node, self._path = node, session.log
         log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
         self._channels = {topic.name: log.add_topic(topic, name) for topic, name in topics}
-        # What other threads have for the log: a queue of a worker asks for one thread.
-        self._notes: queue.SimpleQueue[LogItem] = queue.SimpleQueue()
         # A disk that is slow to keep things must not hold up the flushes.
         self._sync: Worker[None] = Worker(
             'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._fail_to_keep
@@ -57,28 +53,19 @@ class RunLog:
             'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
         )
 
-    def write(self, topic: Topic, stamp: int, data: bytes) -> None:
-        """Logs a message.
+    def write(self, stamp: int, messages: Iterable[tuple[Topic, bytes]]) -> None:
+        """Logs messages next to each other.
 
         Args:
-            topic: One of those given.
-            stamp: Of publishing or receiving it, ns.
-            data: CDR bytes.
+            stamp: When they were published or received, ns.
+            messages: CDR bytes, each with one of the topics given.
         """
-        self._worker.offer((self._channels[topic.name], stamp, data))
+        items = [(self._channels[topic.name], stamp, data) for topic, data in messages]
+        self._worker.offer(*items)
 
     def write_motion(self, motion: RunMotion) -> None:
         """Logs a change of motion."""
         self._worker.offer(motion)
-
-    def note(self, topic: Topic, data: bytes) -> None:
-        """Keeps a message of now, from any thread, until `take_notes`."""
-        self._notes.put((self._channels[topic.name], time.time_ns(), data))
-
-    def take_notes(self) -> None:
-        """Logs what was noted."""
-        while not self._notes.empty():
-            self._worker.offer(self._notes.get())
 
     def health(self) -> Health:
         """What has become of it so far."""
@@ -91,7 +78,6 @@ class RunLog:
 
     def close(self) -> bool:
         """Completes the log; returns whether all of it is well."""
-        self.take_notes()
         # The disk last: what it is to keep comes first.
         closed = self._worker.close(_CLOSE_SECONDS) and self._sync.close(_CLOSE_SECONDS)
         if not closed:

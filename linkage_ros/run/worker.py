@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A thread of its own for whatever may be slow: the disk and the viewer never delay a tick."""
+"""A thread of its own for slow work: the disk and the viewer never delay a tick."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Consumer(Protocol[_T_contra]):
     """What a worker feeds."""
 
     def consume(self, items: Sequence[_T_contra]) -> None:
-        """Takes what has come since the last call; may be nothing."""
+        """Takes the items that were offered since the last call; there may be none."""
 
     def close(self) -> None:
         """Ends the work."""
@@ -26,12 +26,13 @@ class Consumer(Protocol[_T_contra]):
 class Worker(Generic[_T]):
     """Feeds a consumer from a bounded queue, in batches, in its own thread.
 
-    Offering never blocks and never fails. Where the consumer lags by more than the queue holds,
-    the oldest items are dropped and counted; where it fails, it is closed once, the error is
-    reported once, and what comes later is counted as dropped.
+    Offering does not wait for the consumer and never fails. If the consumer falls behind by more
+    than the queue holds, the oldest items are dropped and counted; if it fails, it is closed once, the error
+    is reported once, and later items are counted as dropped.
 
     Attributes:
-        error: What the consumer failed with, or None.
+        error: The consumer's failure, or None.
+        dropped: Items lost so far because the consumer lagged or failed.
     """
 
     def __init__(
@@ -47,31 +48,27 @@ class Worker(Generic[_T]):
 
         Args:
             name: Of the thread.
-            consumer: Is used by the thread alone from here on.
+            consumer: Used by this thread alone from now on.
             capacity: Items that the queue holds.
             period: Time between batches, s.
-            on_error: Called from the thread, once, where the consumer fails.
+            on_error: Called from the thread, once, if the consumer fails.
         """
         self.error: Exception | None = None
-        self._consumer, self._on_error, self._period = consumer, on_error, period
+        self.dropped = 0
+        self._consumer, self._on_error = consumer, on_error
+        self._capacity, self._period = capacity, period
+        self._lock = threading.Lock()
         self._queue: deque[_T] = deque(maxlen=capacity)
-        self._offered = self._taken = 0
         self._stop = threading.Event()
         # A daemon: a consumer that hangs for good must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def offer(self, item: _T) -> None:
-        """Queues an item; only one thread may do so."""
-        self._offered += 1
-        self._queue.append(item)
-
-    @property
-    def dropped(self) -> int:
-        """Items lost so far because the consumer lagged or failed."""
-        # In this order: what the worker takes meanwhile is counted twice, never as dropped.
-        waiting = len(self._queue)
-        return max(0, self._offered - self._taken - waiting)
+    def offer(self, *items: _T) -> None:
+        """Queues items, which stay next to each other; any thread may do so."""
+        with self._lock:
+            self.dropped += max(0, len(self._queue) + len(items) - self._capacity)
+            self._queue.extend(items)
 
     def close(self, timeout: float) -> bool:
         """Hands over what is queued and ends the thread.
@@ -91,7 +88,7 @@ class Worker(Generic[_T]):
             while not self._stop.wait(self._period):
                 self._consumer.consume(self._take())
             self._consumer.consume(self._take())
-        except Exception as error:  # noqa: BLE001, whatever it was must not stop the ticks
+        except Exception as error:  # noqa: BLE001, no failure may stop the ticks
             self._fail(error)
         try:
             self._consumer.close()
@@ -100,14 +97,14 @@ class Worker(Generic[_T]):
                 self._fail(error)
 
     def _take(self) -> list[_T]:
-        items = []
-        # popleft is atomic, a copy followed by clear is not.
-        while self._queue:
-            self._taken += 1  # first, so that `dropped` never counts an item on its way
-            items.append(self._queue.popleft())
+        with self._lock:
+            items = list(self._queue)
+            self._queue.clear()
         return items
 
     def _fail(self, error: Exception) -> None:
-        self.error = error
-        self._queue = deque(maxlen=0)
+        with self._lock:
+            self.error = error
+            self.dropped += len(self._queue)
+            self._capacity, self._queue = 0, deque(maxlen=0)
         self._on_error(error)
