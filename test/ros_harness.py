@@ -20,7 +20,6 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from linkage_ros.ros.publishers import message_class
-from linkage_ros.ros.shared_memory import remove_half_made
 
 # Each of the processes that share the tests (pytest -n 2) has half of these domains. Benchmarks,
 # which a test runs too, in a network but not a shared memory of their own, have those from 90 on.
@@ -36,11 +35,21 @@ def taken_domains():
     return {(port - 7400) // 250 for port in ports}
 
 
+def clear_ports(domain, folder=Path('/dev/shm')):
+    """Removes Fast DDS's ports of a domain that nobody uses: those of killed processes.
+
+    One that a killed process left half made would stop every later process of the domain.
+    """
+    first = 7400 + 250 * domain
+    for port in range(first, first + 250):
+        folder.joinpath(f'fastrtps_port{port}').unlink(missing_ok=True)
+
+
 def fresh_domain():
     """Each test its own, so that neither leftovers nor other runs of the tests reach it."""
     taken = taken_domains()
     domain = next(domain for domain in itertools.islice(_domains, _OWN) if domain not in taken)
-    remove_half_made(domain)
+    clear_ports(domain)
     return domain
 
 

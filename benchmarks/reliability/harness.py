@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import os
 import signal
@@ -19,17 +20,23 @@ from typing import Any
 
 import numpy as np
 
-from linkage_ros.ros.shared_memory import remove_half_made
-
 # Those of the tests are below; two runs beside each other hardly meet.
 DOMAIN = 90 + os.getpid() % 10
 LISTENER = Path(__file__).with_name('listener.py')
 NOT_HERE = 77  # exit code where this system or this user cannot make what is needed
 
 
+@functools.cache
+def clear_ports(domain: int) -> None:
+    """Removes, once, Fast DDS's ports of a domain: processes of an earlier run were killed."""
+    first = 7400 + 250 * domain
+    for port in range(first, first + 250):
+        Path(f'/dev/shm/fastrtps_port{port}').unlink(missing_ok=True)
+
+
 def environment(domain: int) -> dict[str, str]:
     """Of a process that meets only its own domain on this machine."""
-    remove_half_made(domain)  # processes of an earlier benchmark were killed
+    clear_ports(domain)
     own = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     return {**os.environ, **own, 'PYTHONUNBUFFERED': '1'}
 

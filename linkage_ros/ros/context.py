@@ -20,7 +20,6 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from linkage_ros.errors import ConfigurationError, LinkageError
-from linkage_ros.ros.shared_memory import remove_half_made
 from linkage_ros.ros.stderr import held_back
 
 _LAST_DOMAIN = 232  # for which there are ports
@@ -52,33 +51,31 @@ def on_ros(arguments: list[str]) -> Iterator[list[str]]:
     Raises:
         ConfigurationError: rcl refuses them, or the environment.
     """
-    removed = remove_half_made(_domain(os.environ.get('ROS_DOMAIN_ID', '')))
+    _require_ports(os.environ.get('ROS_DOMAIN_ID', ''))
     with held_back() as release, reported_as_configuration():
         others: list[str] = remove_ros_args(arguments)
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         release()
-    for path in removed:
-        words = f'{path} is removed: a killed process had left it half made'
-        rclpy.logging.get_logger('linkage_ros').warning(words)
     try:
         yield others[1:]
     finally:
         rclpy.try_shutdown()
 
 
-def _domain(text: str) -> int:
-    """Reads the number of a domain; what is none is left to rcl to refuse.
+def _require_ports(domain: str) -> None:
+    """Refuses a domain without ports, for which Fast DDS would end the process.
+
+    Args:
+        domain: ROS_DOMAIN_ID; rcl refuses text that is not a number.
 
     Raises:
-        ConfigurationError: It is one that Fast DDS has no ports for, and would end the process.
+        ConfigurationError: The number is too large.
     """
-    found = re.match(r'\s*\+?0*(\d+)', text)  # as rcl reads it
-    number = int(found[1][:10]) if found else 0
-    if number > _LAST_DOMAIN:
+    found = re.match(r'\s*\+?0*(\d+)', domain)  # as rcl reads it
+    if found and int(found[1][:10]) > _LAST_DOMAIN:
         raise ConfigurationError(
-            f'ROS_DOMAIN_ID = {text}: must be a whole number from 0 to {_LAST_DOMAIN}'
+            f'ROS_DOMAIN_ID = {domain}: must be a whole number from 0 to {_LAST_DOMAIN}'
         )
-    return number
 
 
 @contextmanager

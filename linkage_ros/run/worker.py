@@ -27,8 +27,8 @@ class Worker(Generic[_T]):
     """Feeds a consumer from a bounded queue, in batches, in its own thread.
 
     Offering does not wait for the consumer and never fails. If the consumer falls behind by more
-    than the queue holds, the oldest items are dropped and counted; if it fails, it is closed once, the error
-    is reported once, and later items are counted as dropped.
+    than the queue holds, the oldest items are dropped and counted; if it fails, it is closed once,
+    the error is reported once, and later items are counted as dropped.
 
     Attributes:
         error: The consumer's failure, or None.
