@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import signal
+import sys
 
 import numpy as np
+import pytest
 from hypothesis import settings
 
 # What starts the checks in the background may have them ignore these, and so what they start.
@@ -23,3 +25,24 @@ settings.register_profile(
     'repeatable', deadline=None, derandomize=True, database=None, max_examples=60
 )
 settings.load_profile('repeatable')
+
+
+@pytest.fixture
+def called(monkeypatch, capfd):
+    """Calls the entry point of a module in this process: exit code, stdout, stderr."""
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = [signal.getsignal(number) for number in numbers]
+
+    def call(module, *arguments):
+        name = module.__name__.rpartition('.')[2].removesuffix('_tool')
+        monkeypatch.setattr(sys, 'argv', [f'linkage_{name}', *map(str, arguments)])
+        capfd.readouterr()
+        try:
+            code = module.main()
+        except SystemExit as ended:  # argparse
+            code = ended.code
+        return code, *capfd.readouterr()
+
+    yield call
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
+import signal
 import subprocess
 import sys
 import threading
@@ -19,13 +21,21 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from linkage_ros.log.reader import LogReader
 from linkage_ros.ros.publishers import message_class
+from linkage_ros.wire.codecs import JointStateCodec
+from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 
 # Each of the processes that share the tests (pytest -n 2) has half of these domains. Benchmarks,
 # which a test runs too, in a network but not a shared memory of their own, have those from 90 on.
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 2
 _OWN = 40
 _domains = (10 + _OWN * _WORKER + n % _OWN for n in itertools.count(os.getpid()))
+_TYPES = {
+    topic.name.lstrip('/'): topic.interface.name
+    for topic in (*TOPICS, JOINT_COMMANDS, SIMULATED_CLOCK)
+}
+CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))
 
 
 def taken_domains():
@@ -88,6 +98,63 @@ def running(module, *arguments, domain):
         process.communicate()
 
 
+@contextmanager
+def watched(topics, *arguments, module='node', domain=None):
+    """A listener and a process, in a domain of their own.
+
+    Args:
+        topics: Names, whose types follow from the last word of each; or types by name.
+        *arguments: Of the process.
+        module: Of the package, which is run.
+        domain: Where others take part.
+
+    Yields:
+        Both.
+    """
+    if not isinstance(topics, dict):
+        topics = {name: _TYPES[name.rpartition('/')[2]] for name in topics}
+    domain = domain or fresh_domain()
+    with (
+        Listener(domain, topics) as listener,
+        running(module, *arguments, domain=domain) as process,
+    ):
+        yield listener, process
+
+
+def stop(process, number=signal.SIGINT):
+    """Ends a process by a signal; returns its exit code and all that it printed."""
+    process.send_signal(number)
+    out, err = process.communicate(timeout=20)
+    return process.returncode, out + err
+
+
+def finished(module, *arguments, **options):
+    """A process, when it has ended."""
+    options = {'env': environment(fresh_domain()), 'text': True, 'timeout': 60} | options
+    return subprocess.run(command(module, *arguments), capture_output=True, **options)
+
+
+def assert_refused(code, out, err, words):
+    """Asserts exit code 2 and one line on stderr, which matches."""
+    assert (code, out) == (2, ''), err
+    assert re.fullmatch(r'linkage_\w+: [^\n]+\n', err), err
+    assert re.search(words, err), err
+
+
+def logged(path):
+    """A log and its messages by topic."""
+    with LogReader(path) as log:
+        messages = {topic.name: [] for topic in log.topics}
+        for message in log.messages():
+            messages[message.topic].append(message)
+        return log, messages
+
+
+def decoded(messages):
+    """(stamp, numbers) of joint states of a four-bar."""
+    return [CODEC.decode(data) for data in messages]
+
+
 class Listener:
     """Subscribes to topics from this process and keeps the very bytes that arrive."""
 
@@ -116,6 +183,12 @@ class Listener:
     def _hear(self, topic, data):
         self.arrived[topic].append(time.monotonic())
         self.received[topic].append(bytes(data))
+
+    def await_more(self, count, topic='/joint_states'):
+        """Waits until so many more messages have arrived."""
+        received = self.received[topic]
+        due = len(received) + count
+        wait_for(lambda: len(received) >= due)
 
     def __enter__(self):
         return self

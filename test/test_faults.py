@@ -13,14 +13,12 @@ import re
 import resource
 import shutil
 import signal
-import subprocess
 from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
-from ros_harness import Listener, command, fresh_domain, node_arguments, running, wait_for
-from test_node import TYPES, decoded, logged, stop
+from ros_harness import decoded, logged, node_arguments, stop, wait_for, watched
 from test_rerun_view import free_port, listening
 from test_rerun_view import running as viewing
 
@@ -35,10 +33,7 @@ from linkage_ros.wire.codecs import encode_float64
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN
 from linkage_ros.wire.topics import DRIVING_TORQUE
 
-HEARD = {
-    '/joint_states': TYPES['/joint_states'],
-    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
-}
+STATES, HEARD = '/joint_states', ('/joint_states', '/diagnostics')
 
 
 def health(listener, number):
@@ -49,105 +44,89 @@ def health(listener, number):
     return message.status[number].level[0], message.status[number].message
 
 
-def more_states(listener, count=200):
-    before = len(listener.received['/joint_states'])
-    wait_for(lambda: len(listener.received['/joint_states']) > before + count)
-
-
-def last_stamp(listener):
-    ((stamp, _),) = decoded(listener.received['/joint_states'][-1:])
+def last_stamp(messages):
+    ((stamp, _),) = decoded(messages[-1:])
     return stamp
 
 
 def flushed(listener, path):
     """Waits until the log has all that was heard so far; returns the last stamp of that."""
-    due = last_stamp(listener)
+    due = last_stamp(listener.received[STATES])
     for _ in range(3):  # what is flushed first may have been on its way before
         size = path.stat().st_size
         wait_for(lambda size=size: path.stat().st_size > size)
     return due
 
 
-def tool(*arguments):
-    words = command('log_tool', *arguments)
-    return subprocess.run(words, capture_output=True, text=True, check=False)
+def states_of(path):
+    """The joint states of a log, once it is verified."""
+    with LogReader(path) as log:
+        assert verify(log).difference == ''
+    return [message.data for message in logged(path)[1][STATES]]
 
 
 # ---------------------------------------------------------------- killed
 
 
 def test_of_a_killed_run_all_is_recovered_but_what_came_after_the_last_flush(tmp_path):
-    path, saved, domain = tmp_path / 'run.mcap', tmp_path / 'saved.mcap', fresh_domain()
-    with (
-        Listener(domain, HEARD) as listener,
-        running('node', *node_arguments(log=path, rate_hz=1000.0), domain=domain) as process,
-    ):
-        more_states(listener, 1000)
+    path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
+    with watched(HEARD, *node_arguments(log=path, rate_hz=1000.0)) as (listener, process):
+        listener.await_more(500)
+        # While it runs, nobody else writes to its log, and a copy can be saved.
+        with pytest.raises(LogError, match='is being written by another run and is kept'):
+            LogWriter(path, load('quadrilateral'), overwrite=True)
+        assert recover(path, saved).messages > 0
+        with pytest.raises(LogError, match='is being written by a run and is kept'):
+            recover(saved, path, overwrite=True)
         due = flushed(listener, path)
         process.kill()
         process.wait()
-    assert tool('info', path).returncode == 2
-    assert tool('recover', path, saved).returncode == 0
-    assert tool('verify', saved).returncode == 0
-    states = [message.data for message in logged(saved)[1]['/joint_states']]
-    stamps = [stamp for stamp, _ in decoded(states)]
-    assert stamps[-1] >= due
+    with pytest.raises(LogError, match='not complete'):
+        LogReader(path)
+    recover(path, saved, overwrite=True)
+    states = states_of(saved)
+    assert last_stamp(states) >= due
     # The log begins before a subscriber is matched; from there on both have the same.
-    begin = states.index(listener.received['/joint_states'][0])
-    heard = listener.received['/joint_states'][: len(states) - begin]
-    assert states[begin:] == heard
+    begin = states.index(listener.received[STATES][0])
+    assert states[begin:] == listener.received[STATES][: len(states) - begin]
 
 
 # ---------------------------------------------------------------- the log
 
 
 def test_a_full_disk_ends_the_log_and_nothing_else(tmp_path):
-    path, saved, domain = tmp_path / 'run.mcap', tmp_path / 'saved.mcap', fresh_domain()
-    with (
-        Listener(domain, HEARD) as listener,
-        running('node', *node_arguments(log=path), domain=domain) as process,
-    ):
-        more_states(listener)
+    path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
+    with watched(HEARD, *node_arguments(log=path)) as (listener, process):
+        listener.await_more(50)
         due = flushed(listener, path)
         # As a full disk would: no file of the node may grow beyond this.
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 5000,) * 2)
         wait_for(lambda: health(listener, 1)[0] == ERROR)
-        more_states(listener)
+        listener.await_more(50)
         code, output = stop(process)
     assert code == 1
     words = f'{path} cannot be written: File too large; linkage_log recover saves what it holds'
     assert health(listener, 1) == (ERROR, f'failed: {words}')
-    assert re.findall(r'\[ERROR\].*', output) == re.findall(
-        rf'\[ERROR\].*the log ends here, the motion goes on: {re.escape(words)}', output
-    )
-    assert output.count('the log ends here') == 1
-    assert tool('recover', path, saved).returncode == 0
-    assert tool('verify', saved).returncode == 0
-    (*_, last) = logged(saved)[1]['/joint_states']
-    assert decoded([last.data])[0][0] >= due
+    (error,) = re.findall(r'\[ERROR\].*', output)
+    assert f'the log ends here, the motion goes on: {words}' in error
+    recover(path, saved)
+    assert last_stamp(states_of(saved)) >= due
 
 
-@pytest.mark.parametrize('whole_folder', [False, True])
-def test_a_removed_log_is_put_back_and_the_states_go_on(tmp_path, whole_folder):
-    path, domain = tmp_path / 'logs' / 'run.mcap', fresh_domain()
+def test_a_log_removed_with_its_folder_is_put_back_and_the_states_go_on(tmp_path):
+    path = tmp_path / 'logs' / 'run.mcap'
     path.parent.mkdir()
-    with (
-        Listener(domain, HEARD) as listener,
-        running('node', *node_arguments(log=path), domain=domain) as process,
-    ):
-        more_states(listener)
-        due = last_stamp(listener)
-        shutil.rmtree(path.parent) if whole_folder else path.unlink()
+    with watched(HEARD, *node_arguments(log=path)) as (listener, process):
+        listener.await_more(50)
+        due = last_stamp(listener.received[STATES])
+        shutil.rmtree(path.parent)
         wait_for(lambda: health(listener, 1)[0] == ERROR)
-        more_states(listener)
+        listener.await_more(50)
         code, output = stop(process)
     assert code == 1
-    assert len(re.findall(r'\[ERROR\].*the log ends here.* was removed while', output)) == 1
-    assert output.count('[ERROR]') == 1
-    # Complete, so that there is nothing to recover.
-    assert tool('verify', path).returncode == 0
-    (*_, last) = logged(path)[1]['/joint_states']
-    assert decoded([last.data])[0][0] >= due
+    (error,) = re.findall(r'\[ERROR\].*', output)
+    assert re.search('the log ends here.* was removed while', error)
+    assert last_stamp(states_of(path)) >= due  # complete, so that there is nothing to recover
 
 
 def begun(path):
@@ -226,28 +205,25 @@ def test_a_log_is_brought_to_the_disk_as_long_as_there_is_one(tmp_path, monkeypa
 
 
 def test_a_viewer_may_come_stop_go_on_and_end_and_each_is_said_once(tmp_path):
-    domain, port = fresh_domain(), free_port()
+    port = free_port()
     url = f'rerun+http://127.0.0.1:{port}/proxy'
     arguments = node_arguments(viewer=url, rate_hz=1000.0)
     absent = f'no viewer answers at {url}: states are left out until one does'
     stopped = f'the viewer at {url} does not read: states are left out until it does'
 
-    with (
-        Listener(domain, HEARD) as listener,
-        running('node', *arguments, domain=domain) as process,
-    ):
+    with watched(HEARD, *arguments) as (listener, process):
         wait_for(lambda: health(listener, 2) == (WARN, absent))
         with viewing('--serve-grpc', port=port) as (viewer, _):
             wait_for(lambda: health(listener, 2)[0] == OK)
             viewer.send_signal(signal.SIGSTOP)
             wait_for(lambda: health(listener, 2) == (WARN, stopped))
-            more_states(listener)
+            listener.await_more(100)
             viewer.send_signal(signal.SIGCONT)
             wait_for(lambda: health(listener, 2)[0] == OK)
             viewer.kill()
             viewer.wait()
             wait_for(lambda: health(listener, 2) == (WARN, absent))
-        more_states(listener)
+        listener.await_more(100)
         code, output = stop(process)
     assert code == 0
     said = re.findall(r'\[WARN\].*\]: (.*viewer.*)', output)
@@ -262,18 +238,12 @@ def test_a_viewer_may_come_stop_go_on_and_end_and_each_is_said_once(tmp_path):
     ('given', 'address'), [({}, '0100007F'), ({'viewer_bind': '0.0.0.0'}, '00000000')]
 )
 def test_a_view_is_served_elsewhere_only_if_asked_and_with_a_warning(given, address):
-    domain = fresh_domain()
-
     def served():
         tasks = Path(f'/proc/{process.pid}/task').iterdir()
         children = [pid for task in tasks for pid in (task / 'children').read_text().split()]
         return [host for _, host, _ in listening(process.pid, *children)]
 
-    with (
-        Listener(domain, HEARD) as listener,
-        running('node', *node_arguments(viewer='web', **given), domain=domain) as process,
-    ):
-        more_states(listener, 1)
+    with watched(HEARD, *node_arguments(viewer='web', **given)) as (_, process):
         wait_for(lambda: len(served()) >= 2)  # the data and the page
         found = served()
         code, output = stop(process)
@@ -284,8 +254,9 @@ def test_a_view_is_served_elsewhere_only_if_asked_and_with_a_warning(given, addr
     assert len(warned) == len(given)
 
 
-@pytest.mark.parametrize('end', [LogWriter.flush, LogWriter.close])
-@pytest.mark.parametrize('size', [0, 1000, 10_000])
+@pytest.mark.parametrize(
+    ('size', 'end'), [(0, LogWriter.flush), (1000, LogWriter.close), (10_000, LogWriter.flush)]
+)
 def test_a_log_that_is_cut_off_is_said_and_left_alone(tmp_path, size, end):
     path = tmp_path / 'run.mcap'
     log = LogWriter(path, configure({'rpm': 60.0}), overwrite=False)
@@ -297,30 +268,3 @@ def test_a_log_that_is_cut_off_is_said_and_left_alone(tmp_path, size, end):
         end(log)
     log.close()
     assert path.stat().st_size == size  # what a recovery can read is not spoilt
-
-
-def test_a_second_node_on_one_log_is_refused(tmp_path):
-    path, saved, domain = tmp_path / 'run.mcap', tmp_path / 'saved.mcap', fresh_domain()
-    given = node_arguments(log=str(path), log_overwrite='true')
-    with (
-        Listener(domain, HEARD) as listener,
-        running('node', *given, domain=domain) as first,
-    ):
-        more_states(listener, 20)
-        with running('node', *given, domain=fresh_domain()) as second:
-            _, words = second.communicate(timeout=30)
-            assert second.returncode == 2
-        assert f'{path} is being written by another run and is kept' in words
-        wait_for(lambda: path.stat().st_size > 10_000)
-        assert recover(path, saved).messages > 0
-        with pytest.raises(LogError, match='is being written by a run and is kept'):
-            recover(saved, path, overwrite=True)
-        code, _ = stop(first)
-    assert code == 0
-    for log in (path, saved):
-        with LogReader(log) as whole:
-            report = verify(whole)
-            assert (report.difference, report.states > 20) == ('', True)
-    with running('node', *given, domain=domain) as third:  # the log of a run that has ended
-        wait_for(lambda: path.stat().st_size < saved.stat().st_size)
-        assert stop(third)[0] == 0

@@ -1,0 +1,133 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The services of the real node's parameters, asked as `ros2 param` does; one node for all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import yaml
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from ros_harness import decoded, node_arguments, stop, wait_for, watched
+
+from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
+
+RPM = -42.5
+FIELDS = {1: 'bool', 2: 'integer', 3: 'double', 4: 'string', 8: 'double_array'}
+
+
+def call(listener, kind, name, request):
+    client = listener.node.create_client(kind, f'/linkage_node/{name}')
+    assert client.wait_for_service(20.0)
+    future = client.call_async(request)
+    wait_for(future.done)
+    listener.node.destroy_client(client)
+    return future.result()
+
+
+def set_parameter(listener, name, **value):
+    parameter = Parameter(name=name, value=ParameterValue(**value))
+    request = SetParameters.Request(parameters=[parameter])
+    return call(listener, SetParameters, 'set_parameters', request).results[0]
+
+
+@pytest.fixture(scope='module')
+def listener():
+    """Of a node that runs."""
+    with watched(['/joint_states'], *node_arguments(rpm=RPM)) as (listener, process):
+        listener.await_more(1)
+        yield listener
+        assert stop(process)[0] == 0
+
+
+def dump(listener):
+    """The values of all parameters by name, as `ros2 param dump` asks for them."""
+    listed = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
+    names = sorted(listed.result.names)
+    got = call(listener, GetParameters, 'get_parameters', GetParameters.Request(names=names))
+    return dict(zip(names, got.values, strict=True))
+
+
+def plain(value):
+    """A ParameterValue as `ros2 param dump` writes it."""
+    got = getattr(value, f'{FIELDS[value.type]}_value')
+    return list(got) if value.type == 8 else got
+
+
+def test_each_is_described_with_its_range(listener):
+    leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(Kind('four_bar'))}
+    assert set(leaves) <= set(dump(listener))
+    request = DescribeParameters.Request(names=sorted(leaves))
+    described = call(listener, DescribeParameters, 'describe_parameters', request)
+    for descriptor in described.descriptors:
+        quantity = leaves[descriptor.name]
+        assert descriptor.description.startswith(quantity.meaning)
+        assert quantity.unit in descriptor.description
+        assert descriptor.read_only != quantity.live
+        if quantity.kind == 'number':
+            (span,) = descriptor.floating_point_range
+            assert (span.from_value, span.to_value) == (quantity.low, quantity.high)
+
+
+def test_bad_values_are_refused_and_change_nothing(listener):
+    bad = [
+        ('', {}, 'a parameter without a name'),
+        ('rpm', {'type': 3, 'double_value': math.nan}, 'out of range'),
+        ('rpm', {'type': 3, 'double_value': 1e7}, 'out of range'),
+        ('rpm', {'type': 4, 'string_value': 'fast'}, 'Wrong parameter type'),
+        ('crank.length', {'type': 3, 'double_value': 0.2}, 'read-only parameter: crank.length'),
+        ('use_sim_time', {'type': 1, 'bool_value': True}, 'start it again'),
+    ]
+    for name, value, words in bad:
+        refused = set_parameter(listener, name, **value)
+        assert not refused.successful, name
+        assert words in refused.reason
+    listener.await_more(20)
+    speeds = {numbers[3] for _, numbers in decoded(listener.received['/joint_states'])}
+    assert list(speeds) == pytest.approx([RPM * math.pi / 30], rel=1e-15)
+
+
+def test_a_dump_gives_the_same_run_again(listener, tmp_path):
+    tree = {}
+    for name, value in dump(listener).items():
+        *folders, leaf = name.split('.')
+        place = tree
+        for folder in folders:
+            place = place.setdefault(folder, {})
+        place[leaf] = plain(value)
+    dumped = tmp_path / 'linkage_node.yaml'
+    dumped.write_text(yaml.dump({'/linkage_node': {'ros__parameters': tree}}))
+    original = load('quadrilateral')
+    drive = replace(original.drive, rpm=RPM, start_rpm=RPM)
+    assert load(str(dumped)) == replace(original, drive=drive)
+
+
+@pytest.mark.parametrize('kind', [SetParameters, SetParametersAtomically])
+def test_a_node_takes_its_own_dump_back_and_nothing_else_that_is_read_only(listener, kind):
+    def load_values(**changes):
+        parameters = [Parameter(name=n, value=v) for n, v in {**dumped, **changes}.items()]
+        name = 'set_parameters' + '_atomically' * (kind is SetParametersAtomically)
+        answer = call(listener, kind, name, kind.Request(parameters=parameters))
+        results = getattr(answer, 'results', None) or [answer.result]
+        return [result.reason for result in results if not result.successful]
+
+    dumped = dump(listener)
+    assert {'mechanism', 'coupler.center', 'use_sim_time', 'rpm'} <= set(dumped)
+    assert load_values() == []
+    assert load_values(rpm=ParameterValue(type=3, double_value=60.0)) == []
+    assert dump(listener)['rpm'].double_value == 60.0
+    assert load_values() == []
+    center = ParameterValue(type=8, double_array_value=[0.1, 0.0])
+    (reason,) = load_values(**{'coupler.center': center})
+    assert 'read-only parameter: coupler.center' in reason
+    (reason,) = load_values(nonsense=center)
+    assert 'undeclared' in reason
