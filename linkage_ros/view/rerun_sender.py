@@ -92,7 +92,9 @@ class Sender:
             try:
                 self._sink = rr.GrpcSink(target)
             except RuntimeError as error:
-                raise ViewerError(f'viewer = {shown(target)} is no address of a viewer') from error
+                raise ViewerError(
+                    f'viewer = {shown(target)} is not a valid viewer address'
+                ) from error
             self._absent = True
         else:
             self._file = create_file(target, overwrite=overwrite)

@@ -41,8 +41,8 @@ def free_address(bind: str) -> tuple[str, int, bool]:
             port: int = probe.getsockname()[1]
     except (ValueError, OSError) as error:
         raise ViewerError(
-            f'viewer_bind = {shown(bind)} is no address of this machine: 127.0.0.1 serves this '
-            'machine alone, 0.0.0.0 every network it is in'
+            f'viewer_bind = {shown(bind)} is not an address of this machine: 127.0.0.1 serves '
+            'this machine alone, 0.0.0.0 every network it is in'
         ) from error
     host = f'[{address}]' if address.version == 6 else str(address)
     return host, port, not address.is_loopback
@@ -135,11 +135,9 @@ def create_file(target: str, *, overwrite: bool) -> BinaryIO:
         ) from error
     except FileExistsError as error:
         if not is_replaceable(path):
-            raise ViewerError(
-                f'{target} is no file that could be replaced: choose another name'
-            ) from error
+            raise ViewerError(f'{target} cannot be replaced: choose another name') from error
         raise ViewerError(
-            f'{target} exists already and is kept: choose another name, or delete it first '
+            f'{target} already exists and is kept: choose another name, or delete it first '
             '(linkage_node: or set log_overwrite)'
         ) from error
     except OSError as error:

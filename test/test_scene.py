@@ -1,0 +1,392 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the view shows of every mechanism: the drawing, the curves, and when they have a gap."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from test_rerun_view import read, run_of, show
+
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.presets import preset_names
+from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.scene import Scene, angles_of
+from linkage_ros.view.series import Directions, Flow
+
+PUMP = load('wind_pump')
+TURN = 2 * math.pi
+# A crank that hangs, and swings within 157 deg about the line to the rocker's pivot.
+HANGING = {
+    'mechanism': 'four_bar', 'drive': 'torque', 'crank_angle': -2.0,
+    'frame.length': 0.4, 'frame.angle': -math.pi / 2,
+    'crank.length': 0.3, 'crank.mass': 1.0, 'crank.inertia': 0.01, 'crank.center': [0.15, 0.0],
+    'coupler.length': 0.2, 'coupler.mass': 1.0, 'coupler.inertia': 0.005,
+    'coupler.center': [0.1, 0.0], 'coupler.point': [0.1, 0.06],
+    'rocker.length': 0.25, 'rocker.mass': 1.0, 'rocker.inertia': 0.005,
+    'rocker.center': [0.12, 0.0],
+}  # fmt: skip
+
+
+def changed(preset, **parameters):
+    """A preset with other parameters; __ in place of a dot."""
+    given = {name.replace('__', '.'): value for name, value in parameters.items()}
+    return configure({**load(preset).parameters(), **given})
+
+
+DRAG_LINK = changed(  # coupler and rocker turn fully, with the crank
+    'quadrilateral', frame__length=0.1, crank__length=0.4, coupler__length=0.35,
+    rocker__length=0.42, crank_angle=40.0,
+)  # fmt: skip
+MECHANISMS = {
+    **{name: load(name) for name in preset_names()},
+    'backwards': changed('quadrilateral', rpm=-37.0, crank_angle=1.3, frame__angle=3.0),
+    'drag_link': DRAG_LINK,
+    'two_turns': changed(  # passes a change point
+        'quadrilateral', crank__length=0.1, coupler__length=0.4, rocker__length=0.3,
+        frame__length=0.2,
+    ),
+    'hanging': configure(HANGING),
+    'other_side': changed(
+        'wind_pump', assembly='open', slider__position=-1.5, coupler__point=[0.3, 0.1],
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def pumped():
+    """The pump's first 15 s: six turns, on the way to its slow state."""
+    return run_of(PUMP, 3000)[0]
+
+
+def arrays(samples):
+    return [np.array(column) for column in zip(*samples, strict=True)]
+
+
+def advanced(configuration, samples, batch):
+    """All rows of a scene: {entity: (stamps, values)}."""
+    scene, found = Scene(configuration), {}
+    for start in range(0, len(samples), batch):
+        for rows in scene.advance(*arrays(samples[start : start + batch])):
+            found.setdefault(rows.entity, []).append((rows.stamps, rows.values))
+    return {
+        entity: tuple(np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        for entity, pieces in found.items()
+    }
+
+
+# ---------------------------------------------------------------- drawings
+
+
+@pytest.fixture(scope='module', params=MECHANISMS)
+def drawn(request, tmp_path_factory):
+    """A run of 2 s in a file: configuration, solved states and what Rerun reads."""
+    configuration = MECHANISMS[request.param]
+    samples, states = run_of(configuration, 400)
+    path = tmp_path_factory.mktemp('drawn') / 'run.rrd'
+    assert show(path, samples, configuration).dropped == 0
+    found = read(path)
+    # 200 states a second, 50 drawings.
+    stamps = [sample.stamp for sample in samples[::4]]
+    assert found['/linkage/pins']['ros2_timestamp'] == stamps
+    return configuration, states[::4], found, read(path, blueprint=True)
+
+
+def complex_of(entity, column):
+    """Points of an entity as complex numbers."""
+    return np.array(entity[column], float) @ (1, 1j)
+
+
+def lines_of(found, link):
+    (strips,) = np.moveaxis(complex_of(found[f'/linkage/{link}'], 'LineStrips2D:strips'), 1, 0)
+    return strips
+
+
+def test_pins_are_where_the_solver_puts_them(drawn):
+    configuration, states, found, _ = drawn
+    solver = Solver(configuration.mechanism)
+    (names,) = found['/linkage/pins/names']['Points2D:labels']
+    pins = complex_of(found['/linkage/pins'], 'Points2D:positions')
+    for name, place in zip(names, pins.T, strict=True):
+        exact = [complex(*solver.point(state, name).position) for state in states]
+        assert abs(place - exact).max() < 3e-7
+    fixed = complex_of(found['/linkage/pivots'], 'Points2D:positions').ravel()
+    frame = getattr(configuration.mechanism, 'frame', None)
+    far = frame.length * np.exp(1j * frame.angle) if hasattr(frame, 'length') else 0.0
+    assert fixed == pytest.approx([0.0, far] if far else [0.0], abs=3e-7)
+
+
+def test_links_have_their_lengths_and_end_at_pins(drawn):
+    configuration, _, found, _ = drawn
+    mechanism = configuration.mechanism
+    pins = complex_of(found['/linkage/pins'], 'Points2D:positions')
+    fixed = complex_of(found['/linkage/pivots'], 'Points2D:positions').ravel()
+    pins = np.hstack([pins, np.broadcast_to(fixed, (len(pins), len(fixed)))])
+    (joints,) = found['/joint_states/position']['SeriesLines:names']
+    for joint in joints:
+        line = lines_of(found, joint)
+        if joint == 'slider':
+            line = line[:, :4].mean(axis=1, keepdims=True)
+        else:
+            length = getattr(mechanism, joint).length
+            assert abs(abs(line[:, 1] - line[:, 0]) - length).max() < 1e-6
+        for corner in line.T:
+            assert abs(pins.T - corner).min(axis=0).max() < 3e-7
+    if getattr(mechanism.coupler, 'point', None):
+        start, end, point, again = lines_of(found, 'coupler').T
+        assert (again == start).all()
+        exact = complex(*mechanism.coupler.point) / mechanism.coupler.length
+        assert abs((point - start) / (end - start) - exact).max() < 1e-5
+
+
+def points_of(found):
+    """All points that are drawn of a linkage at any time; shape (n, 2)."""
+    points = []
+    for name, columns in found.items():
+        for column in ('Points2D:positions', 'LineStrips2D:strips'):
+            if name.startswith('/linkage/') and column in columns:
+                points += [np.reshape(np.concatenate(row), (-1, 2)) for row in columns[column]]
+    return np.concatenate(points)
+
+
+def test_drawing_fits_its_window_and_fills_it(drawn):
+    configuration, _, found, blueprint = drawn
+    assert found['/linkage']['Transform3D:scale'] == [[[1.0, -1.0, 1.0]]]  # y is up
+    drawing = Drawing(configuration.mechanism, configuration.drive.crank_angle)
+    (left, low), (right, high) = drawing.bounds
+    shown = [
+        columns['VisualBounds2D:range'][0][0]
+        for name, columns in blueprint.items()
+        if name.endswith('VisualBounds2D')
+    ]
+    ranges = [[*one['x_range'], *one['y_range']] for one in shown]
+    assert pytest.approx([left, right, -high, -low]) in ranges
+    points = points_of(found)
+    margins = [points.min(axis=0) - drawing.bounds[0], drawing.bounds[1] - points.max(axis=0)]
+    width = np.ptp(drawing.bounds, axis=0).max()
+    assert np.min(margins) > 0.02 * width
+    assert np.max(margins) < 0.3 * width  # a pump is drawn with room for its other motions
+
+
+def test_moving_points_stay_on_their_paths(drawn):
+    configuration, _, found, _ = drawn
+    pins = complex_of(found['/linkage/pins'], 'Points2D:positions').T
+    paths = [columns for name, columns in found.items() if '/paths/' in name]
+    solver = Solver(configuration.mechanism)
+    assert len(paths) == (len(pins) - 1 if len(solver.coordinates) == 1 else 0)
+    step = 0.05 * configuration.mechanism.crank.length
+    for columns in paths:
+        path = complex_of(columns, 'LineStrips2D:strips').ravel()
+        assert min(abs(pin[:, np.newaxis] - path).min(axis=1).max() for pin in pins) < step
+        assert abs(np.diff(path)).max() < 3 * step
+
+
+def test_names_are_beside_their_pins(drawn):
+    configuration, _, found, _ = drawn
+    width = np.ptp(Drawing(configuration.mechanism).bounds, axis=0).max()
+    pins = complex_of(found['/linkage/pins'], 'Points2D:positions')
+    names = complex_of(found['/linkage/pins/names'], 'Points2D:positions')
+    assert 0.02 * width < abs(names - pins).min() < abs(names - pins).max() < 0.12 * width
+
+
+@pytest.mark.parametrize(
+    ('lengths', 'start', 'low', 'high'),
+    [((0.12, 0.8, 1.6), -1.5, -2.28, -0.92), ((0.12, 0.8, 1.6), 2.5, 0.68, 2.52),
+     ((0.3, 1.0, 1.1), 0.1, -2.4, 2.4)],
+)  # fmt: skip
+def test_rail_is_as_long_as_the_slider_can_travel(lengths, start, low, high):
+    crank, coupler, rod = lengths
+    configuration = changed(
+        'wind_pump', crank__length=crank, coupler__length=coupler, rod__length=rod,
+        slider__position=start, crank_angle=0.05,
+    )  # fmt: skip
+    drawing = Drawing(configuration.mechanism)
+    rail = max(drawing.ground, key=lambda line: np.ptp(line[:, 0]))[:, 0]
+    # It reaches beyond the last places by a little more than the slider's block.
+    assert [rail.min(), rail.max()] == pytest.approx([low, high], abs=0.15 * (high - low))
+    assert rail.min() < low
+    assert high < rail.max()
+
+
+def test_path_of_a_limited_crank_ends_where_its_arc_ends():
+    mechanism = configure(HANGING).mechanism
+    ((start, end),) = Solver(mechanism).mobility.arcs
+    rocker = Drawing(mechanism).paths['rocker'] @ (1, 1j)
+    for crank, place in ((start, rocker[0]), (end, rocker[-1])):
+        # Coupler and rocker are in line there, 0.2 + 0.25 m from the crank's pin.
+        line = 0.3 * np.exp(1j * crank) + 0.4j
+        assert place == pytest.approx(-0.4j + 0.25 / 0.45 * line, abs=1e-3)
+
+
+def test_only_the_reachable_arc_is_drawn():
+    lengths = {'frame': 0.3, 'crank': 0.3, 'coupler': 0.1, 'rocker': 0.25}
+    values = {f'{link}.length': length for link, length in lengths.items()}
+    mechanism = configure({**HANGING, **values, 'crank_angle': -1.0}).mechanism
+    arcs = Solver(mechanism).mobility.arcs
+    assert len(arcs) == 2
+    for start, end in arcs:
+        for turns in (-2, 0, 1):
+            drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * TURN)
+            inner = np.linspace(start + 1e-6, end - 1e-6, 50)
+            solver = Solver(mechanism)
+            b = solver.point(solver.state(inner), 'B').position
+            got, expected = drawing.paths['rocker'], np.stack(b, axis=-1)
+            assert got.min(axis=0) == pytest.approx(expected.min(axis=0), abs=2e-3)
+            assert got.max(axis=0) == pytest.approx(expected.max(axis=0), abs=2e-3)
+
+
+# ---------------------------------------------------------------- layouts and files
+
+
+# ---------------------------------------------------------------- curves
+
+
+@pytest.mark.parametrize(
+    'configuration',
+    [PUMP, configure(HANGING), DRAG_LINK, MECHANISMS['backwards']],
+    ids=['pump', 'hanging', 'drag_link', 'backwards'],
+)  # fmt: skip
+def test_directions_have_no_jumps(configuration):
+    samples, states = run_of(configuration, 500, rate=500)
+    _, position, *_ = arrays(samples)
+    found = advanced(configuration, samples, 7)
+    drawing = Drawing(configuration.mechanism, configuration.drive.crank_angle)
+    # Links that swing and links that go round are apart; a crank that alone goes round is a joint.
+    curves = {'crank': position[:, 0]}
+    for entity, names in angles_of(drawing).items():
+        stamps, values = found[entity]
+        assert list(stamps) == [sample.stamp for sample in samples]
+        curves.update(zip(names, values.T, strict=True))
+    assert (curves['crank'] == position[:, 0]).all()
+    directions = np.stack([curves[name] for name in drawing.turning], axis=-1)
+    _, rates = found['rates']
+    exact, exact_rates = (
+        np.array([getattr(state, field) for state in states])[:, : len(drawing.turning)]
+        for field in ('position', 'velocity')
+    )
+    assert abs(np.exp(1j * directions) - np.exp(1j * exact)).max() < 1e-12
+    assert rates == pytest.approx(exact_rates, rel=1e-12, abs=1e-12)
+    assert abs(directions[0, 1:]).max() <= math.pi
+    # Rates are derivatives of directions: nothing jumps anywhere.
+    middle = (rates[1:] + rates[:-1]) / 2
+    assert np.diff(directions, axis=0) * 500 == pytest.approx(middle, abs=0.02 * abs(rates).max())
+
+
+def test_missing_angle_makes_no_jump_in_directions():
+    angles = np.array([[3.0], [math.nan], [-3.0], [-2.9]])
+    found = Directions().follow(angles)[:, 0]
+    assert np.isnan(found[1])
+    assert found[[0, 2, 3]] == pytest.approx([3.0, TURN - 3.0, TURN - 2.9])
+
+
+def energies_of_bodies(mechanism, position, velocity):
+    """Kinetic and potential energy, body by body, from the links' directions and rates."""
+    phi, rate = np.cumsum(position[:, :3], axis=1), np.cumsum(velocity[:, :3], axis=1)
+    kinetic = 0.5 * mechanism.slider.mass * velocity[:, 3] ** 2
+    potential = np.zeros(len(phi))
+    pin, pin_velocity = 0j, 0j
+    for i, body in enumerate((mechanism.crank, mechanism.coupler, mechanism.rod)):
+        direction = np.exp(1j * phi[:, i])
+        center = pin + complex(*body.center) * direction
+        speed = pin_velocity + 1j * rate[:, i] * complex(*body.center) * direction
+        kinetic = kinetic + 0.5 * (body.mass * abs(speed) ** 2 + body.inertia * rate[:, i] ** 2)
+        potential = potential - body.mass * mechanism.gravity[1] * center.imag
+        pin = pin + body.length * direction
+        pin_velocity = pin_velocity + 1j * rate[:, i] * body.length * direction
+    assert abs(pin - position[:, 3]).max() < 1e-12
+    return kinetic, potential
+
+
+def test_energies_are_the_sums_over_the_bodies(pumped):
+    _, position, velocity, _ = arrays(pumped)
+    kinetic, potential = energies_of_bodies(PUMP.mechanism, position, velocity)
+    _, got = advanced(PUMP, pumped, 500)['energies']
+    assert abs(got[:, 0] - kinetic).max() < 1e-9
+    assert abs(got[:, 1] - (potential - potential[0])).max() < 1e-9
+    assert abs(got[:, 2] - got[:, 0] - got[:, 1]).max() < 1e-12
+
+
+def test_free_swing_keeps_its_energy():
+    samples = run_of(configure(HANGING), 600)[0]
+    _, got = advanced(configure(HANGING), samples, 100)['energies']
+    assert got[:, 0].max() > 2.0
+    assert abs(got[:, 2]).max() < 1e-6
+
+
+def test_flow_is_stroke_of_last_turn_times_speed(pumped):
+    _, position, velocity, _ = arrays(pumped)
+    _, got = advanced(PUMP, pumped, 500)['flow']
+    turns = np.floor(position[:, 0] / TURN).astype(int)
+    assert turns[-1] >= 5
+    assert np.isnan(got[turns == 0]).all()
+    for turn in range(1, turns[-1] + 1):
+        now, ends = turns == turn, np.array([turn - 1, turn]) * TURN
+        at_ends = np.interp(ends, position[:, 0], position[:, 3])
+        stroke = np.ptp([*position[turns == turn - 1, 3], *at_ends])
+        assert got[now, 0] == pytest.approx(stroke * velocity[now, 0], rel=1e-12)
+    # Where it settles, by docs and design: 2.604 rad/s and 0.519 m.
+    assert np.mean(got[turns == turns[-1]]) == pytest.approx(0.519 * 2.604, rel=0.02)
+
+
+def flow_of(crank, slide, speed=1.0):
+    crank = np.asarray(crank)
+    return Flow().follow(crank, np.full(crank.shape, speed), np.asarray(slide))
+
+
+STEPS = np.linspace(0, 3.2 * TURN, 641)
+
+
+@pytest.mark.parametrize('sign', [1, -1])
+def test_flow_is_the_same_in_both_directions_of_rotation(sign):
+    got = flow_of(5.0 + sign * STEPS, 2 + 0.3 * np.cos(STEPS), speed=sign * 4.0)
+    whole = STEPS > TURN + 1e-9
+    assert np.isnan(got[: np.argmax(whole) - 1]).all()
+    assert got[whole] == pytest.approx(np.full(whole.sum(), 0.6 * 4.0), rel=1e-3)
+
+
+@pytest.mark.parametrize('swing', [0.0, 6.28, 20.0])
+def test_flow_needs_a_full_turn_in_small_steps(swing):
+    crank = 0.5 * swing * np.sin(np.linspace(0, 60, 6000))
+    assert np.isnan(flow_of(crank, np.cos(crank))).all() == (swing < TURN)
+    far = np.arange(100) * 0.8
+    assert np.isnan(flow_of(far, np.cos(far))).all()
+
+
+def test_flow_restarts_after_reversal_and_after_a_jump():
+    back = np.concatenate([STEPS, STEPS[-1] - STEPS[1:]])
+    got = flow_of(back, np.cos(back))
+    done = STEPS[-1] - back
+    after = np.arange(back.size) >= STEPS.size
+    assert np.isnan(got[after & (done < 0.99 * TURN)]).all()
+    assert np.isfinite(got[after & (done > 1.01 * TURN)]).all()
+    leap = np.concatenate([STEPS, STEPS])  # a log that is played again
+    again = flow_of(leap, np.cos(leap))
+    np.testing.assert_array_equal(again[: STEPS.size], again[STEPS.size :])
+
+
+@pytest.mark.parametrize('batch', [1, 7])
+def test_batch_size_does_not_change_rows(pumped, batch):
+    samples = pumped[1400:1700]
+    whole, pieces = (advanced(PUMP, samples, size) for size in (len(samples), batch))
+    assert pieces.keys() == whole.keys()
+    for entity, (stamps, values) in whole.items():
+        assert (pieces[entity][0] == stamps).all(), entity
+        if values.dtype.kind != 'U':
+            np.testing.assert_allclose(pieces[entity][1], values, rtol=1e-13, atol=1e-12)
+
+
+def test_impossible_state_is_a_gap_in_the_curves(pumped):
+    samples = list(pumped[:50])
+    for i, place in ((10, 9.0), (20, math.nan), (30, 2.52), (40, 1e308)):
+        position = (*samples[i].position[:3], place)
+        samples[i] = samples[i]._replace(position=position)
+    samples[45] = samples[45]._replace(velocity=(1e200,) * 4)
+    found = advanced(PUMP, samples, 50)
+    bad = [10, 20, 30, 40, 45]
+    usual = np.delete(advanced(PUMP, pumped[:50], 50)['energies'][1], bad, axis=0)
+    assert not np.isfinite(found['energies'][1][bad]).all(axis=1).any()
+    np.testing.assert_allclose(np.delete(found['energies'][1], bad, axis=0), usual, rtol=1e-12)
+    assert np.isfinite(found['phase_plane/curve/now'][1]).all()
