@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -25,20 +26,17 @@ LOADERS = sorted({parameter_file._LOADER, yaml.SafeLoader}, key=lambda loader: l
 # Reads every file as a node does. One line of JSON each, so that a crash shows where it was;
 # into a file, because the middleware writes to stdout when it likes.
 RCL = """
-import json, os, sys
+import json, sys
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
 answers = open(sys.argv[1], 'w')
-for path in sys.argv[2:]:
+for path, namespace in zip(sys.argv[2::2], sys.argv[3::2]):
     context = Context()
     try:
         rclpy.init(args=['--ros-args', '--params-file', path], context=context)
-        namespace = os.environ.get('NAMESPACE', '')
-        node = Node(
-            'linkage_node', namespace=namespace, context=context, enable_rosout=False
-        )
+        node = Node('linkage_node', namespace=namespace, context=context, enable_rosout=False)
         answer = {name: repr(p.value) for name, p in node._parameter_overrides.items()}
         node.destroy_node()
     except Exception as error:
@@ -72,6 +70,11 @@ NODES = """
     /*/* "**/linkage_node" other /other /**/other ns/linkage_node /ns/** /**/ns/* //linkage_node /
     "/**/" linkage_node/ "link*" "*_node" "***" 1node a-b é "a.b" ? "" LINKAGE_NODE linkage_node2
 """
+NAMESPACED = """
+    /ns/linkage_node ns/linkage_node /ns/a/linkage_node /a/ns/linkage_node /a/linkage_node /*/*/*
+    /ns/*/linkage_node /*/a/linkage_node /ns/**/linkage_node /**/a/** /**/a/* /ns/a/* /**/*/**
+"""
+NAMESPACES = ('/ns', '/ns/a')
 
 # What rcl and the reader have to agree about: the same values of the same types, or a refusal.
 AGREED = {
@@ -323,40 +326,32 @@ def outcome(path, node='linkage_node'):
 
 @pytest.fixture(scope='module')
 def files(tmp_path_factory):
+    """Each case's file; those of a namespace have the namespace in their name."""
     folder = tmp_path_factory.mktemp('parameters')
     texts = AGREED | LOOSER | {case: text for case, (text, _) in STRICTER.items()}
-    paths = {}
+    for section, namespace in itertools.product((NODES + NAMESPACED).split(), NAMESPACES):
+        texts[section, namespace] = own('a: 1', section)
+    paths = {'directory': folder, 'missing': folder / 'missing.yaml'}
     for number, (case, text) in enumerate(texts.items()):
         paths[case] = folder / f'{number}.yaml'
         paths[case].write_bytes(text if isinstance(text, bytes) else text.encode())
-    paths['directory'] = folder
-    paths['missing'] = folder / 'missing.yaml'
     return paths
 
 
 @pytest.fixture(scope='module')
 def answers(files, tmp_path_factory):
     """What rcl makes of each file: its values, or why it refuses them."""
-    return ask_rcl(files, tmp_path_factory.mktemp('rcl'))
-
-
-def ask_rcl(files, folder, namespace=''):
+    folder = tmp_path_factory.mktemp('rcl')
     script = folder / 'read.py'
     script.write_text(RCL)
+    # No shared memory: a test beside this one may hold its locks.
+    variables = {'ROS_LOG_DIR': str(folder), 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
     todo, answers = list(files), {}
     while todo:
+        pairs = [(files[case], case[1] if isinstance(case, tuple) else '') for case in todo]
+        command = [sys.executable, script, folder / 'answers', *itertools.chain(*pairs)]
         run = subprocess.run(
-            [sys.executable, script, folder / 'answers', *(files[case] for case in todo)],
-            # No shared memory: a test beside this one may hold its locks.
-            env={
-                **os.environ,
-                'NAMESPACE': namespace,
-                'ROS_LOG_DIR': str(folder),
-                'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
-            },
-            capture_output=True,
-            text=True,
-            timeout=60,
+            command, env={**os.environ, **variables}, capture_output=True, text=True, timeout=60
         )
         lines = (folder / 'answers').read_text().splitlines()
         answers.update(zip(todo, map(json.loads, lines), strict=False))
@@ -374,30 +369,32 @@ def loader(request, monkeypatch):
     return request.param
 
 
-@pytest.mark.parametrize('case', [*AGREED, 'directory', 'missing'])
-def test_agrees_with_rcl(case, files, answers, loader):
-    refused = isinstance(answers[case], str) or (loader is yaml.SafeLoader and case in PURE)
-    mine = outcome(files[case])
-    assert isinstance(mine, str) if refused else mine == answers[case]
+def test_agrees_with_rcl(files, answers, loader):
+    disagreed = {}
+    for case in [*AGREED, 'directory', 'missing']:
+        refused = isinstance(answers[case], str) or (loader is yaml.SafeLoader and case in PURE)
+        mine = outcome(files[case])
+        if not (isinstance(mine, str) if refused else mine == answers[case]):
+            disagreed[case] = answers[case], mine
+    assert disagreed == {}
 
 
-@pytest.mark.parametrize('case', STRICTER)
-def test_refuses_what_rcl_takes(case, files, answers, loader):
-    assert isinstance(answers[case], dict), 'no exception any more: rcl refuses it too'
-    assert isinstance(outcome(files[case]), str)
+def test_refuses_what_rcl_garbles(files, answers, loader):
+    assert [case for case in STRICTER if not isinstance(answers[case], dict)] == []
+    assert [case for case in STRICTER if not isinstance(outcome(files[case]), str)] == []
 
 
-@pytest.mark.parametrize('case', LOOSER)
-def test_takes_what_only_the_node_refuses(case, files, answers):
-    assert case in answers[case]
-    assert 'params file' not in answers[case]
-    assert set(outcome(files[case])) == {case}
+@pytest.mark.parametrize('name', ['use_sim_time', 'start_type_description_service'])
+def test_values_that_only_the_node_refuses_are_read(name, files, answers):
+    assert name in answers[name]
+    assert 'params file' not in answers[name]
+    assert set(outcome(files[name])) == {name}
 
 
-def test_the_table_holds_both(answers):
-    taken = sum(isinstance(answers[case], dict) for case in AGREED)
-    assert taken > 60
-    assert len(AGREED) - taken > 60
+def test_the_table_holds_accepted_and_refused_files(answers):
+    accepted = sum(isinstance(answers[case], dict) for case in AGREED)
+    assert accepted > 60
+    assert len(AGREED) - accepted > 60
 
 
 @pytest.fixture
@@ -431,24 +428,14 @@ def test_reads_for_another_node(write):
     assert read_parameter_file(path, 'other') == {'a': 2, 'b': 3}
 
 
-NAMESPACED = """
-    /ns/linkage_node ns/linkage_node /ns/a/linkage_node /a/ns/linkage_node /a/linkage_node /*/*/*
-    /ns/*/linkage_node /*/a/linkage_node /ns/**/linkage_node /**/a/** /**/a/* /ns/a/* /**/*/**
-"""
-
-
-@pytest.mark.parametrize('namespace', ['/ns', '/ns/a'])
-def test_agrees_with_rcl_in_a_namespace(namespace, tmp_path):
-    paths = {}
-    for number, section in enumerate((NODES + NAMESPACED).split()):
-        paths[section] = tmp_path / f'{number}.yaml'
-        paths[section].write_text(own('a: 1', section))
-    answers = ask_rcl(paths, tmp_path, namespace)
-    read = {answer.get('a', '') for answer in answers.values() if isinstance(answer, dict)}
+@pytest.mark.parametrize('namespace', NAMESPACES)
+def test_agrees_with_rcl_in_a_namespace(namespace, files, answers):
+    chosen = {case: path for case, path in files.items() if case[1] == namespace}
+    read = {answers[case].get('a', '') for case in chosen if isinstance(answers[case], dict)}
     assert read == {'1', ''}  # some sections are the node's, others are not
-    for section, answer in answers.items():
-        mine = outcome(paths[section], f'{namespace}/linkage_node')
-        assert isinstance(mine, str) if isinstance(answer, str) else mine == answer, section
+    for case, path in chosen.items():
+        answer, mine = answers[case], outcome(path, f'{namespace}/linkage_node')
+        assert isinstance(mine, str) if isinstance(answer, str) else mine == answer, case
 
 
 MESSAGES = {
@@ -493,7 +480,7 @@ LAYOUT = {
 @pytest.mark.parametrize(
     ('text', 'message'), [*((own(text), m) for text, m in MESSAGES.items()), *LAYOUT.items()]
 )
-def test_says_what_is_wrong(text, message, write, loader):
+def test_error_names_line_problem_and_cure(text, message, write, loader):
     path = write(text)
     with pytest.raises(ConfigurationError, match=message) as caught:
         read_parameter_file(path)
@@ -512,7 +499,7 @@ def test_says_what_is_wrong(text, message, write, loader):
         ('\udcff', r'udcff.: No such file'),
     ],
 )
-def test_says_which_file_cannot_be_read(name, message, tmp_path):
+def test_an_unreadable_file_is_named(name, message, tmp_path):
     with pytest.raises(ConfigurationError, match=message) as caught:
         read_parameter_file(tmp_path / name)
     assert '\n' not in str(caught.value)
@@ -529,20 +516,15 @@ def test_names_the_line_of_a_wrong_byte(wrong, write, loader):
     'text',
     [
         own('a: ' + '[' * 100_000),
-        own('a: ' + '{a: ' * 100_000),
-        '{a: ' * 100_000,
         '{/: ' * 100_000,
         own(''.join(f'a{i}: &a{i} [{f"*a{i - 1}, " * 9}]\n' for i in range(1, 20))),
         own('{' + ''.join(f'{"n" * 120}{i}: 1, ' for i in range(7000)) + '}'),
         own('{' + '? ' + 'n' * 500_000 + ': {' + 'a: 1, ' * 50_000 + '}}'),
-        own('a: ' + '1' * 900_000 + 'x'),
         own('a: 0x' + '1' * 900_000),
-        own('a: ' + '-' * 900_000),
-        '#' * (1 << 20) + '\n',
     ],
     ids=lambda text: text[-20:],
 )
-def test_is_bounded(text, write, loader):
+def test_time_and_answer_are_bounded(text, write, loader):
     start = time.process_time()  # of this process: others may have the machine
     assert len(outcome(write(text))) < 50_001
     assert time.process_time() - start < 5
@@ -562,10 +544,10 @@ PIECES = st.sampled_from(
 TEXTS = st.lists(PIECES, max_size=40).map(''.join)
 
 
-@settings(max_examples=400, deadline=None, database=None, derandomize=True)
+@settings(max_examples=80, deadline=None, database=None, derandomize=True)
 @given(st.one_of(TEXTS, TEXTS.map(own), st.text(), st.binary()))
 @pytest.mark.parametrize('loader', LOADERS, ids=lambda loader: loader.__name__)
-def test_any_text_ends_well(loader, tmp_path_factory, text):
+def test_any_text_gives_values_or_one_line(loader, tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / 'any.yaml'
     path.write_bytes(text if isinstance(text, bytes) else text.encode('utf-8', 'surrogatepass'))
     with pytest.MonkeyPatch.context() as patch:
