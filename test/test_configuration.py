@@ -524,7 +524,7 @@ configurations = st.builds(
 )
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=30)
 @given(configurations)
 def test_text_loses_nothing(values):
     configuration = configure(values)
@@ -541,7 +541,7 @@ def test_text_loses_nothing(values):
         assert text.isascii()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15)
 @given(configurations, st.sampled_from(sorted(set(REQUIRED) - {'mechanism'})))
 def test_a_setting_that_differs_in_its_last_place_has_other_text(values, name):
     changed = {**values, name: math.nextafter(values[name], 0.0 if values[name] else 1.0)}

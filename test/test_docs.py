@@ -1,27 +1,31 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of the pages work, and their links and pictures lead somewhere.
+"""The commands, programs, links and figures of the pages work.
 
-Cheap commands are run as they stand; others are read by the parser of their executable. The
-words of `ros2` are compared with the package; other programs that are not installed here stand
-beside the words 'not tried'.
+Cheap commands are run as they are written; others are read by the parser of their executable. The
+words of `ros2` are compared with the package; other programs that are not installed here are
+marked with the words 'not tried'.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
 import sys
-import time
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
+from forked import forked, run_forked
 from pages import (
     PAGES,
     ROOT,
+    block,
     blocks,
     commands,
     is_python,
@@ -31,7 +35,8 @@ from pages import (
     read,
     run_python,
 )
-from ros_harness import command, environment, fresh_domain
+from PIL import Image
+from ros_harness import Listener, environment, fresh_domain, wait_for
 
 from linkage_ros import cli
 from linkage_ros.controller import Settings
@@ -41,20 +46,21 @@ from linkage_ros.parameters.configuration import check_live, configure, read_val
 from linkage_ros.quantities import build, leaves
 from linkage_ros.wire.topics import TOPICS, qualified
 
-TOOLS = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool'}
-# Blocks that need a log or a node to work on: by the pages' own tests.
+MODULES = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool'}
+CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log')
+# The programs of these pages need a log or a node to work on: tests of their own run them.
 PYTHON_ELSEWHERE = {
-    'README.md': 'test_readme.py',
     'docs/controllers.md': 'test_controllers_page.py',
     'docs/mcap.md': 'test_foreign_readers.py',
 }
+README = read('README.md')
 
 
-# ---------------------------------------------------------------- commands
+# ---------------------------------------------------------------- commands are understood
 
 
-def module_of(name):
-    return TOOLS.get(name, name.removeprefix('linkage_'))
+def module_of(executable):
+    return MODULES.get(executable, executable.removeprefix('linkage_'))
 
 
 def without_ros2_run(words):
@@ -63,26 +69,25 @@ def without_ros2_run(words):
     return words[3:] if is_run else words
 
 
-def check_tool(words, *, is_block):
-    """The executable's own parser takes it; within a sentence it need not be complete.
+def check_executable(words, *, is_block):
+    """Parses a command line; within a sentence it may be incomplete.
 
     Raises:
-        SyntaxError: It does not.
+        SyntaxError: The executable does not take it.
     """
     name, *rest = [word for word in words if word != '[options]']
     if name in ('linkage_node', 'linkage_controller'):
         check_parameters(name, rest)
         return
-    parser = import_module(f'linkage_ros.{module_of(name)}')._parser()
     try:
-        parser.parse_args(rest)
+        import_module(f'linkage_ros.{module_of(name)}')._parser().parse_args(rest)
     except SyntaxError as error:
         if is_block or 'are required' not in str(error):
             raise
 
 
 def check_parameters(name, words):
-    """What follows --ros-args: a file of the page, and -p NAME:=VALUE for existing parameters."""
+    """Checks --params-file with a file of the page, and -p NAME:=VALUE."""
     given = dict(word.split(':=', 1) for word in words if ':=' in word)
     flags = [word for word in words if ':=' not in word]
     values = {key: yaml.safe_load(value) for key, value in given.items()}
@@ -98,12 +103,8 @@ def check_parameters(name, words):
         configure(values)
 
 
-def check_ros2(words):
-    """Whether it is a use of this package whose words are known: `ros2` is not installed here.
-
-    Raises:
-        AssertionError: The package has no such launch argument, topic or parameter.
-    """
+def is_known_to_ros2(words):
+    """Whether `ros2` is used on this package, whose launch arguments, topics and names it has."""
     match words:
         case ('launch', 'linkage_ros', file, *rest):
             declared = load_reference().launch_arguments(ROOT / 'launch' / file)
@@ -118,22 +119,26 @@ def check_ros2(words):
     return True
 
 
-def helps(program, options):
-    """Whether a program that has nothing to do with ours knows these options."""
-    done = subprocess.run([*program, '--help'], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert 'usage' in done.stdout.lower(), f'{program}: does not say what it is for'
-    known = re.findall(r'--[\w-]+', done.stdout)
-    return all(option in known for option in options if option.startswith('--'))
+def knows(program, options):
+    """Whether a program that is not an executable of the package has these options."""
+    if program.endswith('.py'):
+        code, text = run_forked(program, '--help', folder=Path.cwd())
+    else:
+        words = [Path(sys.executable).parent / program, *options[: 2 * (options[0] == 'mcap')]]
+        done = subprocess.run([*words, '--help'], capture_output=True, text=True, check=False)
+        code, text = done.returncode, done.stdout
+    assert code == 0, text
+    assert 'usage' in text.lower(), f'{program}: its help does not show how it is used'
+    wanted = {word for word in options if word.startswith('--')}
+    return wanted <= set(re.findall(r'--[\w-]+', text))
 
 
 def check_command(words, *, is_block, near):
-    """That it is understood, or said to be not tried."""
+    """Checks that a command is understood, or marked as not tried."""
     words = without_ros2_run(words)
     name, *rest = words
-    where = Path(sys.executable).parent
     if name.startswith('linkage_'):
-        check_tool(words, is_block=is_block)
+        check_executable(words, is_block=is_block)
     elif name == 'make':
         targets = re.findall(r'^(\w+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
         assert set(rest) <= set(targets), words
@@ -145,128 +150,44 @@ def check_command(words, *, is_block, near):
     elif name == 'pip':
         assert rest[1].strip('\'"').split('[')[0] in (ROOT / 'setup.py').read_text(), words
     elif name == 'python':
-        assert helps([sys.executable, ROOT / rest[0]], rest), words
-    elif name == 'rosbags-convert':
-        assert helps([where / name], rest), words
-    elif name == 'rerun':
-        tool = rest[: 2 * (rest[0] == 'mcap')]
-        assert helps([where / name, *tool], rest), words
-    elif not (name == 'ros2' and check_ros2(rest)):
-        said = re.search(r'not\s+tried', near, re.IGNORECASE)
-        assert said, f'{" ".join(words)}: test it or say so'
+        assert knows(str(ROOT / rest[0]), rest), words
+    elif name in ('rerun', 'rosbags-convert'):
+        assert knows(name, rest), words
+    elif not (name == 'ros2' and is_known_to_ros2(rest)):
+        marked = re.search(r'not\s+tried', near, re.IGNORECASE)
+        assert marked, f'{" ".join(words)}: test it or say so'
 
 
 @pytest.fixture(autouse=True)
-def parsers_raise(monkeypatch):
+def parsers_raise(monkeypatch, tmp_path):
     """They would end the program."""
 
     def error(self, message):
         raise SyntaxError(message)
 
     monkeypatch.setattr(cli.Parser, 'error', error)
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize('page', PAGES)
-def test_commands_are_understood_or_said_to_be_not_tried(page, tmp_path, monkeypatch):
-    write_files(page, tmp_path)
-    monkeypatch.chdir(tmp_path)
+def test_commands_are_understood_or_marked_as_not_tried(page):
+    for name, text in page_files(read(page)).items():
+        Path(name).write_text(text)
     for words, is_block, near in commands(read(page)):
         check_command(words, is_block=is_block, near=near)
 
 
 SCRIPTS = [
-    path
+    str(path)
     for folder in ('docs', 'benchmarks')
     for path in sorted((ROOT / folder).glob('*.py'))
     if '__main__' in path.read_text()
 ]
 
 
-@pytest.mark.parametrize('path', SCRIPTS, ids=lambda path: path.name)
-def test_a_script_that_is_asked_for_help_gives_it(path):
-    assert helps([sys.executable, path], [])
-
-
-def quick(words):
-    """The same in less time, and without a window."""
-    words = [re.sub('^(viewer:=)?(spawn|web)$', r'\1shown.rrd', word) for word in words]
-    return [*words, '--rate', '100'] if words[0] == 'linkage_replay' else words
-
-
-def write_files(page, folder):
-    for name, text in page_files(read(page)).items():
-        (folder / name).write_text(text)
-
-
-def run_node(words, folder):
-    """A second of a node that Ctrl-C ends."""
-    name, *rest = words
-    process = subprocess.Popen(
-        command(module_of(name), *rest), env=environment(fresh_domain()), cwd=folder,
-        stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    try:
-        for line in process.stderr:
-            if line.endswith(' Hz\n'):
-                break
-        time.sleep(1)
-        process.send_signal(signal.SIGINT)
-        _, others = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == 0, f'{" ".join(words)}: {line}{others}'
-
-
-@pytest.mark.parametrize('page', PAGES)
-def test_recording_replaying_and_looking_work_as_they_stand(page, tmp_path):
-    cheap = ('linkage_record', 'linkage_replay', 'linkage_log')
-    write_files(page, tmp_path)
-    for command_line, is_block, _ in commands(read(page)):
-        words = without_ros2_run(command_line)
-        (tmp_path / 'shown.rrd').unlink(missing_ok=True)
-        if not is_block or '[options]' in words:  # which shows all of them
-            continue
-        if words[0] == 'linkage_node':
-            run_node(quick(words), tmp_path)
-        elif words[0] in cheap or words[:2] == ('linkage_chart', 'motion'):
-            name, *rest = quick(words)
-            done = subprocess.run(
-                command(module_of(name), *rest), env=environment(fresh_domain()), cwd=tmp_path,
-                capture_output=True, text=True, timeout=60, check=False,
-            )  # fmt: skip
-            assert done.returncode == 0, f'{" ".join(words)}: {done.stderr}'
-
-
-@pytest.mark.parametrize('page', PAGES)
-def test_python_runs(page, tmp_path, monkeypatch):
-    found = [block for block in blocks(read(page)) if is_python(block)]
-    if page in PYTHON_ELSEWHERE:
-        assert found
-        test = (ROOT / 'test' / PYTHON_ELSEWHERE[page]).read_text()
-        assert f"read('{page}')" in test
-        return
-    monkeypatch.chdir(tmp_path)
-    for block in found:
-        run_python(block, page)
-
-
-# ---------------------------------------------------------------- links
-
-
-@pytest.mark.parametrize('page', PAGES)
-def test_links_and_pictures_lead_somewhere(page):
-    for link in links(read(page)):
-        assert link.startswith('https://') or (ROOT / page).parent.joinpath(link).exists(), link
-
-
-@pytest.mark.parametrize('page', PAGES)
-def test_files_that_are_named_are_there(page):
-    for name in re.findall(r'`((?:\w+/)+\w[\w.-]*)`', read(page)):
-        if '.' in name or name.startswith('benchmarks/'):
-            assert (ROOT / name).exists() or (ROOT / 'linkage_ros' / name).exists(), name
-
-
-# ---------------------------------------------------------------- the checks themselves
+@pytest.mark.parametrize('path', SCRIPTS, ids=lambda path: Path(path).name)
+def test_every_script_has_help(path):
+    assert knows(path, [])
 
 
 @pytest.mark.parametrize(
@@ -274,7 +195,6 @@ def test_files_that_are_named_are_there(page):
     [
         ('linkage_record quadrilateral run.mcap --speed 3', 'unrecognized'),
         ('linkage_record quadrilateral', 'required'),
-        ('linkage_chart area', 'invalid choice'),
         ('linkage_node --ros-args -p rmp:=60.0', 'rmp'),
         ('make tea', 'tea'),
         ('python benchmarks/delay.py --fast', '--fast'),
@@ -284,7 +204,6 @@ def test_files_that_are_named_are_there(page):
         ('ros2 topic echo /joint_state', 'joint_state'),
         ('ros2 param set /linkage_node crank.length 1.0', 'crank.length'),
         ('ros2 param set /linkage_node rpm fast', 'fast'),
-        ('fastdds discovery -i 0', 'say so'),
         ('LINKAGE_ROS_CASES=9 pytest test/test_hostage.py', 'hostage'),
         ('. venv/bin/activate', 'venv'),
     ],
@@ -293,3 +212,139 @@ def test_a_wrong_command_is_found(line, found):
     ((words, is_block, near),) = commands(f'Type\n\n    {line}    # this\n\nand wait.\n')
     with pytest.raises((AssertionError, SyntaxError, ConfigurationError), match=found):
         check_command(words, is_block=is_block, near=near)
+
+
+# ---------------------------------------------------------------- commands and programs work
+
+
+def quick(words):
+    """The same in less time, and without a window."""
+    words = [re.sub('^(viewer:=)?(spawn|web)$', r'\1shown.rrd', word) for word in words]
+    return [*words, '--rate', '100'] if words[0] == 'linkage_replay' else words
+
+
+def run_node(words, folder):
+    """Runs a node until its joint states arrive, and ends it by Ctrl-C."""
+    domain = fresh_domain()
+    topic = '/joint_states'
+    with (
+        Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as listener,
+        forked('node', *words, folder=folder, variables=environment(domain)) as process,
+    ):
+        wait_for(lambda: len(listener.received[topic]) > 20 or not process.is_alive())
+        os.kill(process.pid, signal.SIGINT)
+        process.join(60)
+        return process.exitcode, (folder / 'printed').read_text()
+
+
+@pytest.fixture(scope='module')
+def run_page(tmp_path_factory):
+    """Runs the cheap commands of a page, once: their folder, and what they print."""
+
+    @cache
+    def run(page):
+        folder, printed = tmp_path_factory.mktemp('page'), {}
+        for name, text in page_files(read(page)).items():
+            (folder / name).write_text(text)
+        for line, is_block, _ in commands(read(page)):
+            words = without_ros2_run(line)
+            if not is_block or '[options]' in words:  # which stands for all of them
+                continue
+            (folder / 'shown.rrd').unlink(missing_ok=True)
+            name, *rest = quick(words)
+            code, text = 0, ''
+            if name == 'linkage_node':
+                code, text = run_node(rest, folder)
+            elif name in CHEAP or words[:2] == ('linkage_chart', 'motion'):
+                variables = environment(fresh_domain())
+                code, text = run_forked(module_of(name), *rest, folder=folder, variables=variables)
+            assert code == 0, f'{" ".join(words)}: {text}'
+            printed[words] = text
+        return folder, printed
+
+    return run
+
+
+@pytest.mark.parametrize('page', PAGES)
+def test_cheap_commands_work_as_they_are_written(page, run_page):
+    run_page(page)
+
+
+@pytest.mark.parametrize('page', PAGES)
+def test_python_runs(page):
+    found = [one for one in blocks(read(page)) if is_python(one)]
+    if page in PYTHON_ELSEWHERE:
+        assert found
+        assert f"read('{page}')" in (ROOT / 'test' / PYTHON_ELSEWHERE[page]).read_text()
+        return
+    for one in found:
+        run_python(one, page)
+
+
+# ---------------------------------------------------------------- links
+
+
+@pytest.mark.parametrize('page', PAGES)
+def test_links_pictures_and_named_files_exist(page):
+    for link in links(read(page)):
+        assert link.startswith('https://') or (ROOT / page).parent.joinpath(link).exists(), link
+    for name in re.findall(r'`((?:\w+/)+\w[\w.-]*)`', read(page)):
+        if '.' in name or name.startswith('benchmarks/'):
+            assert (ROOT / name).exists() or (ROOT / 'linkage_ros' / name).exists(), name
+
+
+# ---------------------------------------------------------------- README
+
+
+def differ(one, other):
+    """Whether two pictures differ by more than the edges of letters and lines, or in size."""
+    with Image.open(one) as first, Image.open(other) as second:
+        if first.size != second.size:
+            return True
+        size = first.width // 8, first.height // 8
+        small = [np.asarray(p.convert('RGB').resize(size, Image.Resampling.BOX), dtype=float)
+                 for p in (first, second)]  # fmt: skip
+    return bool(np.abs(small[0] - small[1]).max() > 40)
+
+
+@pytest.mark.parametrize(('page', 'most'), [('README.md', 1300), ('CONTRIBUTING.md', 900)])
+def test_page_is_short(page, most):
+    assert len(read(page).split()) <= most
+
+
+def test_readme_has_the_set_up_that_its_page_explains():
+    assert block(README, 'rosdep') == block(read('docs/ros2.md'), 'rosdep')
+
+
+def test_readme_describes_its_first_linkage(run_page):
+    folder, printed = run_page('README.md')
+    table = np.genfromtxt(folder / 'wiper_motion.csv', delimiter=',', names=True)
+    (torque,) = [name for name in table.dtype.names if name.startswith('driving_torque')]
+    words = printed['linkage_chart', 'motion', 'wiper.yaml']
+    swing = float(re.search(r'swing ([\d.]+) deg', words)[1])
+    assert 'time ratio 1\n' in words
+    assert f'swings through {swing:.0f} deg and takes equal times' in README
+    assert f'from {table[torque].min():.2f} to {table[torque].max():.2f} N m' in README
+
+
+@pytest.mark.parametrize('name', ['wiper', 'quadrilateral'])
+def test_readme_shows_the_charts_that_its_commands_draw(name, run_page):
+    folder, _ = run_page('README.md')
+    shown = ROOT / 'docs' / f'{name}_motion.png'
+    assert not differ(folder / shown.name, shown), f'run linkage_chart motion {name}'
+
+
+def test_the_chart_of_another_speed_differs(tmp_path):
+    preset = (ROOT / 'config' / 'quadrilateral.yaml').read_text()
+    Path('quadrilateral.yaml').write_text(preset.replace('rpm: 150.0', 'rpm: 149.0'))
+    code, _ = run_forked('chart_tool', 'motion', 'quadrilateral.yaml', folder=tmp_path)
+    assert code == 0
+    name = 'quadrilateral_motion.png'
+    assert differ(tmp_path / name, ROOT / 'docs' / name)
+
+
+def test_readme_python_prints_the_swing_and_the_accuracy(capsys):
+    run_python(block(README, 'import numpy'), 'README.md')
+    first, second = capsys.readouterr().out.splitlines()
+    assert float(first.removeprefix('crank-rocker ').split()[0]) == pytest.approx(0.663, abs=2e-3)
+    assert 0 < float(second.split()[0]) < 100

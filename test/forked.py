@@ -1,0 +1,68 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Programs as processes that start at once, forked from a process that has imported everything."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import runpy
+import sys
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+
+_PROCESSES = multiprocessing.get_context('forkserver')
+_PROCESSES.set_forkserver_preload(
+    [
+        *(f'linkage_ros.{name}' for name in ('node', 'record', 'replay', 'log_tool')),
+        *('linkage_ros.chart_tool', 'linkage_ros.chart_commands.motion'),
+        *('matplotlib.figure', 'matplotlib.backends.backend_agg', 'rerun'),
+    ]
+)
+
+
+@contextmanager
+def forked(program, *arguments, folder, variables=None):
+    """A process of a module of the package, or of a script, which ends with the block.
+
+    Args:
+        program: Name of a module of the package, or path of a script.
+        *arguments: Of the program.
+        folder: Where it works, and writes what it prints to a file `printed`.
+        variables: Of its environment, besides those of this process.
+
+    Yields:
+        The process.
+    """
+    words = [str(word) for word in (program, *arguments)]
+    environment = {**os.environ, **(variables or {})}
+    process = _PROCESSES.Process(target=_run, args=(words, str(folder), environment))
+    process.start()
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.join()
+
+
+def _run(words, folder, variables):
+    os.environ.clear()
+    os.environ.update(variables)
+    os.chdir(folder)
+    printed = os.open('printed', os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(printed, 1)
+    os.dup2(printed, 2)
+    program, *_ = sys.argv = words
+    if program.endswith('.py'):
+        sys.path.insert(0, str(Path(program).parent))
+        runpy.run_path(program, run_name='__main__')
+    else:
+        sys.exit(import_module(f'linkage_ros.{program}').main())
+
+
+def run_forked(program, *arguments, folder, variables=None, seconds=60):
+    """The exit code of a program, None if it does not end in time, and what it printed."""
+    with forked(program, *arguments, folder=folder, variables=variables) as process:
+        process.join(seconds)
+        return process.exitcode, Path(folder, 'printed').read_text()
