@@ -120,12 +120,13 @@ def test_solver_refuses_states_filled_with_what_is_no_number(mechanism):
             ('crank position', good._replace(position=(bad, *good.position[1:]))),
             ('coupler velocity', good._replace(velocity=(2.0, bad, good.velocity[2]))),
         ):
-            for call in (solver.reactions, lambda state: solver.point(state, 'B')):
-                refused(lambda call=call, state=state: call(state), f'{name} = ', 'finite number')
+            refused(lambda state=state: solver.point(state, 'B'), f'{name} = ', 'finite number')
+        state = good._replace(position=(bad, *good.position[1:]))
+        refused(lambda state=state: solver.reactions(state), 'crank angle = ', 'finite number')
     for bad in (None, 3.0, 'abc'[:2], (1.0, 2.0)):
         refused(lambda bad=bad: solver.reactions(good._replace(position=bad)), 'must be a State')
     uneven = good._replace(position=(np.zeros(2), *good.position[1:]), velocity=(np.zeros(3),) * 3)
-    refused(lambda: solver.reactions(uneven), 'crank position (2,), crank velocity (3,)')
+    refused(lambda: solver.reactions(uneven), 'crank angle (2,), crank speed (3,)')
 
 
 def test_reactions_of_a_state_out_of_reach_are_refused():

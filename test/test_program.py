@@ -126,8 +126,11 @@ def inputs(program):
 def columns(mechanism, program, count, seed=5):
     """Arguments of a program for many states, all inside the reach."""
     random = np.random.default_rng(seed)
-    sizes = {'q': 13.0, 'u': 30.0, 'a': 200.0, 'e': 200.0, 't': 90.0}
-    found = [random.uniform(-1, 1, count) * sizes[name[0]] for name in inputs(program)]
+    sizes = {'angle': 13.0, 'position': 13.0, 'speed': 30.0, 'velocity': 30.0,
+             'acceleration': 200.0, 'torque': 90.0}  # fmt: skip
+    found = [
+        random.uniform(-1, 1, count) * sizes[name.rpartition('_')[2]] for name in inputs(program)
+    ]
     if isinstance(mechanism, WindPump):
         r, b, c = (getattr(mechanism, part).length for part in ('crank', 'coupler', 'rod'))
         found[1] = random.uniform(abs(b - c) + r + 0.1, b + c - r - 0.1, count)
@@ -365,7 +368,10 @@ def test_singular_places_raise_no_warning_and_give_no_nan(name):
         if kind.startswith('_point'):
             continue  # of a state: it has no singular place
         names = inputs(program)[len(places[0]) :]
-        motion = [{'u': 1.5, 'a': -3.0, 't': 2.0}[n[0]] for n in names]
+        motion = [
+            {'speed': 1.5, 'acceleration': -3.0, 'torque': 2.0}[n.rpartition('_')[2]]
+            for n in names
+        ]
         for place in places:
             words = {refusal_of(form, *place, *motion) for form in forms_of(program)}
             assert len(words) == 1, (kind, place, words)

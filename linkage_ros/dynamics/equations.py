@@ -18,6 +18,7 @@ coordinates that nothing drives. No pin reaction appears.
 from __future__ import annotations
 
 import itertools
+import operator
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -153,7 +154,7 @@ def accelerations(pose: Pose, u: Sequence[Real], a: Sequence[Real]) -> list[Real
 
 
 def _product(row: Iterable[Real], column: Iterable[Real]) -> Real:
-    return total(x * y for x, y in zip(row, column, strict=True))
+    return total(map(operator.mul, row, column))
 
 
 def balance(

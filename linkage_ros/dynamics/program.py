@@ -298,6 +298,7 @@ class Program:
     Attributes:
         formula: The function itself.
         constants: Bound to it.
+        names: Of all numbers of the arguments, one by one.
         scalar: The program for floats: a function of all numbers of the arguments, one by one.
     """
 
@@ -312,6 +313,7 @@ class Program:
             arguments: The names of the arguments.
         """
         self.formula, self.constants, self._arguments = formula, constants, arguments
+        self.names: list[str] = leaves(arguments)
         self.scalar: Callable[..., Any] = self._first
 
     def compile(self) -> Callable[..., Any]:
@@ -359,9 +361,7 @@ class Program:
         """
         shape = np.broadcast_shapes(*map(np.shape, values))
         rows: list[Real] = [np.broadcast_to(x, shape).ravel() if np.ndim(x) else x for x in values]
-        varying = frozenset(
-            name for name, x in zip(leaves(self._arguments), rows, strict=True) if np.ndim(x)
-        )
+        varying = frozenset(name for name, x in zip(self.names, rows, strict=True) if np.ndim(x))
         run, size = self._bind(varying, by_math=by_math), math.prod(shape)
         results = [np.empty(size) for _ in leaves(self._tape.result)]
         # glibc hands memory of the size of a chunk back to the system at once, and gets it again

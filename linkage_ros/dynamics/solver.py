@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any, NoReturn
@@ -22,8 +23,6 @@ from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
-
-_LETTERS = {'position': 'q', 'speed': 'u', 'acceleration': 'a'}
 
 
 class Solver:
@@ -47,16 +46,19 @@ class Solver:
         self.links = tuple(link.name for link in self.structure.links)
         self.coordinates = mechanism.coordinates
         self._count = len(self.coordinates)
+        slides = {link.name: link.slides for link in self.structure.links}
+        q = tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in self.coordinates)
+        u, a = (
+            tuple(f'{x}_{word}' for x in self.coordinates) for word in ('speed', 'acceleration')
+        )
+        self._names = {'q': q, 'u': u, 'a': a}
         self._model = model = model_of(
             mechanism,
             self.structure,
-            Opaque(functools.partial(self._refuse, 'acceleration')),
-            Opaque(functools.partial(self._refuse, 'torque')),
+            Opaque(functools.partial(_refuse, (*q, *u, *a))),
+            Opaque(functools.partial(_refuse, (*q, *u, 'torque'))),
             Opaque(_refuse_massless),
         )
-        q, u, a = self._names = [
-            tuple(f'{letter}{i + 1}' for i in range(self._count)) for letter in 'qua'
-        ]
         self._steady = Program(equations.state, model, (q, u, ()))
         self._moving = Program(equations.state, model, (q, u, a))
         self._accelerations = Program(equations.accelerations_under, model, (q, u, 'torque'))
@@ -114,12 +116,11 @@ class Solver:
         if type(q) is type(u) is type(a) is float and self._count == 1:
             fast: State = self._moving.scalar(q, u, a) if a else self._steady.scalar(q, u)
             return fast
-        rates, changes = self._named('speed', u), self._named('acceleration', a)
-        named = {**self._named('position', q), **rates}
-        if all(type(change) is float and not change for change in changes.values()):
-            state: State = _run(self._steady, named)
+        changes = self._row('a', a)
+        if all(type(change) is float and not change for change in changes):
+            state: State = _run(self._steady, *self._row('q', q), *self._row('u', u))
         else:
-            state = _run(self._moving, {**named, **changes})
+            state = _run(self._moving, *self._row('q', q), *self._row('u', u), *changes)
         return state
 
     def accelerations(self, q: Any, u: Any, torque: Any) -> Any:
@@ -142,8 +143,7 @@ class Solver:
         """
         if type(q) is type(u) is type(torque) is float and self._count == 1:
             return self._accelerations.scalar(q, u, torque)[0]
-        named = {**self._named('position', q), **self._named('speed', u), 'torque': torque}
-        found = _run(self._accelerations, named)
+        found = _run(self._accelerations, *self._row('q', q), *self._row('u', u), torque)
         return found if self._count > 1 or isinstance(q, tuple) else found[0]
 
     def forward(self, q: Sequence[float], u: Sequence[float], torque: float) -> Forward:
@@ -176,8 +176,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        named = {**self._named('position', q), **self._named('speed', u)}
-        kinetic, potential = _run(self._energy, named)
+        kinetic, potential = _run(self._energy, *self._row('q', q), *self._row('u', u))
         return kinetic, potential
 
     def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
@@ -192,7 +191,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        rows: tuple[tuple[Real, ...], ...] = _run(self._matrix, self._named('position', q))
+        rows: tuple[tuple[Real, ...], ...] = _run(self._matrix, *self._row('q', q))
         return rows
 
     def point(self, state: State, name: str) -> PointMotion:
@@ -213,10 +212,12 @@ class Solver:
         if not isinstance(name, str) or name not in points:
             raise ConfigurationError(f'point {shown(name)}: must be one of {", ".join(points)}')
         if name not in self._points:
-            names = (tuple(f'{letter}_{link}' for link in self.links) for letter in 'que')
-            constants = Track.of(points[name]), Opaque(self._refuse_state)
-            self._points[name] = Program(_point_motion, constants, tuple(names))
-        motion: PointMotion = _run(self._points[name], self._of_state(state))
+            names = tuple(
+                tuple(f'{link}_{field}' for link in self.links) for field in State._fields[:3]
+            )
+            refuse = Opaque(functools.partial(_refuse, tuple(itertools.chain(*names))))
+            self._points[name] = Program(_point_motion, (Track.of(points[name]), refuse), names)
+        motion: PointMotion = _run(self._points[name], *itertools.chain(*self._rows(state)))
         return motion
 
     def reactions(self, state: State) -> Reactions:
@@ -238,14 +239,9 @@ class Solver:
             raise MechanismError(
                 f'joint forces of a {type(self.mechanism).__name__} are not known'
             )
-        given = self._of_state(state)
-        values, _ = real_numbers(**given)
-        require_finite(**dict(zip(given, values, strict=True)))
-        fields = State._fields[:3]
-        named = {(f, n): given[f'{n}_{f}'] for f in fields for n in self.coordinates}
-        forces, guides, *others = _run(
-            self._reactions, {f'{name}_{field}': x for (field, name), x in named.items()}
-        )
+        moving = [self.links.index(name) for name in self.coordinates]
+        given = (row[i] for row in self._rows(state) for i in moving)
+        forces, guides, *others = _run(self._reactions, *given)
         return Reactions(
             dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
         )
@@ -277,15 +273,15 @@ class Solver:
     @functools.cached_property
     def _reactions(self) -> Program:
         joints = joints_of(self.mechanism, self.structure, Opaque(self._refuse_change_point))
-        return Program(reactions, (self._model, joints), tuple(self._names))
+        return Program(reactions, (self._model, joints), tuple(self._names.values()))
 
-    def _named(self, quantity: str, row: Any) -> dict[str, Any]:
-        """The values of all coordinates by their names.
+    def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
+        """The values of all coordinates.
 
         Raises:
             ConfigurationError: Their number is wrong.
         """
-        names, found = self._meanings(quantity), row
+        found = row
         if self._count == 1 and not isinstance(row, tuple):
             found = (row,)
         elif type(row) is float and not row:
@@ -293,23 +289,12 @@ class Solver:
         elif not isinstance(row, (tuple, list)) and not (isinstance(row, np.ndarray) and row.ndim):
             found = ()
         if len(found) != self._count:
-            words = ', '.join(names).replace('_', ' ') + ',' * (self._count == 1)
-            raise ConfigurationError(
-                f'{_LETTERS[quantity]} = {shown(row)}: must be a tuple ({words})'
-            )
-        return dict(zip(names, found, strict=True))
+            words = ', '.join(self._names[letter]).replace('_', ' ') + ',' * (self._count == 1)
+            raise ConfigurationError(f'{letter} = {shown(row)}: must be a tuple ({words})')
+        return tuple(found)
 
-    def _meanings(self, quantity: str) -> list[str]:
-        """Names of the coordinates' values in errors, with words joined by _."""
-        slides = {link.name: link.slides for link in self.structure.links}
-        is_place = quantity == 'position'
-        return [
-            f'{name}_{"angle" if is_place and not slides[name] else quantity}'
-            for name in self.coordinates
-        ]
-
-    def _of_state(self, state: State) -> dict[str, Real]:
-        """The motion of all links by their names.
+    def _rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
+        """Positions, rates and accelerations of all links.
 
         Raises:
             ConfigurationError: It is not a state of this mechanism.
@@ -319,34 +304,7 @@ class Solver:
             raise ConfigurationError(
                 f'state = {shown(state)}: must be a State of this mechanism, from its solver'
             )
-        return {
-            f'{link}_{field}': value
-            for field, row in zip(State._fields, rows, strict=False)
-            for link, value in zip(self.links, row, strict=True)
-        }
-
-    def _refuse_state(self, *values: float) -> NoReturn:
-        """Refuses a state.
-
-        Raises:
-            ConfigurationError: Always.
-        """
-        names = (f'{link}_{field}' for field in State._fields[:3] for link in self.links)
-        require_finite(**dict(zip(names, values, strict=False)))
-        raise ConfigurationError('state: must be a State of this mechanism, from its solver')
-
-    def _refuse(self, last: str, *values: float) -> NoReturn:
-        """Refuses numbers that are not finite, or so large that a result is not.
-
-        Raises:
-            ConfigurationError: Always.
-        """
-        lasts = [last] if last == 'torque' else self._meanings(last)
-        names = [*self._meanings('position'), *self._meanings('speed'), *lasts]
-        given = dict(zip(names, values, strict=False))
-        require_finite(**given)
-        words = ', '.join(f'{n.replace("_", " ")} = {x:g}' for n, x in given.items())
-        raise ConfigurationError(f'the torque or an acceleration overflows at {words}: lower them')
+        return rows
 
     def _refuse_change_point(self, *q: float) -> NoReturn:
         """Refuses to give forces.
@@ -362,12 +320,24 @@ class Solver:
         )
 
 
-def _run(program: Program, named: dict[str, Any]) -> Any:
+def _run(program: Program, *given: Any) -> Any:
     """The program on floats or arrays."""
-    if all(type(value) is float for value in named.values()):
-        return program.scalar(*named.values())
-    values, shape = real_numbers(**named)
+    if all(type(value) is float for value in given):
+        return program.scalar(*given)
+    values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
     return program.arrays(*values) if shape else program.scalar(*values)
+
+
+def _refuse(names: Sequence[str], *values: float) -> NoReturn:
+    """Refuses numbers that are not finite, or so large that a result is not.
+
+    Raises:
+        ConfigurationError: Always.
+    """
+    given = dict(zip(names, values, strict=False))
+    require_finite(**given)
+    words = ', '.join(f'{name.replace("_", " ")} = {x:g}' for name, x in given.items())
+    raise ConfigurationError(f'the torque or an acceleration overflows at {words}: lower them')
 
 
 def _point_motion(
