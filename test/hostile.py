@@ -105,11 +105,11 @@ def yaml_bombs():
     )
     return (
         lambda: f'x:\n  a: &a [lol]\n{laughs}\n'.encode(),
-        lambda: f'{own}    rpm: [{"1.0," * 240_000}]\n'.encode(),
+        lambda: f'{own}    rpm: [{"1.0," * 60_000}]\n'.encode(),
         lambda: f'{own}    gravity: {"[" * 100_000}\n'.encode(),
         lambda: f'{own}    gravity: {"{a: " * 100_000}\n'.encode(),
         lambda: (own + ''.join(f'{" " * n}a:\n' for n in range(4, 700))).encode(),
-        lambda: (own + ''.join(f'    a{n}: 1\n' for n in range(60_000))).encode(),
+        lambda: (own + ''.join(f'    a{n}: 1\n' for n in range(20_000))).encode(),
         lambda: f'{own}    log: "{"x" * 1_000_000}"\n'.encode(),
         lambda: f'{own}    {"k" * 100_000}: 1\n'.encode(),
         lambda: f'{own}    log: "\\ud83d\\0\\e\\u202e"\n'.encode(),

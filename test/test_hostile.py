@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hostile input ends in success or one clear line: no traceback, no hang, no gigabytes.
 
-LINKAGE_ROS_CASES=10000 tries so many cases instead of a few hundred. Watched from outside, with
+LINKAGE_ROS_CASES=10000 tries so many cases instead of a hundred. Watched from outside, with
 limits of time and memory, benchmarks/reliability/fuzz.py tries the same ones.
 """
 
@@ -34,8 +34,8 @@ from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.topics import JOINT_STATES
 
-CASES = int(os.environ.get('LINKAGE_ROS_CASES', '400'))
-MORE = settings(max_examples=max(60, CASES // 20))
+CASES = int(os.environ.get('LINKAGE_ROS_CASES', '100'))
+MORE = settings(max_examples=max(15, CASES // 20))
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -70,7 +70,7 @@ def test_parameter_files(tmp_path):
 
     accepted, refused = tried(0.4, case)
     assert accepted
-    assert len(refused) > 20
+    assert len(refused) > 10
 
 
 def test_logs(tmp_path, logs):
@@ -82,7 +82,7 @@ def test_logs(tmp_path, logs):
 
     accepted, refused = tried(0.35, case)
     assert accepted
-    assert len(refused) > 10
+    assert len(refused) > 5
 
 
 def test_replay_options(tmp_path, logs):
@@ -91,7 +91,7 @@ def test_replay_options(tmp_path, logs):
     _, refused = tried(
         0.15, lambda rng: hostile_outcomes.replay_options(hostile.replay_options(rng), path)
     )
-    assert len(refused) > 20
+    assert len(refused) > 5
 
 
 @pytest.fixture(scope='module')
@@ -109,7 +109,7 @@ def test_live_parameters(nodes):
         0.1, lambda rng: rng.choice(nodes).request(hostile.live_parameters(rng))
     )
     assert accepted
-    assert len(refused) > 5
+    assert refused
 
 
 def test_a_live_value_is_taken_or_refused_in_words(nodes):
@@ -267,7 +267,7 @@ def test_bombs_take_neither_long_nor_half_a_gigabyte(tmp_path):
     assert done.stdout == 'all\n', done.stderr
 
 
-@pytest.mark.parametrize('number', [4, 8], ids=['zstd', 'lz4'])
+@pytest.mark.parametrize('number', [2, 4], ids=['zstd', 'lz4'])
 def test_they_are_bombs_to_the_mcap_library(tmp_path, number):
     done = limited(UNLIMITED, tmp_path, number)
     assert done.returncode
