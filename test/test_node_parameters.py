@@ -131,3 +131,13 @@ def test_a_node_takes_its_own_dump_back_and_nothing_else_that_is_read_only(liste
     assert 'read-only parameter: coupler.center' in reason
     (reason,) = load_values(nonsense=center)
     assert 'undeclared' in reason
+
+
+def test_a_value_of_no_type_does_not_end_the_service_of_others(listener):
+    client = listener.node.create_client(SetParameters, '/linkage_node/set_parameters')
+    parameter = Parameter(name='rpm', value=ParameterValue(type=200))
+    client.wait_for_service(20.0)
+    for _ in range(3):
+        future = client.call_async(SetParameters.Request(parameters=[parameter]))
+        assert set_parameter(listener, 'rpm', type=3, double_value=30.0).successful
+        assert not future.done()
