@@ -46,7 +46,8 @@ def listener():
     with watched(['/joint_states'], *node_arguments(rpm=RPM)) as (listener, process):
         listener.await_more(1)
         yield listener
-        assert stop(process)[0] == 0
+        code, output = stop(process)
+    assert (code, 'Traceback' in output) == (0, False)
 
 
 def dump(listener):
