@@ -5,10 +5,13 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import re
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib.image
 import numpy as np
@@ -18,7 +21,6 @@ from matplotlib.text import Text
 
 from linkage_ros import (
     Body,
-    ConfigurationError,
     Coupler,
     FourBar,
     Frame,
@@ -60,12 +62,37 @@ def table(path):
     return dict(zip(names, values, strict=True))
 
 
+class Drawn(NamedTuple):
+    """What a run of the command printed, wrote and drew."""
+
+    said: str
+    columns: dict
+    pixels: np.ndarray
+    page: Figure
+
+
+@pytest.fixture(scope='module')
+def drawn(tmp_path_factory):
+    """Each preset as drawn with all that it can have; a wind pump as it settles."""
+    folder, charts = tmp_path_factory.mktemp('charts'), {}
+    save = Figure.savefig
+    for preset in preset_names():
+        options = ['--rpm', 90, '--acceleration', 2.5, '--reactions'] if preset in PRESETS else []
+        pages, said = [], io.StringIO()
+        with pytest.MonkeyPatch.context() as patch, redirect_stdout(said):
+            patch.setattr(
+                Figure, 'savefig', lambda page, path, to=pages: to.append(page) or save(page, path)
+            )
+            assert chart(patch, 'motion', preset, *options, '--out', folder) == 0
+        *_, picture, written = said.getvalue().splitlines()
+        pixels = matplotlib.image.imread(picture)[..., :3]
+        charts[preset] = Drawn(said.getvalue(), table(Path(written)), pixels, *pages)
+    return charts
+
+
 @pytest.mark.parametrize('preset', PRESETS)
-def test_the_table_is_the_solvers_to_the_last_bit(tmp_path, monkeypatch, capsys, preset):
-    options = ['--rpm', 90, '--acceleration', 2.5, '--reactions', '--out', tmp_path / 'new']
-    assert chart(monkeypatch, 'motion', preset, *options) == 0
-    *_, picture, written = capsys.readouterr().out.splitlines()
-    columns = table(Path(written))
+def test_the_table_is_the_solvers_to_the_last_bit(drawn, preset):
+    columns = drawn[preset].columns
     solver = Solver(load(preset).mechanism)
     crank = columns['crank_angle [rad]']
     assert (crank[0], crank[-1], len(crank)) == (0.0, 2 * math.pi, 721)
@@ -88,28 +115,22 @@ def test_the_table_is_the_solvers_to_the_last_bit(tmp_path, monkeypatch, capsys,
     assert ('guide_force [N]' in columns) == (reactions.guide_force is not None)
     has_point = load(preset).mechanism.coupler.point is not None
     assert ('coupler_point.acceleration.y [m/s^2]' in columns) == has_point
-    assert Path(picture).stat().st_size > 40_000
-
-
-def test_nothing_that_is_drawn_lies_beyond_the_edge(tmp_path, monkeypatch):
-    for preset in preset_names():
-        options = ['--reactions'] if preset in PRESETS else []
-        assert chart(monkeypatch, 'motion', preset, *options, '--out', tmp_path) == 0
-        pixels = matplotlib.image.imread(tmp_path / f'{preset}_motion.png')[..., :3]
-        edges = pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:]
-        assert all((edge == 1.0).all() for edge in edges), preset
-        # Curves in the colours of the links, on white.
-        assert (pixels == 1.0).all(axis=-1).mean() > 0.7
-        orange = np.abs(pixels * 255 - (213, 94, 0)).max(axis=-1) < 2
-        assert orange.sum() > 500
 
 
 @pytest.mark.parametrize('preset', preset_names())
-def test_pins_are_named_in_the_drawing(tmp_path, monkeypatch, preset):
-    pages = []
-    monkeypatch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
-    assert chart(monkeypatch, 'motion', preset, '--out', tmp_path) == 0
-    (page,) = pages
+def test_nothing_that_is_drawn_lies_beyond_the_edge(drawn, preset):
+    pixels = drawn[preset].pixels
+    edges = pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:]
+    assert all((edge == 1.0).all() for edge in edges)
+    # Curves in the colours of the links, on white.
+    assert (pixels == 1.0).all(axis=-1).mean() > 0.7
+    orange = np.abs(pixels * 255 - (213, 94, 0)).max(axis=-1) < 2
+    assert orange.sum() > 500
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_pins_are_named_in_the_drawing(drawn, preset):
+    page = drawn[preset].page
     drawing = page.axes[0]
     expected = {
         'four_bar': {'A0', 'A', 'B', 'C', 'B0'},
@@ -123,7 +144,6 @@ def test_pins_are_named_in_the_drawing(tmp_path, monkeypatch, preset):
     sizes = [text.get_fontsize() for text in page.findobj(Text) if text.get_text()]
     assert min(sizes) * 700 / page.get_figwidth() / 72 > 7.9
     # Each is nearer to its own pin than to any other.
-    page.draw_without_rendering()
     pins = drawing.texts[:-1]
     places = drawing.transData.transform([text.xy for text in pins])
     for number, text in enumerate(pins):
@@ -135,14 +155,13 @@ def test_pins_are_named_in_the_drawing(tmp_path, monkeypatch, preset):
 @pytest.mark.parametrize(
     ('preset', 'words'),
     [
-        ('slider_crank', 'slider_crank, open, crank-slider, 60 rpm, '),
+        ('slider_crank', 'slider_crank, open, crank-slider, 90 rpm, 2.5 rad/s^2, '),
         ('wind_pump', 'wind_pump, crossed, motor 8.4 N m - 1.2 N m s x speed, '),
         ('compressor', 'compressor, slider_crank, open, '),
     ],
 )
-def test_the_name_of_file_and_kind_is_said_once(tmp_path, monkeypatch, capsys, preset, words):
-    assert chart(monkeypatch, 'motion', preset, '--out', tmp_path) == 0
-    assert capsys.readouterr().out.startswith(words)
+def test_the_name_of_file_and_kind_is_said_once(drawn, preset, words):
+    assert drawn[preset].said.startswith(words)
 
 
 def test_a_number_stands_beside_its_unit():
@@ -152,13 +171,10 @@ def test_a_number_stands_beside_its_unit():
         assert max(map(len, lines)) <= 48
 
 
-@pytest.mark.parametrize(
-    ('options', 'speed', 'stroke'), [([], 2.604, 0.519), (['--rpm', 57.29578], 6.249, 0.138)]
-)
-def test_a_wind_pump_is_drawn_as_it_settles(tmp_path, monkeypatch, capsys, options, speed, stroke):
-    assert chart(monkeypatch, 'motion', 'wind_pump', *options, '--out', tmp_path) == 0
-    assert f'settled at {speed} rad/s' in capsys.readouterr().out
-    columns = table(tmp_path / 'wind_pump_motion.csv')
+def test_a_wind_pump_is_drawn_as_it_settles(drawn):
+    speed, stroke = 2.604, 0.519
+    assert f'settled at {speed} rad/s' in drawn['wind_pump'].said
+    columns = drawn['wind_pump'].columns
     crank, rate = columns['crank_angle [rad]'], columns['crank.velocity [rad/s]']
     assert (crank[0], crank[-1], len(crank)) == (0.0, 2 * math.pi, 721)
     assert np.ptp(columns['slider.position [m]']) == pytest.approx(stroke, abs=5e-4)
@@ -217,10 +233,9 @@ def test_extents_are_those_of_the_motion():
     assert (constant.mean, constant.rms) == pytest.approx((-2.0, 2.0), rel=1e-14)
 
 
-@pytest.mark.parametrize('preset', PRESETS)
-@pytest.mark.parametrize('acceleration', [0.0, 3.0])
-def test_mean_power_is_the_mean_of_the_power(preset, acceleration):
-    period = SpeedDrivenPeriod(load(preset).mechanism, 4 * math.pi, acceleration)
+@pytest.mark.parametrize('preset', ['quadrilateral', 'compressor'])
+def test_mean_power_is_the_mean_of_the_power(preset):
+    period = SpeedDrivenPeriod(load(preset).mechanism, 4 * math.pi, 3.0)
     power = extent(period.crank, period.columns['driving_power'].values)
     assert period.mean_power == pytest.approx(power.mean, rel=1e-6, abs=1e-12 * power.rms)
 
@@ -241,9 +256,10 @@ def test_no_spike_next_to_a_change_point_is_missed(gap):
 
 
 def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, monkeypatch, capsys):
-    (tmp_path / 'folding.yaml').write_text(CHANGE_POINT)
-    assert chart(monkeypatch, 'motion', tmp_path / 'folding.yaml', '--out', tmp_path) == 0
-    columns = table(tmp_path / 'folding_motion.csv')
+    odd = tmp_path / 'cost_$5_$x{.yaml'  # a file's name is no mathematics
+    odd.write_text(CHANGE_POINT)
+    assert chart(monkeypatch, 'motion', odd, '--rpm', '6', '--out', tmp_path) == 0
+    columns = table(tmp_path / 'cost_$5_$x{_motion.csv')
     assert columns['crank_angle [rad]'][-1] == 4 * math.pi
     rocker = columns['rocker.position [rad]']
     assert np.abs(np.diff(rocker)).max() < 0.03
@@ -259,12 +275,6 @@ def test_forces_without_bounds_are_refused(tmp_path, monkeypatch, capsys):
     assert 'change point' in line
     assert 'leave the reactions out' in line
     assert not (tmp_path / 'out').exists()
-
-
-def test_file_names_are_no_mathematics(tmp_path, monkeypatch):
-    odd = tmp_path / 'cost_$5_$x{.yaml'
-    odd.write_text(CHANGE_POINT)
-    assert chart(monkeypatch, 'motion', odd, '--out', tmp_path) == 0
 
 
 def test_a_file_of_other_nodes_is_not_the_preset(tmp_path, monkeypatch, capsys):
@@ -312,11 +322,3 @@ def test_a_pump_that_starts_at_rest_says_which_parameter_to_set(tmp_path, monkey
     (tmp_path / 'still.yaml').write_text(re.sub('start_rpm: .*', 'start_rpm: 0.0', text))
     assert chart(monkeypatch, 'motion', tmp_path / 'still.yaml', '--out', tmp_path) == 2
     assert ': start_rpm = 0: must be above 0 rpm' in capsys.readouterr().err
-
-
-def test_the_library_refuses_reactions_at_change_points_too(tmp_path):
-    (tmp_path / 'folding.yaml').write_text(CHANGE_POINT)
-    mechanism = load(str(tmp_path / 'folding.yaml')).mechanism
-    SpeedDrivenPeriod(mechanism, 1.0)
-    with pytest.raises(ConfigurationError, match='change point'):
-        SpeedDrivenPeriod(mechanism, 1.0, reactions=True)

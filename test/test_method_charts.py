@@ -7,7 +7,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import os
 import re
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from test_chart import chart
 
 from linkage_ros import __version__
 from linkage_ros.charts.accuracy import draw_accuracy
@@ -23,6 +23,7 @@ from linkage_ros.charts.integration import draw_integration
 from linkage_ros.charts.stability import draw_stability
 from linkage_ros.methods.accuracy import NEAR, Measurement
 from linkage_ros.methods.bench import LIMIT
+from linkage_ros.methods.chain import BATCH, ONE, OWN, QUANTITIES
 from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
@@ -31,6 +32,7 @@ from linkage_ros.methods.registry import DEFAULT, INTEGRATORS, METHODS, label
 from linkage_ros.methods.situations import SITUATIONS
 from linkage_ros.parameters.presets import preset_path
 
+EPSILON = 2.0**-52
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
 PLACES = {situation.name for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
 
@@ -60,8 +62,25 @@ def run_quick(command, folder):
     return written, content['records']
 
 
-def test_speed_against_accuracy(tmp_path):
-    written, records = run_quick('accuracy', tmp_path)
+@pytest.fixture(scope='module')
+def accuracy(tmp_path_factory):
+    """Paths and records of one quick run: half a minute, so that all tests look at the same."""
+    return run_quick('accuracy', tmp_path_factory.mktemp('accuracy'))
+
+
+@pytest.fixture(scope='module')
+def errors(accuracy):
+    """The errors of all settings in turn, by mechanism, quantity, method and mode."""
+    found = {}
+    for r in accuracy[1]:
+        key = r['mechanism'], r['quantity'], r['method'], r['mode']
+        error = math.inf if r['max_error'] is None else r['max_error']
+        found.setdefault(key, {})[r['setting']] = error
+    return found
+
+
+def test_every_panel_has_a_front_of_right_points(accuracy):
+    written, records = accuracy
     names = ('quadrilateral', 'slider_crank', 'near_a_change_point', 'motions')
     assert [path.name for path in written] == [
         'accuracy.json',
@@ -79,41 +98,84 @@ def test_speed_against_accuracy(tmp_path):
         if panel[0] == NEAR:
             assert [r['method'] for r in front] == [DEFAULT]
 
-    moved = [r for r in records if r['mode'] in (MEAN, SLOWEST)]
-    names = {method.name for method in INTEGRATORS}
+
+def test_every_integrator_is_measured_at_every_setting(errors):
     for mechanism in ('wind_pump', 'quadrilateral'):
-        for quantity, mode in ((TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)):
-            panel = (mechanism, quantity, mode)
-            of_panel = [r for r in moved if (r['mechanism'], r['quantity'], r['mode']) == panel]
-            assert {r['method'] for r in of_panel} == names
-            if mode == MEAN:
-                settings = [r['setting'] for r in of_panel]
-                assert settings == [label(s) for m in INTEGRATORS for s in m.settings]
+        for quantity in (TRAJECTORY, ENERGY):
+            for method in INTEGRATORS:
+                settings = [label(setting) for setting in method.settings]
+                assert list(errors[mechanism, quantity, method.name, MEAN]) == settings
+                assert (mechanism, TRAJECTORY, method.name, SLOWEST) in errors
+
+
+def steady_error(errors, mechanism, quantity, method, mode):
+    return errors[mechanism, quantity, method.name, mode][label(method.steady)]
+
+
+@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
+def test_every_method_is_right_on_an_easy_mechanism(errors, mechanism):
+    limits = {'factored, float32': 1e-5, 'central differences': 2e-6}
+    if mechanism == 'slider_crank':
+        limits['half-angle'] = 1e-9  # near alpha = 0 its denominator is small
+    for method in METHODS:
+        for mode, quantity in itertools.product(method.modes, OWN[method.stage]):
+            error = steady_error(errors, mechanism, quantity, method, mode)
+            assert error < limits.get(method.name, 1e-11), (method.name, mode, quantity)
+
+
+@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
+def test_errors_fall_with_each_setting_down_to_a_floor(errors, mechanism):
+    methods = [method for method in METHODS if len(method.settings) > 1]
+    assert len(methods) == 5
+    for method in methods:
+        mode = BATCH if BATCH in method.modes else ONE
+        settings = [label(s) for s in method.settings if s.get('steps', 360) == 360]
+        for quantity in OWN[method.stage]:
+            found = [errors[mechanism, quantity, method.name, mode][s] for s in settings]
+            floor = found.index(min(found))
+            # On the floor, and beyond it where differences lose digits, rounding counts.
+            down = [max(error, 20 * EPSILON) for error in found[: floor + 1]]
+            assert all(b < a or b == 20 * EPSILON for a, b in itertools.pairwise(down)), found
+            limit = 1e-6 if method.name.startswith('central') else 1e-14
+            assert down[-1] < limit, (method.name, found)
+
+
+def test_the_default_is_as_close_as_any_to_a_few_ulp(errors):
+    for mechanism, mode in itertools.product(('quadrilateral', 'slider_crank'), (ONE, BATCH)):
+        for quantity in QUANTITIES:
+            best = {
+                method: min(found.values())
+                for (*place, method, asked), found in errors.items()
+                if (*place, asked) == (mechanism, quantity, mode)
+            }
+            assert best[DEFAULT] <= min(best.values()) + 4 * EPSILON, best
+
+
+def test_near_a_change_point_the_default_alone_is_right(errors):
+    near = {key: found for key, found in errors.items() if key[0] == NEAR}
+    assert {method for _, _, method, _ in near} == {method.name for method in METHODS}
+    for (_, _, method, _), found in near.items():
+        for setting, error in found.items():
+            right = method == DEFAULT
+            assert (error < LIMIT) == (error < 1e-12) == right, (method, setting, error)
 
 
 @pytest.mark.parametrize('command', ['accuracy', 'stability'])
-def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, command):
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, monkeypatch, capsys, command):
     (tmp_path / 'file').write_text('')
-    done = subprocess.run(
-        [sys.executable, '-m', 'linkage_ros.chart_tool', command, '--out', tmp_path / 'file'],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert done.stderr == f'linkage_chart: {tmp_path / "file"} is no folder: name another\n'
+    assert chart(monkeypatch, command, '--out', tmp_path / 'file') == 2
+    expected = f'linkage_chart: {tmp_path / "file"} is no folder: name another\n'
+    assert capsys.readouterr().err == expected
 
 
 @pytest.mark.parametrize('command', ['accuracy', 'stability'])
-def test_a_preset_of_another_kind_is_one_line(tmp_path, command):
+def test_a_preset_of_another_kind_is_one_line(tmp_path, monkeypatch, capsys, command):
     config = tmp_path / 'share' / 'linkage_ros' / 'config'
     config.mkdir(parents=True)
     (hiding := config / 'quadrilateral.yaml').symlink_to(preset_path('slider_crank'))
-    done = subprocess.run(
-        [sys.executable, '-m', 'linkage_ros.chart_tool', command, '--out', tmp_path / 'out'],
-        env={**os.environ, 'AMENT_PREFIX_PATH': str(tmp_path)},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert done.stderr == (
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    assert chart(monkeypatch, command, '--out', tmp_path / 'out') == 2
+    assert capsys.readouterr().err == (
         f'linkage_chart: {hiding} describes a slider_crank in place of the '
         "package's quadrilateral: rename it\n"
     )
@@ -145,10 +207,20 @@ def test_the_charts_of_the_docs_are_of_these_methods_and_situations():
 # ---------------------------------------------------------------- how they look
 
 
-def redrawn(monkeypatch):
+@pytest.fixture(scope='module')
+def redrawn():
     """The charts of the docs as figures, from the numbers in the docs: nothing is measured."""
     pages = []
-    monkeypatch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
+        draw_all()
+    assert len(pages) == 5
+    for figure in pages:
+        figure.draw_without_rendering()
+    return pages
+
+
+def draw_all():
     unknown = {'max_error': math.inf, 'us_per_state': math.inf}  # null in JSON
     points = [
         Measurement(
@@ -166,13 +238,10 @@ def redrawn(monkeypatch):
         [cell for cell in cells if cell.situation in own],
         [cell for cell in cells if cell.situation not in own], 'it', Path(),
     )  # fmt: skip
-    assert len(pages) == 5
-    return pages
 
 
 def overlaps(figure):
     """Pairs of texts in the panels of a figure that hide each other, or leave the picture."""
-    figure.draw_without_rendering()
     for axes in figure.axes:
         places = [(text.get_text(), text.get_window_extent()) for text in axes.texts]
         for (one, box), (other, place) in itertools.combinations(places, 2):
@@ -183,17 +252,16 @@ def overlaps(figure):
                 yield words, 'the edge'
 
 
-def test_charts_can_be_read_at_half_their_size(monkeypatch):
-    for figure in redrawn(monkeypatch):
+def test_charts_can_be_read_at_half_their_size(redrawn):
+    for figure in redrawn:
         pixels = 700 / figure.get_figwidth() / 72  # of a point
         sizes = [text.get_fontsize() * pixels for text in figure.findobj(Text) if text.get_text()]
         assert min(sizes) > 7.9
         assert list(overlaps(figure)) == []
 
 
-def test_settings_hide_neither_points_nor_lines(monkeypatch):
-    for figure in redrawn(monkeypatch)[:2]:
-        figure.draw_without_rendering()
+def test_settings_hide_neither_points_nor_lines(redrawn):
+    for figure in redrawn[:2]:
         for axes in figure.axes:
             boxes = [text.get_window_extent() for text in axes.texts]
             assert len(boxes) >= 3
@@ -209,4 +277,5 @@ def test_letters_that_hide_each_other_are_seen():
     axes.text(0.5, 0.5, 'one')
     axes.text(0.51, 0.51, 'two')
     axes.text(1.2, 0.1, 'beyond')
+    figure.draw_without_rendering()
     assert list(overlaps(figure)) == [('one', 'two'), ('beyond', 'the edge')]

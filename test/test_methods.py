@@ -15,13 +15,12 @@ from oracle_slider import SliderOracle
 
 from linkage_ros import FourBar, Solver, UnreachableError
 from linkage_ros.methods import linkages, reference, registry
-from linkage_ros.methods.accuracy import NEAR, Measurement, mark_fronts, tasks
-from linkage_ros.methods.bench import LIMIT, Bench, time_pass
+from linkage_ros.methods.accuracy import Measurement, mark_fronts, tasks
+from linkage_ros.methods.bench import Bench, time_pass
 from linkage_ros.methods.chain import (
     BATCH,
     FUNCTIONS,
     ONE,
-    OWN,
     QUANTITIES,
     STATE,
     Task,
@@ -41,7 +40,8 @@ PRESETS = {name: load(name).mechanism for name in ('quadrilateral', 'slider_cran
 
 @pytest.fixture(scope='module')
 def benches():
-    return {name: Bench(task, 90) for name, task in tasks(*PRESETS.values()).items()}
+    found = tasks(*PRESETS.values())
+    return {name: Bench(found[name], 60) for name in PRESETS}
 
 
 def oracle_of(mechanism, lengths=None):
@@ -67,7 +67,7 @@ def assert_same(task, crank, lengths=None):
                 assert apart < size * mp.mpf('1e-45'), (name, crank, x, y)
 
 
-@pytest.mark.parametrize('seed', range(12))
+@pytest.mark.parametrize('seed', range(4))
 def test_the_reference_agrees_with_an_oracle_of_another_hand(seed):
     random = np.random.default_rng(seed)
     mechanism = linkages.turning(random)
@@ -76,7 +76,7 @@ def test_the_reference_agrees_with_an_oracle_of_another_hand(seed):
         assert_same(task, crank)
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('seed', range(3))
 def test_the_reference_is_the_limit_at_change_points_and_beside_them(seed):
     task = Task(linkages.with_change_point(np.random.default_rng(seed)), (0.0, 0.0), 3.0, -7.0)
     for crank in (0.0, 1e-300, -1e-18, 1e-9, 3.0, 4.0, 7.0, 10.0):
@@ -97,7 +97,7 @@ NARROW = ('change point hit', 'near a change point', 'equal lengths', 'lengths i
 def test_the_reference_has_a_hundred_digits_left(name, monkeypatch):
     (situation,) = [one for one in SITUATIONS if one.name == name]
     for case in situation.cases(3):
-        cranks = case.cranks[:: max(1, len(case.cranks) // 30)]
+        cranks = case.cranks[:: max(1, len(case.cranks) // 6)]
         mine = list(map(Reference(case.task, case.lengths).state, cranks))
         with monkeypatch.context() as more:
             more.setattr(reference, '_DIGITS', 260)
@@ -117,21 +117,6 @@ def test_the_reference_refuses_where_no_state_exists():
     reference.state((start + end) / 2)
     with pytest.raises(UnreachableError):
         reference.state(end + 0.01)
-
-
-# ---------------------------------------------------------------- right where it is easy
-
-
-@pytest.mark.parametrize('method', registry.METHODS, ids=lambda method: method.name)
-@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
-def test_every_method_is_right_on_an_easy_mechanism(benches, mechanism, method):
-    limit = 1e-5 if 'float32' in method.name else 2e-6 if method.name.startswith('cent') else 1e-11
-    if (mechanism, method.name) == ('slider_crank', 'half-angle'):
-        limit = 1e-9  # near alpha = 0 its denominator is small
-    setting = method.steady
-    for mode in method.modes:
-        for quantity in OWN[method.stage]:
-            assert benches[mechanism].worst_error(method, setting, mode, quantity) < limit
 
 
 def test_an_array_gives_what_numbers_give(benches):
@@ -211,56 +196,6 @@ def test_newton_raphson_stops_at_its_cap():
     solve = NewtonRaphson(Loop(mechanism), 1e-12, (0.3, 0.5), warm=False)
     solve(end + 0.3)
     assert solve.iterations == CAP
-
-
-@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
-@pytest.mark.parametrize(
-    'name', [method.name for method in registry.METHODS if len(method.settings) > 1]
-)
-def test_errors_fall_with_each_setting_down_to_a_floor(benches, mechanism, name):
-    method = BY_NAME[name]
-    settings = [s for s in method.settings if s.get('steps', 360) == 360]
-    assert len(settings) >= 5
-    for quantity in OWN[method.stage]:
-        found = errors_of(benches[mechanism], name, quantity, settings)
-        floor = found.index(min(found))
-        # On the floor, and beyond it where differences lose digits, it is rounding that counts.
-        down = [max(error, 20 * EPSILON) for error in found[: floor + 1]]
-        assert all(b < a or b == 20 * EPSILON for a, b in itertools.pairwise(down)), found
-        assert down[-1] < (1e-6 if method.name.startswith('central') else 1e-14), found
-
-
-# ---------------------------------------------------------------- the default
-
-
-def test_the_default_is_as_close_as_any_to_a_few_ulp(benches):
-    for name in PRESETS:
-        for mode in (ONE, BATCH):
-            for quantity in QUANTITIES:
-                found = {
-                    method.name: min(
-                        benches[name].worst_error(method, setting, mode, quantity)
-                        for setting in method.settings
-                    )
-                    for method in registry.METHODS
-                    if mode in method.modes
-                }
-                assert found[registry.DEFAULT] <= min(found.values()) + 4 * EPSILON, found
-
-
-@pytest.mark.parametrize('quantity', QUANTITIES)
-def test_near_a_change_point_the_default_alone_is_right(benches, quantity):
-    bench = benches[NEAR]
-    for method in registry.METHODS:
-        first = min(QUANTITIES.index(own) for own in OWN[method.stage])
-        if QUANTITIES.index(quantity) < first:
-            continue
-        for mode in method.modes:
-            for setting in method.settings:
-                if setting.get('steps', 0) > 360:
-                    continue
-                error = bench.worst_error(method, setting, mode, quantity)
-                assert (error < LIMIT) == (error < 1e-12) == (method.name == registry.DEFAULT)
 
 
 def test_the_table_is_complete_and_its_names_differ():

@@ -148,19 +148,11 @@ def test_two_stable_states_exist_between_two_folds(analysis):
         assert motion.multipliers[0] == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.parametrize(('torque', 'stable'), [(7.27, 1), (7.29, 2), (12.64, 2), (12.66, 1)])
+@pytest.mark.parametrize(('torque', 'stable'), [(7.27, 1), (12.64, 2)])
 def test_next_to_the_folds_states_appear_and_vanish(analysis, torque, stable):
     found = find_states(analysis.poincare, analysis.branch, torque)
     assert [state.motion.stable for state in found].count(True) == stable
     assert len(found) == 2 * stable - 1
-
-
-def test_another_pump_has_other_folds():
-    # Not what every pump would give: a little less resistance moves them.
-    _, branch = followed(slid(damping=55.0), 2.9, 5.0, 10)
-    (high, low) = (boundary.motion.torque for boundary in branch.boundaries)
-    assert high > 13.0
-    assert low < 7.2
 
 
 def test_small_changes_of_the_torque_leave_the_pump_about_the_same(analysis):
@@ -245,29 +237,24 @@ def test_a_turn_that_is_none_is_refused():
 
 
 def test_a_speed_at_which_a_period_doubles_is_told_from_a_fold():
-    _, branch = followed(slid(damping=20.0), 4.2, 6.6, 8)
-    kinds = {boundary.kind: boundary.motion for boundary in branch.boundaries}
-    assert list(kinds) == [FOLD, PERIOD_DOUBLING]
-    assert kinds[PERIOD_DOUBLING].multipliers[0] == pytest.approx(-1, abs=1e-6)
+    _, branch = followed(slid(damping=20.0), 5.4, 6.6, 4)
+    ((kind, motion),) = branch.boundaries
+    assert kind == PERIOD_DOUBLING
+    assert motion.multipliers[0] == pytest.approx(-1, abs=1e-6)
 
 
 def test_without_resistance_nothing_settles():
-    poincare, branch = followed(slid(damping=0.0), 6.5, 7.5, 4)
+    poincare, branch = followed(slid(damping=0.0), 6.9, 7.1, 2)
     states = find_states(poincare, branch, MOTOR.torque)
     # The pump takes no power: the motor turns at its own speed, about which a motion wavers.
     assert all(state.motion.speed == pytest.approx(7, abs=0.01) for state in states)
     assert not any(state.motion.stable for state in states)
 
 
-def test_a_pump_with_one_state_is_drawn_and_recorded(tmp_path):
-    found = analyse(PUMP, Motor(5.0, 1.2), speeds=(2.0,), quick=True, progress=plain)
-    (state,) = found.states
+def test_a_weaker_motor_keeps_up_one_state(analysis):
+    ((state, _),) = find_states(analysis.poincare, analysis.branch, 5.0)
     assert state.stable
-    draw_pump(found, 'one state', tmp_path / 'one.png')
-    assert len(states_table(found)) == 3
-    record = json.loads(json.dumps(found.record(), allow_nan=False))
-    assert [run['settles_at_state'] for run in record['runs']] == [0]
-    assert record['torques_with_two_stable_states'][0]['low'] == pytest.approx(7.28, abs=0.01)
+    assert len(states_table(analysis._replace(states=[state]))) == 3
 
 
 def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
@@ -315,13 +302,12 @@ def test_a_run_that_leaves_says_where(analysis):
 # ---------------------------------------------------------------- what is written
 
 
-def test_the_picture_and_the_record_are_written(analysis, tmp_path):
-    path = tmp_path / 'pump.png'
-    draw_pump(analysis, 'wind_pump', path)
-    assert path.read_bytes().startswith(b'\x89PNG')
+def test_the_record_has_every_number(analysis):
     record = json.loads(json.dumps(analysis.record(), allow_nan=False))
     assert [state['stable'] for state in record['states']] == [True, False, True]
     assert record['states'][0]['speed'] == analysis.states[0].speed
+    assert [run['settles_at_state'] for run in record['runs']] == [0, 2, 0, 2]
+    assert record['torques_with_two_stable_states'][0]['low'] == pytest.approx(7.28, abs=0.01)
     assert len(record['basins']['outcomes']) == len(record['basins']['slider_velocities'])
     assert {len(row) for row in record['basins']['outcomes']} == {28}
     assert len(record['runs'][0]['passages']['time']) > 30
@@ -338,15 +324,15 @@ def test_an_extremum_between_samples_is_found(sign):
     assert extremum(np.full(8, 0.25), sign) == 0.25
 
 
-def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch):
-    pages = []
-    monkeypatch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
-    draw_pump(analysis, 'wind_pump', None)
-    (figure,) = pages
+def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch, tmp_path):
+    pages, save = [], Figure.savefig
+    monkeypatch.setattr(Figure, 'savefig', lambda *page: pages.append(page) or save(*page))
+    draw_pump(analysis, 'wind_pump', tmp_path / 'pump.png')
+    ((figure, path),) = pages
+    assert path.read_bytes().startswith(b'\x89PNG')
     pixels = 700 / figure.get_figwidth() / 72  # of a point
     texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
     assert min(text.get_fontsize() for text in texts) * pixels > 7.9
-    figure.draw_without_rendering()
     for axes in figure.axes[:3]:  # those with a legend below
         below = axes.get_legend().get_window_extent()
         assert not below.overlaps(axes.xaxis.label.get_window_extent())

@@ -23,7 +23,7 @@ from linkage_ros.analysis.poincare import PoincareMap
 from linkage_ros.numeric import Array
 
 END = 'end of the scan'
-_TOGETHER = 20  # motions whose turns are followed at once
+_TOGETHER = 45  # motions whose turns are followed at once
 
 
 class BranchPiece(NamedTuple):

@@ -126,7 +126,7 @@ def analyse(
     """
     require_forwards(mechanism, motor, speeds)
     poincare, averaging = PoincareMap(mechanism, motor.damping), Averaging(mechanism)
-    averaged = _scan(averaging, motor, speeds, 40 if quick else 90)
+    averaged = _scan(averaging, motor, speeds, 24 if quick else 90)
     branch = follow_branch(poincare, averaged, progress)
     found = find_states(poincare, branch, motor.torque)
     states = [state.motion for state in found]

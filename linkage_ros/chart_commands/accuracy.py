@@ -31,7 +31,7 @@ def accuracy(options: argparse.Namespace) -> None:
     movers = moving_presets()
     with folder(options.out):
         benches = {
-            name: Bench(task, 120 if options.quick else 360)
+            name: Bench(task, 72 if options.quick else 360)
             for name, task in tasks(*mechanisms).items()
         }
         points = measure_accuracy(benches, quick=options.quick, progress=progress)

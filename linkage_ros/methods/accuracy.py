@@ -105,7 +105,7 @@ def measure_accuracy(
         for method in progress(METHODS, f'errors, {name}'):
             timed += _points(name, bench, method, quick=quick)
     times = []
-    for _ in progress(range(3 if quick else 15), 'times'):
+    for _ in progress(range(2 if quick else 15), 'times'):
         with np.errstate(all='ignore'):
             times.append([time_pass(one.function, one.cranks) for one in timed])
     points = [one.point for one in timed]
@@ -117,7 +117,7 @@ def measure_accuracy(
 
 def _points(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterable[_Timed]:
     first = min(QUANTITIES.index(quantity) for quantity in OWN[method.stage])
-    ones, batch = bench.aside(120 if quick else 360), 2048 if quick else 4096
+    ones, batch = bench.aside(72 if quick else 360), 1024 if quick else 4096
     for setting in method.settings:
         if quick and setting.get('steps', 0) > _QUICK_STEPS:
             continue

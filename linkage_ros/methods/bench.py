@@ -18,7 +18,7 @@ from linkage_ros.methods.registry import Method, Setting
 from linkage_ros.numeric import Array
 
 _EVEN = 48  # angles, over a period or an arc
-_NOTHING = 1e-40
+_NOTHING = 1e-12  # of the largest value of a quantity
 LIMIT = 1e-6  # the error of a right answer at most
 # What arithmetic raises where a formula has no answer.
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
@@ -47,6 +47,7 @@ class Truth:
         self._solver = Solver(task.mechanism)
         self._slides = self._solver.structure.links[-1].slides
         self._states: dict[float, Exact] = {}
+        self._pairs: dict[tuple[str, float], list[tuple[float, float]]] = {}
 
     def exact(self, crank: float) -> Exact:
         """The reference state."""
@@ -60,26 +61,43 @@ class Truth:
         reach = self._solver.reach
         arcs = [(start, start + (end - start) * reach.period_turns) for start, end in reach.arcs]
         parts = (np.arange(_EVEN) + 0.5) / _EVEN
-        cranks = [start + (end - start) * part for start, end in arcs for part in parts.tolist()]
-        states = [self._reference.state(crank) for crank in cranks]
+        cranks = np.concatenate([start + (end - start) * parts for start, end in arcs])
+        state = self._solver.state(cranks, self.task.speed, self.task.acceleration)
         sizes = {}
-        for quantity in QUANTITIES:
-            rows = zip(*(getattr(state, quantity) for state in states), strict=True)
-            sizes[quantity] = tuple(float(max(map(abs, row))) for row in rows)
+        for quantity, rows in zip(
+            QUANTITIES, (state.position, state.velocity, state.acceleration, (0, state.torque)),
+            strict=True,
+        ):  # fmt: skip
+            largest = [float(np.max(np.abs(row))) for row in rows[1:]]
+            # The rest of a rounding is no size.
+            sizes[quantity] = tuple(x if x > _NOTHING * max(largest) else 0.0 for x in largest)
         return sizes
+
+    def _pair(self, quantity: str, crank: float) -> list[tuple[float, float]]:
+        """The exact values as sums of two doubles."""
+        found = self._pairs.get((quantity, crank))
+        if found is None:
+            exact = getattr(self.exact(crank), quantity)
+            found = self._pairs[quantity, crank] = [
+                (float(value), -Reference.difference(float(value), value, is_angle=False))
+                for value in exact
+            ]
+        return found
 
     def error(self, quantity: str, crank: float, values: Iterable[float]) -> float:
         """The largest relative error of values; inf where one is no number."""
         worst = 0.0
-        exact, sizes = getattr(self.exact(crank), quantity), self._sizes[quantity]
-        for i, (value, true, size) in enumerate(zip(values, exact, sizes, strict=True)):
+        pairs, sizes = self._pair(quantity, crank), self._sizes[quantity]
+        for i, (value, (high, low), size) in enumerate(zip(values, pairs, sizes, strict=True)):
             if not math.isfinite(value):
                 return math.inf
             is_angle = quantity == 'position' and not (i == 1 and self._slides)
-            apart = abs(Reference.difference(value, true, is_angle=is_angle))
-            scale = 1.0 if is_angle else max(size, abs(float(true)))
-            # What is zero throughout is a rounding in the reference.
-            worst = max(worst, apart / scale if scale > _NOTHING else apart)
+            apart = abs(value - high - low)
+            if is_angle and apart > 1.0:
+                exact = getattr(self.exact(crank), quantity)[i]
+                apart = abs(Reference.difference(value, exact, is_angle=True))
+            scale = 1.0 if is_angle else max(size, abs(high))
+            worst = max(worst, apart / scale if size else apart)
         return worst
 
 

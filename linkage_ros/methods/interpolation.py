@@ -10,6 +10,7 @@ J. Appl. Mech. 26 (1959).
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -48,6 +49,8 @@ class _PeriodSamples:
         self.slopes: Array = np.stack(state.velocity[1:])[:, ::fine] - self.gain[:, None]
 
 
+# A chart asks for each table several times in a row.
+@lru_cache(maxsize=2)
 def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
     """A table of positions and rates, read by cubic interpolation; `nodes` per period."""
     period = _PeriodSamples(mechanism, nodes)
@@ -85,6 +88,7 @@ def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
     return look_up_all
 
 
+@lru_cache(maxsize=2)
 def fourier(mechanism: Linkage, harmonics: int, f: Functions) -> Locate:
     """A truncated Fourier series of the period, its coefficients by the fast transform."""
     period = _PeriodSamples(mechanism, max(64, _OVERSAMPLED * harmonics))

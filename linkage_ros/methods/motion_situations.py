@@ -126,8 +126,9 @@ def _stretched(mechanisms: ChartMechanisms, random: Random, count: int) -> Itera
 
 
 def _long(mechanisms: ChartMechanisms, _: Random, count: int) -> Iterator[MotionCase]:
-    yield MotionCase(mechanisms.coasting(5 * math.pi), even(30.0))
-    if count >= 10:  # a minute of the pump is too long for a chart that is to be quick
+    # The pump's minute, and ten seconds more, are too long for a chart that is to be quick.
+    yield MotionCase(mechanisms.coasting(5 * math.pi), even(30.0 if count >= 10 else 20.0))
+    if count >= 10:
         yield MotionCase(mechanisms.freed(9.0), even(60.0))
 
 
