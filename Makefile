@@ -67,6 +67,7 @@ check: $(VENV)/check-ready
 	@$(RUN) -m ruff check --quiet
 	@$(RUN) -m ruff format --check --quiet
 	@$(RUN) -m mypy --no-error-summary
+	@printed=$$($(VENV)/bin/lint-imports --no-cache --no-logo) || { echo "$$printed"; exit 1; }
 	@PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin \
 		-p xdist -p no:terminaldistreporter -n 2 --dist loadfile --no-loadscope-reorder
 

@@ -80,6 +80,7 @@ setup(
         'test': [
             'colcon-common-extensions',
             'hypothesis',
+            'import-linter',
             'mcap-ros2-support',
             'mpmath',
             'mujoco',

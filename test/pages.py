@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
+PACKAGE_FILES = sorted((ROOT / 'linkage_ros').rglob('*.py'))
 PAGES = (
     *('README.md', 'CONTRIBUTING.md'),
     *sorted(f'docs/{path.name}' for path in (ROOT / 'docs').glob('*.md')),

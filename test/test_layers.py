@@ -1,211 +1,20 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Imports go one way, and each foreign library is known to one room: read from the source."""
+"""What import-linter cannot see of the package's imports, and that it and ruff see every file."""
 
 from __future__ import annotations
 
 import ast
 import os
+import shutil
 import subprocess
 import sys
-from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
 import pytest
-from house import (
-    EDGES,
-    FILES,
-    FLOORS,
-    IMPORTS,
-    MODULES,
-    PACKAGE,
-    ROOT,
-    foreign,
-    graph,
-    imports,
-    name_of,
-)
+from pages import PACKAGE_FILES, ROOT
 
-BELOW_ALL = {
-    *('errors', 'files', 'palette', 'cli', 'progress', 'units', 'numeric', 'quantities'),
-    'formulas',
-}
-# Which files may import what, at their top and within functions.
-ROS = {name for name in MODULES if name.startswith('ros.')} | {
-    'playback.republish',
-    'node',
-    'controller',
-}
-MCAP = {
-    'log.untrusted_chunks',
-    'log.untrusted_mcap',
-    'log.writer',
-    'log.reader',
-    'recovery.recover',
-    'recovery.record_copy',
-    'recovery.damaged_mcap',
-}
-UNPACKING = {'log.untrusted_chunks', 'recovery.damaged_mcap'}
-RERUN = {name for name in MODULES if name.startswith('view.rerun_')} - {'view.rerun_program'}
-CHARTS = {
-    'charts.pareto_panel',
-    'charts.integration',
-    'charts.motion',
-    'charts.page',
-    'charts.linkage',
-    'charts.accuracy',
-    'charts.stability',
-    'charts.pump',
-    'charts.pump_states',
-    'charts.pump_motions',
-    'charts.pump_load',
-}
-MOTIONS = {
-    'methods.registry',
-    'methods.integrators',
-    'methods.motion_reference',
-    'methods.motion_bench',
-    'methods.motion_situations',
-    'methods.motion_accuracy',
-    'methods.motion_outcomes',
-}
-MPMATH = {'methods.reference', 'methods.bench', 'methods.accuracy', 'methods.outcomes'}
-SCIPY = {'methods.integrators', 'motion.adaptive_integrator', 'analysis.poincare'}
-ANALYSIS = {name for name in MODULES if name.startswith('analysis.')}
-TQDM = {'progress'}
-ROOMS = {
-    'mcap': (MCAP, MCAP),
-    'lz4': ({'log.untrusted_chunks'}, {'log.untrusted_chunks'}),
-    'zstandard': (UNPACKING, UNPACKING),
-    'rerun': (RERUN, RERUN),
-    'matplotlib': (CHARTS, CHARTS),
-    'scipy': (SCIPY, SCIPY),
-    'mpmath': (
-        {'methods.reference', 'methods.motion_reference'},
-        {'methods.reference', 'methods.motion_reference'},
-    ),
-    'yaml': ({'parameters.parameter_file'}, {'parameters.parameter_file'}),
-    'tqdm': (TQDM, TQDM),
-    'rclpy': (ROS, {*ROS, 'demo'}),
-    'rcl_interfaces': (ROS, ROS),
-    'sensor_msgs': (ROS, {*ROS, 'demo'}),
-    'std_msgs': (ROS, {*ROS, 'demo'}),
-    'rosgraph_msgs': (ROS, ROS),
-}
-# ---------------------------------------------------------------- direction
-
-
-def floor(name):
-    """Where a module stands: the number of its folder, or one above all for what has none."""
-    return FLOORS.index(name.partition('.')[0]) if '.' in name or name in FLOORS else len(FLOORS)
-
-
-def test_the_modules_are_all_found():
-    assert EDGES | ROS | MCAP | RERUN | BELOW_ALL <= MODULES
-    assert len(MODULES) > 50
-    folders = {path.name for path in PACKAGE.iterdir() if path.is_dir()} - {'__pycache__'}
-    assert folders == set(FLOORS)
-
-
-def test_folders_are_floors_each_built_on_those_below():
-    wrong = [
-        (name, module)
-        for name, modules in graph().items()
-        for module in modules
-        if floor(module) > floor(name) and module not in {*BELOW_ALL, '__init__'}
-    ]
-    assert wrong == []
-
-
-def test_no_module_reaches_itself():
-    try:
-        order = list(TopologicalSorter(graph()).static_order())
-    except CycleError as error:
-        pytest.fail(f'these import each other: {" -> ".join(error.args[1])}')
-    assert order.index('errors') < order.index('model.four_bar')
-    assert order.index('model.four_bar') < order.index('dynamics.solver')
-    assert order.index('dynamics.solver') < order.index('run.machine') < order.index('node')
-
-
-def test_a_cycle_would_be_found():
-    edges = graph()
-    edges['errors'].add('dynamics.solver')
-    with pytest.raises(CycleError, match='nodes are in a cycle'):
-        list(TopologicalSorter(edges).static_order())
-
-
-def test_nothing_is_built_on_what_a_shell_starts():
-    users = {(name, module) for name, modules in graph().items() for module in modules & EDGES}
-    assert users <= {('demo', 'record')}
-
-
-# The mechanics, from descriptions to torques.
-GROUND = {'errors', 'numeric', 'quantities', 'formulas'}
-CORE = {name for name in MODULES if floor(name) in (0, 1)} | GROUND
-
-
-@pytest.mark.parametrize('name', sorted(CORE))
-def test_the_core_imports_numpy_the_standard_library_and_itself(name):
-    assert graph()[name] <= CORE
-    assert foreign(name, top=True) <= {'numpy'}
-    assert foreign(name, top=False) == set()
-
-
-def test_the_package_itself_offers_the_core_alone():
-    assert graph()['__init__'] <= CORE
-
-
-# ---------------------------------------------------------------- rooms
-
-
-@pytest.mark.parametrize('library', ROOMS)
-def test_each_library_is_known_to_its_room_alone(library):
-    at_top, anywhere = ROOMS[library]
-    users = {name for name in IMPORTS if library in foreign(name, top=True)}
-    assert users <= at_top
-    users |= {name for name in IMPORTS if library in foreign(name, top=False)}
-    assert users <= anywhere
-
-
-@pytest.mark.parametrize('name', sorted(IMPORTS))
-def test_every_library_has_a_room(name):
-    found = foreign(name, top=True) | foreign(name, top=False)
-    assert found <= {*ROOMS, 'numpy'}
-
-
-def test_an_import_out_of_its_room_would_be_found(tmp_path):
-    path = tmp_path / 'stray.py'
-    path.write_text(
-        'import numpy as np\n'
-        'if True:\n    import mcap.reader\n'
-        'try:\n    from rerun import blueprint\nexcept ImportError:\n    pass\n'
-        'class A:\n    import yaml\n    def f(self):\n        import rclpy.node\n'
-        'def g():\n    from linkage_ros import cli, Solver\n'
-    )
-    assert imports(path) == [
-        *(('numpy', True), ('mcap.reader', True), ('rerun', True), ('yaml', True)),
-        *(('rclpy.node', False), ('linkage_ros.cli', False), ('linkage_ros', False)),
-    ]
-
-
-@pytest.mark.parametrize('path', FILES, ids=name_of)
-def test_files_stay_short_enough_to_read(path):
-    nodes = ast.walk(ast.parse(path.read_text()))
-    assert sum(isinstance(node, ast.stmt) and not is_docstring(node) for node in nodes) <= 200
-
-
-def is_docstring(node):
-    return isinstance(node, ast.Expr) and isinstance(getattr(node.value, 'value', None), str)
-
-
-def test_the_linter_sees_every_file():
-    """A folder may bear the name of one that builds leave behind."""
-    command = [sys.executable, '-m', 'ruff', 'check', '--show-files']
-    seen = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    assert {str(path) for path in FILES} <= set(seen.splitlines())
-
-
-# ---------------------------------------------------------------- really imported
-
+# Runs a program in which these libraries cannot be imported.
 BLOCK = """
 import sys
 
@@ -228,44 +37,66 @@ for assembly, coupler, rocker in (('open', 88.84, 117.29), ('crossed', -115.21, 
     state = Solver(linkage).state(math.radians(30))
     got = [math.degrees(angle) for angle in state.position]
     assert abs(got[1] - coupler) < 0.006 and abs(got[2] - rocker) < 0.006, got
-print(sorted({name.partition('.')[0] for name in sys.modules} & Blocked.names))
 """
+DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
 OPTIONAL = 'rclpy,rcl_interfaces,sensor_msgs,std_msgs,rerun,rerun_bindings,matplotlib,scipy,mpmath'
-EVERYTHING = f'{OPTIONAL},mcap,yaml,tqdm'
 
 
 def run(code, blocked):
     path = os.pathsep.join((str(ROOT), os.environ.get('PYTHONPATH', '')))
-    return subprocess.run(
-        [sys.executable, '-c', BLOCK + code, blocked], env={**os.environ, 'PYTHONPATH': path},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    command = [sys.executable, '-c', BLOCK + code, blocked]
+    environment = {**os.environ, 'PYTHONPATH': path}
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_the_core_works_with_all_libraries_but_numpy_absent():
-    done = run(SOLVE, EVERYTHING)
-    assert (done.returncode, done.stdout) == (0, '[]\n'), done.stderr
+def test_core_works_with_all_libraries_but_numpy_absent():
+    done = run(SOLVE, f'{OPTIONAL},mcap,lz4,zstandard,yaml,tqdm')
+    assert done.returncode == 0, done.stderr
+
+
+def test_programs_are_imported_without_ros_viewer_and_charts():
+    programs = ('record', 'log_tool', 'replay', 'chart_tool', 'executables')
+    done = run(f'import {", ".join(f"linkage_ros.{name}" for name in programs)}', OPTIONAL)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_blocked_library_is_not_imported():
+    done = run('import linkage_ros.node', OPTIONAL)
+    assert done.stderr.splitlines()[-1].startswith('ModuleNotFoundError: rclpy is blocked')
 
 
 @pytest.mark.parametrize(
-    ('module', 'library'),
+    ('file', 'line', 'broken'),
     [
-        ('log.writer', 'mcap'),
-        ('parameters.parameter_file', 'yaml'),
-        ('record', 'tqdm'),
-        ('node', 'rclpy'),
+        ('model/parts.py', 'import linkage_ros.wire.topics', 'A room imports only'),
+        ('run/health.py', 'import matplotlib', 'Only charts use Matplotlib'),
+        ('new_room.py', 'import math', 'linkage_ros.new_room'),
     ],
 )
-def test_the_block_keeps_a_library_out(module, library):
-    done = run(f'import linkage_ros.{module}', library)
+def test_import_linter_finds_an_import_in_the_wrong_room(file, line, broken, tmp_path):
+    shutil.copytree(ROOT / 'linkage_ros', tmp_path / 'linkage_ros')
+    shutil.copy(ROOT / 'pyproject.toml', tmp_path)
+    with (tmp_path / 'linkage_ros' / file).open('a') as source:
+        source.write(f'\n{line}\n')
+    command = [Path(sys.executable).parent / 'lint-imports', '--no-cache', '--no-logo']
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith(f'ModuleNotFoundError: {library}')
+    assert broken in done.stdout
 
 
-def test_all_but_the_ros_modules_are_imported_without_ros_viewer_and_charts():
-    names = ', '.join(
-        f'linkage_ros.{name}'
-        for name in sorted(MODULES - ROS - CHARTS - MPMATH - MOTIONS - ANALYSIS)
-    )
-    done = run(f'import {names}\nprint("all")', OPTIONAL)
-    assert (done.returncode, done.stdout) == (0, 'all\n'), done.stderr
+def test_ruff_sees_every_file():
+    """A folder may have the name of one that builds leave behind."""
+    command = [sys.executable, '-m', 'ruff', 'check', '--show-files']
+    seen = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert {str(path) for path in PACKAGE_FILES} <= set(seen.splitlines())
+
+
+def statements(path):
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    docstrings = [ast.get_docstring(node) for node in nodes if isinstance(node, DOCUMENTED)]
+    return sum(isinstance(node, ast.stmt) for node in nodes) - sum(map(bool, docstrings))
+
+
+def test_files_are_short():
+    found = {path.name: statements(path) for path in PACKAGE_FILES}
+    assert {name: number for name, number in found.items() if number > 200} == {}

@@ -15,11 +15,10 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from house import FILES
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from mpmath import mp
-from pages import ROOT
+from pages import PACKAGE_FILES, ROOT
 from rclpy.serialization import deserialize_message
 from ros_harness import Listener, environment, fresh_domain, wait_for
 from sensor_msgs.msg import JointState
@@ -330,7 +329,7 @@ def test_without_the_import_the_name_is_refused_in_one_line(folder):
 
 
 def test_no_file_of_the_package_knows_the_examples():
-    for path in FILES:
+    for path in PACKAGE_FILES:
         text = path.read_text().lower()
         assert 'cardan' not in text, path
         assert 'two circles' not in text, path
