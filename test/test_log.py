@@ -549,6 +549,11 @@ def sections(data):
     return [*found, ('magic', at, at + 8)]
 
 
+def spans(data, kind):
+    """First and last byte + 1 of all records of a kind."""
+    return [(first, end) for name, first, end in sections(data) if name == kind]
+
+
 KINDS = (
     *('magic', 'header', 'configuration', 'motion', 'chunk', 'message index', 'data end'),
     *('summary schema', 'summary channel', 'summary statistics', 'summary chunk index'),

@@ -15,7 +15,7 @@ from itertools import accumulate
 import pytest
 from mcap.reader import make_reader
 from ros_harness import assert_refused
-from test_log import sections
+from test_log import spans
 from test_verify import CHANGES, live
 
 from linkage_ros import LogError, log_tool
@@ -49,10 +49,6 @@ def several(tmp_path_factory):
 def messages(path):
     with LogReader(path) as log:
         return list(log.written())
-
-
-def spans(data, kind):
-    return [(first, end) for name, first, end in sections(data) if name == kind]
 
 
 def chunk_messages(path):
