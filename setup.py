@@ -77,6 +77,7 @@ setup(
         'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
         'chart': ['matplotlib', 'mpmath', 'scipy'],
         'record': ['scipy'],
+        'fast': ['numba'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',
@@ -85,6 +86,7 @@ setup(
             'mpmath',
             'mujoco',
             'mypy',
+            'numba',
             'pytest',
             'pytest-xdist',
             'rosbags',

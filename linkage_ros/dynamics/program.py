@@ -325,11 +325,12 @@ class Program:
         return self.compile()(*values)
 
     def _bind(self, arrays: frozenset[str], *, by_math: bool = False) -> Any:
-        bind, _ = _compile(self._tape, arrays, by_math=by_math)
+        bind, _ = _compile(self.tape, arrays, by_math=by_math)
         return bind(*filter(is_number, leaves(self.constants)))
 
     @functools.cached_property
-    def _tape(self) -> Tape:
+    def tape(self) -> Tape:
+        """The recorded formula."""
         key = self.formula, structure_of(self.constants), self._arguments
         if key not in _tapes:
             _tapes[key] = Tape(self.formula, self.constants, self._arguments)
@@ -338,7 +339,7 @@ class Program:
     @property
     def source(self) -> str:
         """The program for floats as Python text."""
-        return _compile(self._tape, frozenset(), by_math=False)[1]
+        return _compile(self.tape, frozenset(), by_math=False)[1]
 
     def untraced(self, *values: float) -> Any:
         """The formula itself on floats: to step through, and to compare with."""
@@ -363,7 +364,7 @@ class Program:
         rows: list[Real] = [np.broadcast_to(x, shape).ravel() if np.ndim(x) else x for x in values]
         varying = frozenset(name for name, x in zip(self.names, rows, strict=True) if np.ndim(x))
         run, size = self._bind(varying, by_math=by_math), math.prod(shape)
-        results = [np.empty(size) for _ in leaves(self._tape.result)]
+        results = [np.empty(size) for _ in leaves(self.tape.result)]
         # glibc hands memory of the size of a chunk back to the system at once, and gets it again
         # page by page, until it has seen a larger piece freed. This one is never touched.
         np.empty(3_000_000)
@@ -374,4 +375,4 @@ class Program:
             for row, value in zip(results, leaves(found), strict=True):
                 row[part] = value
         filled = iter(results)
-        return transformed(lambda _: next(filled).reshape(shape), self._tape.result)
+        return transformed(lambda _: next(filled).reshape(shape), self.tape.result)

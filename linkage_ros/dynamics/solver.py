@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from linkage_ros.dynamics import equations
+from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import Forward, model_of
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Reactions, joints_of, reactions
@@ -39,10 +40,20 @@ class Solver:
         coordinates: Names of the links whose positions are the coordinates.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Mechanism, *, compiled: bool = False) -> None:
+        """Prepares the programs; each is compiled when it is first used.
+
+        Args:
+            mechanism: The mechanism to solve.
+            compiled: Whether Numba turns the programs for arrays into machine code.
+
+        Raises:
+            MechanismError: That is not a mechanism.
+        """
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
         self.mechanism, self.structure = mechanism, mechanism.structure()
+        self._compiled = compiled
         self.links = tuple(link.name for link in self.structure.links)
         self.coordinates = mechanism.coordinates
         self._count = len(self.coordinates)
@@ -68,8 +79,8 @@ class Solver:
         self._meetings = Program(equations.meetings, model, (q,))
         self._points: dict[str, Program] = {}
 
-    def __reduce__(self) -> tuple[type[Solver], tuple[Mechanism]]:
-        return Solver, (self.mechanism,)
+    def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
+        return functools.partial(Solver, compiled=self._compiled), (self.mechanism,)
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
@@ -118,9 +129,9 @@ class Solver:
             return fast
         changes = self._row('a', a)
         if all(type(change) is float and not change for change in changes):
-            state: State = _run(self._steady, *self._row('q', q), *self._row('u', u))
+            state: State = self._run(self._steady, *self._row('q', q), *self._row('u', u))
         else:
-            state = _run(self._moving, *self._row('q', q), *self._row('u', u), *changes)
+            state = self._run(self._moving, *self._row('q', q), *self._row('u', u), *changes)
         return state
 
     def accelerations(self, q: Any, u: Any, torque: Any) -> Any:
@@ -143,7 +154,7 @@ class Solver:
         """
         if type(q) is type(u) is type(torque) is float and self._count == 1:
             return self._accelerations.scalar(q, u, torque)[0]
-        found = _run(self._accelerations, *self._row('q', q), *self._row('u', u), torque)
+        found = self._run(self._accelerations, *self._row('q', q), *self._row('u', u), torque)
         return found if self._count > 1 or isinstance(q, tuple) else found[0]
 
     def forward(self, q: Sequence[float], u: Sequence[float], torque: float) -> Forward:
@@ -176,7 +187,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        kinetic, potential = _run(self._energy, *self._row('q', q), *self._row('u', u))
+        kinetic, potential = self._run(self._energy, *self._row('q', q), *self._row('u', u))
         return kinetic, potential
 
     def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
@@ -191,7 +202,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        rows: tuple[tuple[Real, ...], ...] = _run(self._matrix, *self._row('q', q))
+        rows: tuple[tuple[Real, ...], ...] = self._run(self._matrix, *self._row('q', q))
         return rows
 
     def point(self, state: State, name: str) -> PointMotion:
@@ -217,7 +228,7 @@ class Solver:
             )
             refuse = Opaque(functools.partial(_refuse, tuple(itertools.chain(*names))))
             self._points[name] = Program(_point_motion, (Track.of(points[name]), refuse), names)
-        motion: PointMotion = _run(self._points[name], *itertools.chain(*self._rows(state)))
+        motion: PointMotion = self._run(self._points[name], *itertools.chain(*self._rows(state)))
         return motion
 
     def reactions(self, state: State) -> Reactions:
@@ -241,7 +252,7 @@ class Solver:
             )
         moving = [self.links.index(name) for name in self.coordinates]
         given = (row[i] for row in self._rows(state) for i in moving)
-        forces, guides, *others = _run(self._reactions, *given)
+        forces, guides, *others = self._run(self._reactions, *given)
         return Reactions(
             dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
         )
@@ -306,6 +317,15 @@ class Solver:
             )
         return rows
 
+    def _run(self, program: Program, *given: Any) -> Any:
+        """The program on floats or arrays."""
+        if all(type(value) is float for value in given):
+            return program.scalar(*given)
+        values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
+        if not shape:
+            return program.scalar(*values)
+        return compiled_arrays(program, *values) if self._compiled else program.arrays(*values)
+
     def _refuse_change_point(self, *q: float) -> NoReturn:
         """Refuses to give forces.
 
@@ -318,14 +338,6 @@ class Solver:
             crank_angle=q[0],
             arcs=self.mobility.arcs if self.mobility else (),
         )
-
-
-def _run(program: Program, *given: Any) -> Any:
-    """The program on floats or arrays."""
-    if all(type(value) is float for value in given):
-        return program.scalar(*given)
-    values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
-    return program.arrays(*values) if shape else program.scalar(*values)
 
 
 def _refuse(names: Sequence[str], *values: float) -> NoReturn:

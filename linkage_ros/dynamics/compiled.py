@@ -1,0 +1,89 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Programs that Numba compiles to machine code, for studies of many states.
+
+Numba is the extra `fast`, and nothing loads it unless a `Solver` is made with `compiled=True`: the
+first call of each program takes about a second.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.trees import is_number, leaves, transformed
+from linkage_ros.errors import ConfigurationError, missing_library
+
+
+def compiled_arrays(program: Program, *values: Any) -> Any:
+    """The program on arrays of one shape, in machine code.
+
+    Args:
+        program: The program. One that calls functions such as tables runs without Numba.
+        *values: Arrays and floats.
+
+    Returns:
+        The result, with arrays; equal to the program for floats but for the last digits of
+        functions such as the sine.
+
+    Raises:
+        ConfigurationError: Numba is not installed.
+        LinkageError: As the program for floats, at the first values that it refuses.
+    """
+    if any(line.operation == 'call' for line in program.tape.lines):
+        return program.arrays(*values)
+    rows = np.broadcast_arrays(*values)
+    given = np.array([row.ravel() for row in rows], dtype=np.float64)
+    tree = program.tape.result
+    found = np.empty((len(leaves(tree)), given.shape[1]))
+    numbers = filter(is_number, leaves(program.constants))
+    constants = (x if isinstance(x, float) else math.nan for x in numbers)
+    refused = _loop(program.source)(*constants, given, found)
+    if refused >= 0:
+        program.scalar(*given[:, refused].tolist())
+    filled = iter(found)
+    return transformed(lambda _: next(filled).reshape(rows[0].shape), tree)
+
+
+@functools.cache
+def _loop(source: str) -> Callable[..., int]:
+    """The source of a program for floats as a loop over columns, compiled.
+
+    It takes the constants, a row for each argument and rows for the results, and returns the
+    first column that a guard refuses, or -1.
+
+    Raises:
+        ConfigurationError: Numba is not installed.
+    """
+    try:
+        import numba
+    except ImportError:
+        raise ConfigurationError(missing_library('numba')) from None
+    (bind,) = ast.parse(source).body
+    *before, body, _ = bind.body  # type: ignore[attr-defined]
+    *statements, result = body.body
+    lines = [
+        *map(ast.unparse, before),
+        'for i in range(given.shape[1]):',
+        *(f'    {name.arg} = given[{n}, i]' for n, name in enumerate(body.args.args)),
+        *('    ' + re.sub(r'\n +.*', ' return i', ast.unparse(x)) for x in statements),
+        *(f'    found[{n}, i] = {text}' for n, text in enumerate(_results(result.value))),
+        'return -1',
+    ]
+    head = f'def loop({ast.unparse(bind.args)}, given, found):'  # type: ignore[attr-defined]
+    space = vars(math) | {}
+    exec('\n    '.join([head, *lines]), space)  # noqa: S102
+    return numba.njit(space['loop'], error_model='numpy')  # type: ignore[no-any-return]
+
+
+def _results(tree: ast.expr) -> list[str]:
+    """The texts of all numbers of a result in nested tuples."""
+    parts = tree.elts if isinstance(tree, ast.Tuple) else getattr(tree, 'args', [])[1:]
+    return [text for part in parts for text in _results(part)] if parts else [ast.unparse(tree)]
