@@ -203,7 +203,7 @@ def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     """Ripple and effort over the last turn of the crank, without and with feed-forward."""
     from matplotlib.figure import Figure
 
-    from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
+    from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 
     speeds = list(dict.fromkeys(rpm for rpm, _, _ in curves))
     names = list(dict.fromkeys(name for _, name, _ in curves))

@@ -53,7 +53,7 @@ def draw(records: list[dict[str, float]], path: Path) -> None:
     """Deviation over delay, and the two cases that a controller meets."""
     from matplotlib.figure import Figure
 
-    from linkage_ros.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
+    from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
 
     figure = Figure(figsize=(WIDTH, 5.0), dpi=DPI, layout='constrained')
     axes = figure.subplots()

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from linkage_ros import cli
-from linkage_ros.analysis.runs import START_SPEED
-from linkage_ros.chart_commands.accuracy import accuracy
-from linkage_ros.chart_commands.motion import ACCELERATION, RPM, motion
-from linkage_ros.chart_commands.pump import pump
-from linkage_ros.chart_commands.stability import stability
+from linkage_ros.lab.commands.accuracy import accuracy
+from linkage_ros.lab.commands.motion import ACCELERATION, RPM, motion
+from linkage_ros.lab.commands.pump import pump
+from linkage_ros.lab.commands.stability import stability
+from linkage_ros.lab.pump.runs import START_SPEED
 from linkage_ros.parameters.presets import preset_names
 
 _NAME = 'linkage_chart'

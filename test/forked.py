@@ -16,7 +16,7 @@ _PROCESSES = multiprocessing.get_context('forkserver')
 _PROCESSES.set_forkserver_preload(
     [
         *(f'linkage_ros.{name}' for name in ('node', 'record', 'replay', 'log_tool')),
-        *('linkage_ros.chart_tool', 'linkage_ros.chart_commands.motion'),
+        *('linkage_ros.chart_tool', 'linkage_ros.lab.commands.motion'),
         *('matplotlib.figure', 'matplotlib.backends.backend_agg', 'rerun'),
     ]
 )

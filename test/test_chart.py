@@ -27,9 +27,9 @@ from linkage_ros import (
     Solver,
     chart_tool,
 )
-from linkage_ros.analysis.settled import SettledTurn
-from linkage_ros.charts.motion import _wrapped
 from linkage_ros.dynamics.period import SpeedDrivenPeriod, extent
+from linkage_ros.lab.charts.motion import _wrapped
+from linkage_ros.lab.pump.settled import SettledTurn
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_names, preset_path
 

@@ -16,13 +16,13 @@ from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import FourBar, Solver
-from linkage_ros.methods import linkages, motion_accuracy, registry
-from linkage_ros.methods.bench import LIMIT
-from linkage_ros.methods.cut_loop import CutLoop, eliminate
-from linkage_ros.methods.integrators import Multipliers, OfScipy, RungeKutta4
-from linkage_ros.methods.motion_bench import MotionBench, even
-from linkage_ros.methods.motion_reference import Accuracy, MotionReference, unit
-from linkage_ros.methods.problems import ChartMechanisms, InitialValueProblem
+from linkage_ros.lab.methods import linkages, motion_accuracy, registry
+from linkage_ros.lab.methods.bench import LIMIT
+from linkage_ros.lab.methods.cut_loop import CutLoop, eliminate
+from linkage_ros.lab.methods.integrators import Multipliers, OfScipy, RungeKutta4
+from linkage_ros.lab.methods.motion_bench import MotionBench, even
+from linkage_ros.lab.methods.motion_reference import Accuracy, MotionReference, unit
+from linkage_ros.lab.methods.problems import ChartMechanisms, InitialValueProblem
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps

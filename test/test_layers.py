@@ -69,7 +69,8 @@ def test_a_blocked_library_is_not_imported():
     ('file', 'line', 'broken'),
     [
         ('model/parts.py', 'import linkage_ros.wire.topics', 'A room imports only'),
-        ('run/health.py', 'import matplotlib', 'Only charts use Matplotlib'),
+        ('run/health.py', 'import matplotlib', 'Only the laboratory uses Matplotlib'),
+        ('node.py', 'import linkage_ros.lab.charts.motion', 'Only linkage_chart uses'),
         ('new_room.py', 'import math', 'linkage_ros.new_room'),
     ],
 )

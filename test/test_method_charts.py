@@ -18,18 +18,18 @@ from matplotlib.text import Text
 from test_chart import chart
 
 from linkage_ros import __version__
-from linkage_ros.charts.accuracy import draw_accuracy
-from linkage_ros.charts.integration import draw_integration
-from linkage_ros.charts.stability import draw_stability
-from linkage_ros.methods.accuracy import NEAR, Measurement
-from linkage_ros.methods.bench import LIMIT
-from linkage_ros.methods.chain import BATCH, ONE, OWN, QUANTITIES
-from linkage_ros.methods.motion_accuracy import MEAN, SLOWEST
-from linkage_ros.methods.motion_bench import ENERGY, TRAJECTORY
-from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
-from linkage_ros.methods.outcomes import OUTCOMES, Cell
-from linkage_ros.methods.registry import DEFAULT, INTEGRATORS, METHODS, label
-from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.lab.charts.accuracy import draw_accuracy
+from linkage_ros.lab.charts.integration import draw_integration
+from linkage_ros.lab.charts.stability import draw_stability
+from linkage_ros.lab.methods.accuracy import NEAR, Measurement
+from linkage_ros.lab.methods.bench import LIMIT
+from linkage_ros.lab.methods.chain import BATCH, ONE, OWN, QUANTITIES
+from linkage_ros.lab.methods.motion_accuracy import MEAN, SLOWEST
+from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY
+from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
+from linkage_ros.lab.methods.outcomes import OUTCOMES, Cell
+from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, METHODS, label
+from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.parameters.presets import preset_path
 
 EPSILON = 2.0**-52

@@ -14,10 +14,10 @@ from oracle import Oracle
 from oracle_slider import SliderOracle
 
 from linkage_ros import FourBar, Solver, UnreachableError
-from linkage_ros.methods import linkages, reference, registry
-from linkage_ros.methods.accuracy import Measurement, mark_fronts, tasks
-from linkage_ros.methods.bench import Bench, time_pass
-from linkage_ros.methods.chain import (
+from linkage_ros.lab.methods import linkages, reference, registry
+from linkage_ros.lab.methods.accuracy import Measurement, mark_fronts, tasks
+from linkage_ros.lab.methods.bench import Bench, time_pass
+from linkage_ros.lab.methods.chain import (
     BATCH,
     FUNCTIONS,
     ONE,
@@ -26,10 +26,10 @@ from linkage_ros.methods.chain import (
     Task,
     make_task,
 )
-from linkage_ros.methods.iteration import CAP, NewtonRaphson
-from linkage_ros.methods.loop import Loop
-from linkage_ros.methods.reference import Reference
-from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.lab.methods.iteration import CAP, NewtonRaphson
+from linkage_ros.lab.methods.loop import Loop
+from linkage_ros.lab.methods.reference import Reference
+from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.numeric import SCALAR
 from linkage_ros.parameters.configuration import load
 

@@ -26,9 +26,9 @@ from test_node import stop
 from test_rerun_view import read
 
 from linkage_ros import Body, Coupler, MechanismError, Solver
-from linkage_ros.charts.motion import draw_motion
 from linkage_ros.dynamics.period import SpeedDrivenPeriod
-from linkage_ros.methods.registry import METHODS
+from linkage_ros.lab.charts.motion import draw_motion
+from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.model.parts import Guide, Slider
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.view.drawing import Drawing
@@ -265,14 +265,14 @@ def test_the_urdf_has_the_links_of_the_mechanism(folder):
 
 MEASURE = """
 import json
-from linkage_ros.charts.accuracy import draw_accuracy
-from linkage_ros.charts.stability import draw_stability
-from linkage_ros.methods import accuracy, outcomes
-from linkage_ros.methods.bench import Bench
-from linkage_ros.charts.motion import draw_motion
+from linkage_ros.lab.charts.accuracy import draw_accuracy
+from linkage_ros.lab.charts.stability import draw_stability
+from linkage_ros.lab.methods import accuracy, outcomes
+from linkage_ros.lab.methods.bench import Bench
+from linkage_ros.lab.charts.motion import draw_motion
 from linkage_ros.dynamics.period import SpeedDrivenPeriod
-from linkage_ros.methods.registry import METHODS
-from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.lab.methods.registry import METHODS
+from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.parameters.configuration import load
 import two_circles
 

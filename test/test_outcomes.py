@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from linkage_ros import ConfigurationError, MotionError, Solver, UnreachableError
-from linkage_ros.methods.chain import BATCH, ONE, POSITION, RATES, Chain
-from linkage_ros.methods.integrators import Follower
-from linkage_ros.methods.linkages import other_assembly
-from linkage_ros.methods.motion_outcomes import measure_motion_outcomes
-from linkage_ros.methods.motion_situations import LOOP, MOTION_SITUATIONS, MotionCase
-from linkage_ros.methods.outcomes import (
+from linkage_ros.lab.methods.chain import BATCH, ONE, POSITION, RATES, Chain
+from linkage_ros.lab.methods.integrators import Follower
+from linkage_ros.lab.methods.linkages import other_assembly
+from linkage_ros.lab.methods.motion_outcomes import measure_motion_outcomes
+from linkage_ros.lab.methods.motion_situations import LOOP, MOTION_SITUATIONS, MotionCase
+from linkage_ros.lab.methods.outcomes import (
     DIVERGED,
     NAN,
     REFUSED,
@@ -24,16 +24,16 @@ from linkage_ros.methods.outcomes import (
     WRONG_BRANCH,
     measure_outcomes,
 )
-from linkage_ros.methods.positions import factored
-from linkage_ros.methods.problems import ChartMechanisms
-from linkage_ros.methods.reference import Reference
-from linkage_ros.methods.registry import (
+from linkage_ros.lab.methods.positions import factored
+from linkage_ros.lab.methods.problems import ChartMechanisms
+from linkage_ros.lab.methods.reference import Reference
+from linkage_ros.lab.methods.registry import (
     INTEGRATORS,
     MOTION,
     Integrator,
     Method,
 )
-from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.numeric import SCALAR
 from linkage_ros.parameters.configuration import load
 

@@ -15,19 +15,19 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from linkage_ros import ConfigurationError, UnreachableError
-from linkage_ros.analysis.averaging import Averaging
-from linkage_ros.analysis.basins import LEAVES
-from linkage_ros.analysis.boundaries import FOLD, PERIOD_DOUBLING
-from linkage_ros.analysis.branch import find_states, follow_branch
-from linkage_ros.analysis.ensemble import Ensemble
-from linkage_ros.analysis.fourier import extremum
-from linkage_ros.analysis.poincare import PoincareMap
-from linkage_ros.analysis.pump import analyse
-from linkage_ros.analysis.runs import follow_run
-from linkage_ros.analysis.settled import SettledTurn
-from linkage_ros.analysis.states_table import states_table
-from linkage_ros.charts.pump import draw_pump
 from linkage_ros.errors import MotionError
+from linkage_ros.lab.charts.pump import draw_pump
+from linkage_ros.lab.pump.averaging import Averaging
+from linkage_ros.lab.pump.basins import LEAVES
+from linkage_ros.lab.pump.boundaries import FOLD, PERIOD_DOUBLING
+from linkage_ros.lab.pump.branch import find_states, follow_branch
+from linkage_ros.lab.pump.ensemble import Ensemble
+from linkage_ros.lab.pump.fourier import extremum
+from linkage_ros.lab.pump.poincare import PoincareMap
+from linkage_ros.lab.pump.pump import analyse
+from linkage_ros.lab.pump.runs import follow_run
+from linkage_ros.lab.pump.settled import SettledTurn
+from linkage_ros.lab.pump.states_table import states_table
 from linkage_ros.motion.drives import Motor
 from linkage_ros.parameters.configuration import load
 

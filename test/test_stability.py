@@ -7,8 +7,8 @@ from __future__ import annotations
 import pytest
 from test_method_charts import EVERY, PLACES, run_quick
 
-from linkage_ros.methods.motion_situations import MOTION_SITUATIONS
-from linkage_ros.methods.outcomes import (
+from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
+from linkage_ros.lab.methods.outcomes import (
     DIVERGED,
     NAN,
     OUTCOMES,
@@ -17,8 +17,8 @@ from linkage_ros.methods.outcomes import (
     WRONG_BRANCH,
     Cell,
 )
-from linkage_ros.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
-from linkage_ros.methods.situations import SITUATIONS
+from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
+from linkage_ros.lab.methods.situations import SITUATIONS
 
 BY_NAME = {situation.name: situation for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
 UNSTABILISED = ('multipliers, unstabilised',)

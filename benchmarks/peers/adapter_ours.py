@@ -6,7 +6,7 @@ import numpy as np
 from contract import Peer
 
 from linkage_ros import Solver
-from linkage_ros.methods.rates import analytic
+from linkage_ros.lab.methods.rates import analytic
 from linkage_ros.numeric import SCALAR
 
 

@@ -12,10 +12,10 @@ Importing this file adds the method to these charts.
 from __future__ import annotations
 
 from linkage_ros.formulas import Vector, atan2, cos, sin, sqrt
-from linkage_ros.methods import chain
-from linkage_ros.methods.loop import Linkage
-from linkage_ros.methods.positions import Locate
-from linkage_ros.methods.registry import METHODS, Method
+from linkage_ros.lab.methods import chain
+from linkage_ros.lab.methods.loop import Linkage
+from linkage_ros.lab.methods.positions import Locate
+from linkage_ros.lab.methods.registry import METHODS, Method
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.parts import OPEN
 from linkage_ros.numeric import Real

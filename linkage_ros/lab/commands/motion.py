@@ -1,0 +1,104 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart motion: a period at a given speed, or of what a wind pump settles at."""
+
+from __future__ import annotations
+
+import argparse
+from typing import cast
+
+from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod
+from linkage_ros.dynamics.travel import travel
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.commands.output import folder, progress, save_table
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.presets import find_file
+from linkage_ros.quantities import Quantity
+from linkage_ros.units import radians_per_second
+
+# What its options may be.
+RPM = Quantity('number', "crank speed instead of the file's", 'rpm', -1e6, 1e6)
+ACCELERATION = Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9)
+
+
+def motion(options: argparse.Namespace) -> None:
+    """Draws one period of a mechanism and writes its table.
+
+    Args:
+        options: Of the command line.
+
+    Raises:
+        ConfigurationError: The mechanism, the speed or the folder cannot be used.
+    """
+    from linkage_ros.lab.charts.motion import draw_motion
+
+    configuration, name = load(options.params), find_file(options.params).stem
+    mechanism = configuration.mechanism
+    if isinstance(mechanism, WindPump):
+        drive = cast('TorqueDrive', configuration.drive)  # a wind pump has no other
+        period, words = _settled(options, mechanism, drive)
+    else:
+        period, words = _driven(options, mechanism, configuration.drive)
+    kind, (group, *lines) = configuration.kind.mechanism, words
+    about = [kind if kind != name else '', mechanism.assembly, group]  # presets bear kinds' names
+    title = [name, ', '.join(filter(None, about)), *lines]
+    picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
+    with folder(options.out):
+        save_table(table, period.columns.values())
+        draw_motion(period, title, picture)
+    print(', '.join(title), picture, table, sep='\n')
+
+
+def _driven(
+    options: argparse.Namespace, mechanism: Mechanism, drive: Drive
+) -> tuple[Period, list[str]]:
+    """A period at a given speed, and words about it: its class, and lines.
+
+    Raises:
+        ConfigurationError: No speed is given, or the reactions have no finite value.
+    """
+    if options.rpm is None and isinstance(drive, TorqueDrive):
+        raise ConfigurationError(
+            f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
+        )
+    rpm = drive.target if options.rpm is None else options.rpm
+    period = SpeedDrivenPeriod(
+        mechanism, radians_per_second(rpm), options.acceleration, reactions=options.reactions
+    )
+    accelerated = f', {options.acceleration:g} rad/s^2' if options.acceleration else ''
+    grashof = period.solver.reach.grashof
+    return period, [grashof, f'{rpm:g} rpm{accelerated}', *travel(period.solver).words()]
+
+
+def _settled(
+    options: argparse.Namespace, mechanism: WindPump, drive: TorqueDrive
+) -> tuple[Period, list[str]]:
+    """A turn of what a wind pump settles at, and words about it: no class, and lines.
+
+    Raises:
+        ConfigurationError: It does not settle, or options ask for what it does not have.
+    """
+    from linkage_ros.lab.pump.settled import SettledTurn
+
+    for flag, given in (
+        ('--acceleration', options.acceleration),
+        ('--reactions', options.reactions),
+    ):
+        if given:
+            raise ConfigurationError(
+                f'{flag} is for a crank at a given speed, and {options.params} moves as its motor '
+                f'drives it: leave {flag} out'
+            )
+    motor, rpm = drive.motor, drive.initial_rpm if options.rpm is None else options.rpm
+    if not rpm > 0:
+        name = 'start_rpm' if options.rpm is None else '--rpm'
+        raise ConfigurationError(
+            f'{name} = {rpm:g}: must be above 0 rpm, because a wind_pump is started forwards and '
+            'left to its motor; try --rpm 20'
+        )
+    speed = radians_per_second(rpm)
+    turn = SettledTurn(mechanism, motor, speed, progress)
+    return turn, ['', motor.words(), f'from {speed:.4g} rad/s', *turn.words()]

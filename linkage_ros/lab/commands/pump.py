@@ -1,0 +1,44 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart pump: what a wind pump settles at, from where and for which torques."""
+
+from __future__ import annotations
+
+import argparse
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.commands.output import folder, progress, save_records
+from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.presets import find_file
+
+
+def pump(options: argparse.Namespace) -> None:
+    """Finds what a wind pump settles at, draws it and writes the numbers.
+
+    Args:
+        options: Of the command line.
+
+    Raises:
+        ConfigurationError: It is no wind pump, or the folder cannot be written.
+    """
+    from linkage_ros.lab.charts.pump import draw_pump
+    from linkage_ros.lab.pump.pump import analyse
+    from linkage_ros.lab.pump.states_table import states_table
+
+    configuration = load(options.params)
+    mechanism, drive = configuration.mechanism, configuration.drive
+    if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
+        raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
+    name = find_file(options.params).stem
+    title = f'{name}: {drive.motor.words()}'
+    records, picture = options.out / f'{name}_settled.json', options.out / f'{name}_settled.png'
+    with folder(options.out):
+        found = analyse(
+            mechanism, drive.motor,
+            speeds=options.speeds, quick=options.quick, progress=progress,
+        )  # fmt: skip
+        save_records(records, [found.record()])
+        draw_pump(found, title, picture)
+    print(records, *states_table(found), picture, sep='\n')
