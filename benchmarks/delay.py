@@ -18,11 +18,11 @@ import math
 from pathlib import Path
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.motion.plant import Plant
+from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.palette import BLACK, FIRST, fractions
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.progress import progress_bar
-from linkage_ros.units import radians_per_second
+from linkage_ros.units import NS_PER_S, radians_per_second
 
 RATE, RPM, TURNS = 1000.0, 150.0, 10
 DELAYS = tuple(quarter / 4 for quarter in range(17))  # ticks
@@ -39,13 +39,13 @@ def wander(delay: float) -> float:
     """
     configuration = configure({'drive': 'torque', 'start_rpm': RPM})
     solver, speed = Solver(configuration.mechanism), radians_per_second(RPM)
-    plant = Plant(solver, configuration.drive)
-    worst, motor = 0.0, configuration.drive.motor.torque
+    period = round(NS_PER_S / RATE)
+    motion, worst = TorqueMotion(solver, configuration.drive, 0, period), 0.0
     for tick in range(round(TURNS * 60 / RPM * RATE)):
         crank = speed * (tick + 0.5 - delay) / RATE
-        plant.drive(motor, solver.state(math.remainder(crank, 4 * math.pi), speed).torque)
-        plant.advance((tick + 1) / RATE)
-        worst = max(worst, abs(plant.state().speed / speed - 1))
+        torque = solver.state(math.remainder(crank, 4 * math.pi), speed).torque
+        motion.command(tick * period, torque)
+        worst = max(worst, abs(motion.at((tick + 1) * period).u[0] / speed - 1))
     return worst
 
 

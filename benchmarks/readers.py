@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
@@ -41,7 +41,7 @@ def record_preset(preset, path):
     count = record(configuration, path, duration=DURATION)
     rate = round(configuration.session.rate_hz)
     stamps = [tick * 10**9 // rate for tick in range(count)]
-    motion = CrankMotion.begin(configuration.drive, 0)
+    motion = SpeedMotion.begin(configuration.drive, 0)
     return solved_messages(configuration, motion, stamps), 1
 
 
@@ -59,13 +59,13 @@ def write_as_the_node(path):
             log.add_topic(topic, f'/{topic.name.lstrip("/")}')
             for topic in (*machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
         )
-        log.write_motion(motions[0])
+        log.write_motion(motions[0].segment)
         log.write(description, START, machine.description)
         for tick in range(2000):
             stamp = START + machine.elapsed(tick)
             if tick and tick % 400 == 0:
                 motions.append(motions[-1].change(stamp, 60.0 - tick / 7))
-                log.write_motion(motions[-1])
+                log.write_motion(motions[-1].segment)
             if tick % 40 == 39:
                 log.flush()
             if tick % 200 == 199:

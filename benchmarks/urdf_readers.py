@@ -33,7 +33,8 @@ def cases(folder):
             configuration = configure({**load(preset).parameters(), 'joint_prefix': prefix})
             machine, mechanism = Machine(configuration), configuration.mechanism
             joints = mechanism.structure().links
-            positions = machine.snapshot_at(machine.begin(0), STAMP).values.position
+            message = machine.snapshot_at(machine.begin(0), STAMP).messages[0]
+            positions = machine.joint_states.decode(message)[1][: len(machine.joints)]
             # The tree is cut where the last two links meet: at their ends, a slider's at its pin.
             ends = {
                 f'{prefix}{joint.name}': getattr(getattr(mechanism, joint.name), 'length', 0.0)

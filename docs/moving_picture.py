@@ -31,7 +31,7 @@ from linkage_ros.units import NS_PER_S
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_layout import layout
 from linkage_ros.view.rerun_program import Program, find_viewer
-from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.view.rerun_view import View
 from linkage_ros.view.scene import TIMELINE
 from linkage_ros.view.targets import free_address
 
@@ -53,15 +53,12 @@ _COLORS = 64
 _PATIENCE = 30.0  # s, for the viewer to start
 
 
-def _samples(configuration: Configuration) -> list[Sample]:
+def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
     """One turn, with the state at its end."""
     machine = Machine(configuration)
     motion = machine.begin(0)
-    samples = []
-    for stamp in map(machine.elapsed, range(machine.tick_at(round(_TURN * NS_PER_S)) + 1)):
-        position, velocity, _, effort = machine.snapshot_at(motion, stamp).values
-        samples.append(Sample(stamp, position, velocity, effort))
-    return samples
+    stamps = map(machine.elapsed, range(machine.tick_at(round(_TURN * NS_PER_S)) + 1))
+    return [(stamp, machine.snapshot_at(motion, stamp).messages[0]) for stamp in stamps]
 
 
 def _blueprint(configuration: Configuration) -> rrb.Blueprint:
@@ -130,7 +127,7 @@ def _make(out: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         recording, blueprint = Path(folder, 'turn.rrd'), Path(folder, 'turn.rbl')
         view = View(configuration, str(recording))
-        view.consume(_samples(configuration))
+        view.consume(_messages(configuration))
         view.close()
         _blueprint(configuration).save('linkage_ros', blueprint)
         frames = list(_frames([recording, blueprint]))[-_FRAMES:]

@@ -25,8 +25,8 @@ from unittest.mock import MagicMock, patch
 from linkage_ros import executables
 from linkage_ros.controller import Settings
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, Session
+from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.wire.topics import (

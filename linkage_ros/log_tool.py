@@ -13,12 +13,15 @@ from pathlib import Path
 from typing import Any
 
 from linkage_ros import __version__, cli
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LogError, printable
 from linkage_ros.log.reader import LogReader
+from linkage_ros.motion.segments import Segment, TorqueSegment
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import parameter_leaves
+from linkage_ros.parameters.summary import summary
 from linkage_ros.progress import progress_bar
 from linkage_ros.recovery.recover import Recovered, recover
-from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.verify import Report, verify
 
@@ -39,24 +42,23 @@ def info(log: LogReader) -> Iterator[str]:
     Yields:
         Lines of text.
     """
-    machine = Machine(log.configuration)
+    solver = Solver(log.configuration.mechanism)
     duration = (log.end - log.start) / NS_PER_S
     yield f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB'
     yield f'written by: linkage_ros {log.version}'
     yield f'start:      {_moment(log.start)}'
     yield f'duration:   {duration:.6f} s'
-    yield f'mechanism:  {machine.summary()}'
+    yield f'mechanism:  {summary(log.configuration, solver)}'
     yield from (
-        f'            {words}'
-        for words in (machine.solver.mobility.equalities if machine.solver.mobility else ())
+        f'            {words}' for words in (solver.mobility.equalities if solver.mobility else ())
     )
     yield 'topics:'
     width = min(max((len(topic.name) for topic in log.topics), default=0), _WIDEST)
     for topic in log.topics:
         yield f'  {topic.name:{width}}  {topic.messages:9d}  {topic.type}'
     yield 'motion:'
-    for motion in log.motions:
-        yield f'  {_moment(motion.stamp)}: {motion.words()}'
+    for segment in log.motions:
+        yield f'  {_moment(segment.stamp)}: {_motion(segment)}'
     yield 'configuration:'
     units = {leaf.name: leaf.quantity.unit for leaf in parameter_leaves(log.configuration.kind)}
     for name, value in log.configuration.parameters().items():
@@ -67,6 +69,14 @@ def _plain(value: object) -> str:
     if isinstance(value, tuple):
         return f'[{", ".join(map(repr, value))}]'
     return repr(value) if isinstance(value, str) and not value else str(value)
+
+
+def _motion(segment: Segment) -> str:
+    if isinstance(segment, TorqueSegment):
+        return f'motor torque {segment.torque:g} N m'
+    _, (speed,), _, angle = SpeedMotion(segment).at(segment.stamp)
+    ramp = f' at {segment.acceleration:g} rad/s^2' if segment.acceleration else ''
+    return f'from {angle:.6f} rad, {speed:.6f} rad/s to {segment.rpm:g} rpm{ramp}'
 
 
 def _moment(stamp: int) -> str:

@@ -14,12 +14,15 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from linkage_ros import cli
-from linkage_ros.dynamics.state import State
+from linkage_ros.dynamics.state import State, loop_residual
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
+from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.motion.segments import Segment
+from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
 from linkage_ros.parameters.help import help_on_every_kind
+from linkage_ros.parameters.summary import summary
+from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
@@ -35,11 +38,10 @@ from linkage_ros.ros.stderr import never_waited_for
 from linkage_ros.run.health import SPAN, Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.scheduling import freeze_heap
-from linkage_ros.run.ticker import Calls, Ticker
+from linkage_ros.run.ticker import Callbacks, Ticker
 from linkage_ros.run.ticker_real_time import RealTimeTicker
 from linkage_ros.run.ticker_sim_time import SimTimeTicker
 from linkage_ros.units import NS_PER_MS, NS_PER_S
-from linkage_ros.view.rerun_view import Sample
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
 from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
 
@@ -69,7 +71,7 @@ class LinkageNode(ParameterNode):
         self._stop = stop
         self._machine = Machine(configuration)
         self._hardware = configuration.kind.mechanism
-        self._target = configuration.drive.target
+        self._drive: Drive = configuration.drive  # with what was set since the start
         with reported_as_configuration():  # a topic may have the name of another
             self._outputs = [create_publisher(self, topic) for topic in self._machine.topics]
             self._description = create_publisher(self, ROBOT_DESCRIPTION)
@@ -82,27 +84,29 @@ class LinkageNode(ParameterNode):
                 self._view.discard()
             raise
         self._ticker = self._make_ticker(simulated=self.get_parameter('use_sim_time').value)
+        self._motion: Motion | None = None
+        self._segment: Segment | None = None
         self._state: State | None = None
         self._inbox: CommandInbox | None = None
         if isinstance(configuration.drive, TorqueDrive):
             crank = self._machine.joints[0]
             self._inbox = CommandInbox(self, configuration.drive, crank)
-        self.get_logger().info(preset_note(given) + self._machine.summary())
+        self.get_logger().info(preset_note(given) + summary(configuration, self._machine.solver))
+        await_listeners(self._outputs)
+        freeze_heap()
+        name = self.get_fully_qualified_name().lstrip('/')
+        self._watch = Watch(name, is_torque_driven=bool(self._inbox))
+        # Simulated time may stand still: the reports keep real time.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._reports = self.create_timer(1.0, self._report, clock=steady)
 
     def start(self) -> None:
         """Starts turning."""
-        await_listeners(self._outputs)
-        freeze_heap()
         # Before the first tick, which with use_sim_time may be a long time away.
         self._description.publish(self._machine.description)
         if self._log is not None:
             self._log.write(time.time_ns(), [(ROBOT_DESCRIPTION, self._machine.description)])
-        name = self.get_fully_qualified_name().lstrip('/')
-        self._watch = Watch(name, is_torque_driven=bool(self._inbox))
-        self._ticker.start(self._begin)
-        # Simulated time may stand still; whether all goes well is asked in real time.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._reports = self.create_timer(1.0, self._report, clock=steady)
+        self._ticker.start()
 
     def close(self) -> bool:
         """Stops turning and completes log and view.
@@ -146,10 +150,10 @@ class LinkageNode(ParameterNode):
         return RunLog(self, configuration, zip(topics, names, strict=True))
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
-        calls = Calls(self._tick, self._restamp, self._fail)
+        callbacks = Callbacks(self._tick, self._restamp, self._fail)
         if not simulated:
-            return RealTimeTicker(self._machine, calls)
-        ticker = SimTimeTicker(self._machine, calls)
+            return RealTimeTicker(self._machine, callbacks)
+        ticker = SimTimeTicker(self._machine, callbacks)
 
         def hear(message: ClockMessage) -> None:
             seconds, rest = message.clock.sec, message.clock.nanosec
@@ -162,22 +166,18 @@ class LinkageNode(ParameterNode):
         self.create_subscription(ClockMessage, '/clock', hear, _CLOCK_QOS)
         return ticker
 
-    def _begin(self, stamp: int) -> None:
-        self._motion = self._machine.begin(stamp)
-        if self._log is not None:
-            self._log.write_motion(self._motion)
-
     def _tick(self, stamp: int) -> None:
         """One tick, in the ticker's thread."""
-        motion = self._motion.next(stamp, self._target)
-        if motion is not self._motion:
-            self._move(motion)
+        motion = self._motion
+        if motion is None:
+            motion = self._move(self._machine.begin(self._ticker.t0))
+        motion = self._move(motion.follow(stamp, self._drive))
         if self._inbox and isinstance(motion, TorqueMotion):
             for came, command in self._inbox.fetch():
                 if self._log is not None:
                     self._log.write(came, [(JOINT_COMMANDS, command)])
             motion.command(stamp, self._inbox.commands.torque())
-        snapshot = self._machine.snapshot_at(self._motion, stamp)
+        snapshot = self._machine.snapshot_at(motion, stamp)
         self._state = snapshot.state
         now = time.time_ns()
         for topic, publisher, message in zip(
@@ -188,20 +188,22 @@ class LinkageNode(ParameterNode):
         if self._log is not None:
             self._log.write(now, zip(self._machine.topics, snapshot.messages, strict=True))
         if self._view is not None:
-            position, velocity, _, effort = snapshot.values
-            self._view.offer(Sample(stamp, position, velocity, effort))
+            self._view.offer(stamp, snapshot.messages[0])
 
     def _restamp(self, old: int, new: int) -> None:
-        self._move(self._motion.change(old, self._motion.target, restamp=new))
+        if self._motion is not None:
+            self._move(self._motion.restamp(old, new))
         self.get_logger().warning(f'the clock was stepped by {(new - old) / NS_PER_S:+.3f} s')
 
-    def _move(self, motion: RunMotion) -> None:
-        self._motion = motion
-        if self._log is not None:
-            self._log.write_motion(motion)
+    def _move(self, motion: Motion) -> Motion:
+        """Goes on with a motion, and logs its segment if that is new."""
+        if self._log is not None and motion.segment is not self._segment:
+            self._log.write_motion(motion.segment)
+        self._motion, self._segment = motion, motion.segment
+        return motion
 
-    def _set_live(self, value: float) -> None:
-        self._target = value  # rpm or motor.torque, whichever this drive has
+    def _set_live(self, name: str, value: float) -> None:
+        self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
 
     def _report(self) -> None:
         """Publishes the diagnostics, and says what went wrong since the last report."""
@@ -233,10 +235,11 @@ class LinkageNode(ParameterNode):
     def _figures(self) -> dict[str, str]:
         if self._state is None:
             return {}
+        residual = loop_residual(self._machine.solver.structure, self._state)
         return {
             'crank speed, rad/s': f'{self._state.velocity[0]:.6g}',
             'driving torque, N m': f'{self._state.torque:.6g}',
-            'loop residual, m': f'{self._machine.residual(self._state):.3g}',
+            'loop residual, m': f'{residual:.3g}',
             **(self._inbox.commands.figures() if self._inbox else {}),
         }
 

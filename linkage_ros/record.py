@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from linkage_ros import cli
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import MotionError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
@@ -22,6 +23,7 @@ from linkage_ros.parameters.configuration import (
 )
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import Session
+from linkage_ros.parameters.summary import summary
 from linkage_ros.progress import progress_bar
 from linkage_ros.quantities import leaves
 from linkage_ros.record_end import DEFAULT_DURATION, DURATION, REVOLUTIONS, End
@@ -70,7 +72,7 @@ def record(
             log.add_topic(topic, qualified(topic))
             for topic in (*machine.topics, ROBOT_DESCRIPTION)
         )
-        log.write_motion(motion)
+        log.write_motion(motion.segment)
         log.write(description, 0, machine.description)
         try:
             ticks: Iterable[int] = progress_bar(
@@ -136,7 +138,7 @@ def _record(options: argparse.Namespace) -> int:
         stopped=stop.is_set,
     )
     if note := preset_note(values):
-        print(note + Machine(configuration).summary())
+        print(note + summary(configuration, Solver(configuration.mechanism)))
     if stop.is_set():
         print(f'{options.out}: stopped; the first {count} states are kept')
         return cli.STOPPED_BY_USER

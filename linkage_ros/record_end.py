@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.motion.speed_driven import CrankMotion
-from linkage_ros.motion.torque_driven import RunMotion
+from linkage_ros.motion.speed_driven import SpeedMotion
+from linkage_ros.motion.torque_driven import Motion
 from linkage_ros.quantities import Quantity
 from linkage_ros.run.machine import Machine, Snapshot
 from linkage_ros.units import NS_PER_S
@@ -33,7 +33,7 @@ class End:
     def __init__(
         self,
         machine: Machine,
-        motion: RunMotion,
+        motion: Motion,
         duration: float | None,
         revolutions: int | None,
     ) -> None:
@@ -55,7 +55,7 @@ class End:
             self.ticks = _ticks(machine, _nanoseconds(duration))
             return
         REVOLUTIONS.clean('revolutions', revolutions)
-        if isinstance(motion, CrankMotion):
+        if isinstance(motion, SpeedMotion):
             self.ticks = _ticks(machine, _time_to_turn(motion, revolutions))
         else:
             self.ticks, self._turns = itertools.count(), revolutions
@@ -75,7 +75,7 @@ class End:
         """
         if self._turns is None:
             return False
-        turned = abs(snapshot.values.position[0] - self._start) / (2 * math.pi)
+        turned = abs(snapshot.coordinates.unwrapped - self._start) / (2 * math.pi)
         if stamp > _PATIENCE * NS_PER_S:
             raise ConfigurationError(
                 f'the crank has not come {self._turns} revolutions far within {_PATIENCE} s, but '
@@ -97,7 +97,7 @@ def _nanoseconds(duration: float | None) -> int:
     return math.ceil(Fraction(repr(float(seconds))) * NS_PER_S)
 
 
-def _time_to_turn(motion: CrankMotion, revolutions: int) -> int:
+def _time_to_turn(motion: SpeedMotion, revolutions: int) -> int:
     """When the crank has made its revolutions, ns.
 
     Raises:

@@ -88,7 +88,10 @@ def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), again=0, c
     """
     configuration = load('quadrilateral')
     names = ['linkage_ros', 'linkage_ros/motion', *(name for name, _ in metadata)]
-    fields = [encode_configuration(configuration), encode_motion(Machine(configuration).begin(0))]
+    fields = [
+        encode_configuration(configuration),
+        encode_motion(Machine(configuration).begin(0).segment),
+    ]
     fields += [settings for _, settings in metadata]
     interface = JOINT_STATES.interface
     told = [Schema(1, interface.definition.encode(), 'ros2msg', interface.name)]
@@ -141,7 +144,9 @@ def bombs():
     # Each frame unpacks to MiB before its fault, and holds the next chunk: all of a thousand.
     frame = zeros(1)[:-3] + struct.pack('<I', len(landmark) + 6 + 32 << 3)[:3]
     chain = (landmark[:-4] + frame) * 10_000
-    motions = [('linkage_ros/motion', encode_motion(Machine(load('quadrilateral')).begin(0)))]
+    motions = [
+        ('linkage_ros/motion', encode_motion(Machine(load('quadrilateral')).begin(0).segment))
+    ]
     endless = ('linkage_ros/motion', _seal({
         'stamp': '0', 'phase': '1e999999999', 'speed': '0', 'rpm': '1', 'acceleration': '0',
     }))  # fmt: skip

@@ -16,7 +16,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from linkage_ros.log.metadata import _seal
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
@@ -41,7 +41,7 @@ def _run(path, configuration, *, live):
     motion = machine.begin(start)
     with LogWriter(path, configuration, overwrite=True) as log:
         channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
-        log.write_motion(motion)
+        log.write_motion(motion.segment)
         log.write(
             log.add_topic(ROBOT_DESCRIPTION, '/robot_description'), start, machine.description
         )
@@ -49,10 +49,10 @@ def _run(path, configuration, *, live):
             log.write(log.add_topic(DIAGNOSTICS, '/diagnostics'), start, b'\0\1\0\0' + bytes(16))
         for tick in range(30):
             stamp = start + machine.elapsed(tick)
-            if tick == 15 and live and isinstance(motion, CrankMotion):
+            if tick == 15 and live and isinstance(motion, SpeedMotion):
                 motion = motion.change(stamp, -20.0)
                 log.flush()
-                log.write_motion(motion)
+                log.write_motion(motion.segment)
             for channel, data in zip(
                 channels, machine.snapshot_at(motion, stamp).messages, strict=True
             ):

@@ -15,8 +15,10 @@ from linkage_ros.log.channels import paired
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log_tool import info, saved, verdict
 from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.summary import summary
 from linkage_ros.playback.excerpt import excerpt_of
 from linkage_ros.playback.feed import feed
+from linkage_ros.quantities import build, flatten
 from linkage_ros.record import record
 from linkage_ros.recovery.recover import recover
 from linkage_ros.run.machine import Machine
@@ -49,7 +51,7 @@ def parameter_file(path):
 
     def run():
         configuration = load(str(path))
-        Machine(configuration).summary()
+        summary(configuration, Machine(configuration).solver)
         duration = min(0.02, 5 / configuration.session.rate_hz)
         record(configuration, path.with_suffix('.mcap'), duration=duration, overwrite=True)
 
@@ -123,11 +125,12 @@ class LiveNode:
         self.node = Node('live', context=context, enable_rosout=False)
         self._machine = Machine(configuration)
         self.motion = self._machine.begin(0)
-        self._target, self._stamp = configuration.drive.target, 0
+        self._drive, self._stamp = configuration.drive, 0
         declare(self.node, configuration, self._set)
 
-    def _set(self, value):
-        self._target = value
+    def _set(self, name, value):
+        assert type(value) is float
+        self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
 
     def request(self, wanted):
         """Sets parameters as the node's service does; returns why each is refused, '' if not."""
@@ -147,11 +150,10 @@ class LiveNode:
 
     def _step(self):
         """Goes on with what is set: a motion it is, or its end in one line."""
-        assert type(self._target) is float
         self._stamp += 5_000_000
 
         def go():
-            self.motion = self.motion.next(self._stamp, self._target)
+            self.motion = self.motion.follow(self._stamp, self._drive)
             self._machine.snapshot_at(self.motion, self._stamp)
 
         if outcome(go):

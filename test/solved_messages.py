@@ -11,7 +11,7 @@ from __future__ import annotations
 import struct
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.motion.joints import joint_values
+from linkage_ros.wire.codecs import joint_rows
 from linkage_ros.wire.interfaces import (
     FLOAT64,
     JOINT_STATE,
@@ -77,13 +77,9 @@ def solved_messages(configuration, motion, stamps):
     messages['/robot_description'].append((stamps[0], description))
     names = [link.name for link in links]
     for stamp in stamps:
-        crank = motion.at(stamp)
-        if crank.slide:
-            q, u, a = zip((crank.angle, crank.speed, crank.acceleration), crank.slide, strict=True)
-            state = solver.state(q, u, a)
-        else:
-            state = solver.state(crank.angle, crank.speed, crank.acceleration)
-        position, velocity, acceleration, effort = joint_values(links, state, crank)
+        q, u, a, crank = motion.at(stamp)
+        state = solver.state(q, u, a)
+        position, velocity, acceleration, effort = joint_rows(links, state, crank)
         header = {'stamp': time_of(stamp), 'frame_id': 'base_link'}
         rates = {'position': position, 'velocity': velocity, 'effort': effort}
         point = {

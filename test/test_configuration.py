@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 
 from linkage_ros import ConfigurationError, MechanismError, Solver, WindPump
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import (
     DEFAULT_PRESET,
@@ -29,6 +28,7 @@ from linkage_ros.parameters.configuration import (
     load,
     parameter_leaves,
 )
+from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.quantities import MISSING
 

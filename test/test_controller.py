@@ -16,7 +16,7 @@ from test_node import stop
 
 from linkage_ros import ConfigurationError, Solver
 from linkage_ros.log.reader import LogReader
-from linkage_ros.motion.plant import Plant
+from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.verification.verify import verify
@@ -33,7 +33,7 @@ from linkage_ros.controller import ControllerNode, SpeedController
 
 MECHANISM = load('quadrilateral').mechanism
 CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))
-TICK = 1e-3
+TICK, TICK_NS = 1e-3, 10**6
 
 
 def heavier(factor):
@@ -49,17 +49,16 @@ def heavier(factor):
 def ripple(rpm, believed, lead):
     """The peak deviation of the speed, after 2 s of 4; a command acts a tick after its state."""
     configuration = configure({'drive': 'torque', 'start_rpm': rpm})
-    plant = Plant(Solver(MECHANISM), configuration.drive)
+    plant = TorqueMotion(Solver(MECHANISM), configuration.drive, 0, TICK_NS)
     controller = SpeedController(believed, rpm, 15.0, lead)
     wanted, worst = rpm * math.pi / 30, 0.0
     waiting = deque([0.0])
     for tick in range(1, 4000):
-        plant.advance(tick * TICK)
-        crank = plant.state()
-        plant.drive(0.0, waiting.popleft())
-        waiting.append(controller.torque(crank.unwrapped, crank.speed, TICK))
+        _, (speed,), _, crank = plant.at(tick * TICK_NS)
+        plant.command(tick * TICK_NS, waiting.popleft())
+        waiting.append(controller.torque(crank, speed, TICK))
         if tick > 2000:
-            worst = max(worst, abs(crank.speed / wanted - 1))
+            worst = max(worst, abs(speed / wanted - 1))
     return worst
 
 

@@ -27,6 +27,7 @@ from solved_messages import TYPES, plain, solved_messages, time_of
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
@@ -74,14 +75,14 @@ def live(folder):
         output = process.communicate(timeout=20)
     assert process.returncode == 0, output
     with LogReader(path) as log:
-        configuration, (motion,) = log.configuration, log.motions
+        configuration, (segment,) = log.configuration, log.motions
         found = {topic.name: [] for topic in log.topics}
         for message in log.messages():
             found[message.topic].append(message)
     codec = JointStateCodec(Machine(configuration).joints)
     stamps = [codec.decode(message.data)[0] for message in found['/joint_states']]
     assert len(stamps) > 150
-    expected = solved_messages(configuration, motion, stamps)
+    expected = solved_messages(configuration, SpeedMotion(segment), stamps)
     kind = message_class(DIAGNOSTIC_ARRAY.name)
     expected['/diagnostics'] = [
         (None, plain(serialization.deserialize_message(message.data, kind)))
@@ -261,8 +262,9 @@ def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypat
     assert f"'crank.length': '{log.configuration.mechanism.crank.length}'" in about
     assert motion.startswith('linkage_ros/motion {')
     drive = log.configuration.drive
-    word = 'rpm' if log.configuration.kind.drive == 'speed' else 'torque'
-    assert f"'{word}': '{drive.target}'" in motion
+    is_speed = log.configuration.kind.drive == 'speed'
+    expected = f"'rpm': '{drive.rpm}'" if is_speed else f"'torque': '{drive.motor.torque}'"
+    assert expected in motion
 
 
 def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch):

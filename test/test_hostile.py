@@ -209,7 +209,7 @@ def test_any_bytes_as_a_message(data, at):
     )
 )
 def test_any_words_as_a_motion_record(fields):
-    good = encode_motion(Machine(load('quadrilateral')).begin(0))
+    good = encode_motion(Machine(load('quadrilateral')).begin(0).segment)
     good.pop('crc32')
     hostile_outcomes.outcome(lambda: decode_motion(_seal({**good, **fields})))
 

@@ -56,7 +56,7 @@ from linkage_ros.verification.message_difference import differing
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import JOINT_STATES
 
-MOTION = encode_motion(Machine(load('quadrilateral')).begin(0))
+MOTION = encode_motion(Machine(load('quadrilateral')).begin(0).segment)
 STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
 
 

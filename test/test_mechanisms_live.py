@@ -13,7 +13,9 @@ import pytest
 from ros_harness import Listener, fresh_domain, running, unbroken, wait_for
 from test_node import logged, set_parameter, stop
 
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.summary import summary
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.codecs import JointStateCodec
@@ -114,19 +116,19 @@ def test_the_node_turns_it_and_its_log_explains_every_state(tmp_path, text):
         code, output = stop(process)
     assert code == 0, output
     log, messages = logged(path)
-    assert [motion.rpm for motion in log.motions][1:] == [-450.0]
+    assert [segment.rpm for segment in log.motions][1:] == [-450.0]
     machine = Machine(log.configuration)
     names = [f'/{topic.name}' for topic in machine.topics]
     stamps, rows = states(log, messages)
     for stamp, *published in zip(stamps, *(messages[name] for name in names), strict=True):
-        motion = [motion for motion in log.motions if motion.stamp <= stamp][-1]
-        snapshot = machine.snapshot_at(motion, int(stamp))
+        segment = [segment for segment in log.motions if segment.stamp <= stamp][-1]
+        snapshot = machine.snapshot_at(SpeedMotion(segment), int(stamp))
         assert snapshot.messages == tuple(message.data for message in published)
     received = listener.received['/joint_states']
     assert unbroken(received, [message.data for message in messages['/joint_states']])
     assert rows[0, 3] > 0 > rows[-1, 3]
     words = output.partition('linkage_node]: ')[2].splitlines()[0]
-    assert machine.summary() in words
+    assert summary(machine.configuration, machine.solver) in words
     assert 'transmission angle' in words
     if machine.configuration.drive.crank_acceleration:
         steady = [i for i, (a, b) in enumerate(pairwise(stamps)) if b - a == 10**6]

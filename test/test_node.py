@@ -31,8 +31,9 @@ from trajectory_msgs.msg import JointTrajectory
 from linkage_ros import controller, node
 from linkage_ros import record as record_module
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.motion.drives import DRIVES
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
+from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
@@ -77,7 +78,8 @@ def test_every_message_arrives_in_order_with_stamps_one_period_apart(run):
 
 def test_the_log_explains_every_state_to_the_bit(run):
     log, messages, *_ = run
-    machine, (motion,) = Machine(log.configuration), log.motions
+    machine, (segment,) = Machine(log.configuration), log.motions
+    motion = SpeedMotion(segment)
     assert [f'/{topic.name}' for topic in machine.topics] == list(OUTPUTS)
     for published in zip(*(messages[topic] for topic in OUTPUTS), strict=True):
         stamp, _ = CODEC.decode(published[0].data)
@@ -146,13 +148,13 @@ def test_rpm_is_set_live_and_sigterm_ends_with_a_complete_log(tmp_path):
     assert (code, 'Traceback' in output) == (0, False)
     log, messages = logged(path)
     assert len(messages[STATES]) >= len(listener.received[STATES])
-    assert [motion.rpm for motion in log.motions] == [150.0, -60.0, 0.5]
+    assert [segment.rpm for segment in log.motions] == [150.0, -60.0, 0.5]
     states = decoded(message.data for message in messages[STATES])
     machine = Machine(log.configuration)
     for stamp, numbers in states:
-        motion = [motion for motion in log.motions if motion.stamp <= stamp][-1]
-        position, velocity, _, effort = machine.snapshot_at(motion, stamp).values
-        assert numbers == (*position, *velocity, *effort)
+        segment = [segment for segment in log.motions if segment.stamp <= stamp][-1]
+        message = machine.snapshot_at(SpeedMotion(segment), stamp).messages[0]
+        assert (stamp, numbers) == CODEC.decode(message)
     for (t0, a), (t1, b) in pairwise(states):
         seconds = (t1 - t0) * 1e-9
         mean = (a[3] + b[3]) / 2

@@ -25,6 +25,7 @@ from ros_harness import (
 from rosgraph_msgs.msg import Clock
 
 from linkage_ros.log.reader import LogReader
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.verify import verify
 
@@ -103,7 +104,7 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(simul
     assert [motion.stamp for motion in log.motions] == [START, START - 10**9]
     machine = Machine(log.configuration)
     for number, message in enumerate(messages[STATES]):
-        motion = log.motions[number > 100]
+        motion = SpeedMotion(log.motions[number > 100])
         snapshot = machine.snapshot_at(motion, CODEC.decode(message.data)[0])
         assert snapshot.messages[0] == message.data
 

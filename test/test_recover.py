@@ -373,7 +373,7 @@ log.write, log.flush = told_write, told_flush
 worker = Worker('log', log, capacity=120_000, period=0.05, on_error=print)
 origin, t0 = time.monotonic_ns(), time.time_ns()
 motion = machine.begin(t0)
-worker.offer(motion)
+worker.offer(motion.segment)
 worker.offer((description, t0, machine.description))
 for tick in itertools.count():
     due = machine.elapsed(tick)
@@ -381,7 +381,7 @@ for tick in itertools.count():
         time.sleep(0.0002)
     if tick % 250 == 249:
         motion = motion.change(t0 + due, 10.0 + tick % 77)
-        worker.offer(motion)
+        worker.offer(motion.segment)
     now = time.time_ns()
     for channel, data in zip(channels, machine.snapshot_at(motion, t0 + due).messages):
         worker.offer((channel, now, data))

@@ -12,8 +12,8 @@ import pytest
 from pages import ROOT, load_reference, read
 
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.motion.drives import DRIVES
 from linkage_ros.parameters.configuration import Kind, parameter_leaves
+from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.quantities import Leaf, Quantity
 from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 

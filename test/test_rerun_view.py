@@ -20,6 +20,7 @@ import urllib.request
 import warnings
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_sender, rerun_view
-from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.view.rerun_view import View
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.diagnostics import ERROR
 from linkage_ros.wire.topics import JOINT_STATES
@@ -52,22 +53,37 @@ QUANTITIES = ('position', 'velocity', 'effort')
 CONFIGURATION = load('quadrilateral')
 
 
+class Sample(NamedTuple):
+    """Joint states at a stamp."""
+
+    stamp: int
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    effort: tuple[float, ...]
+
+
 def run_of(configuration, count, rate=200, start=0):
     """The samples of a run from its beginning, and the solved states."""
     machine = Machine(configuration)
     motion, samples, states = machine.begin(start), [], []
     for stamp in (start + tick * 10**9 // rate for tick in range(count)):
         snapshot = machine.snapshot_at(motion, stamp)
-        position, velocity, _, effort = snapshot.values
-        samples.append(Sample(stamp, position, velocity, effort))
+        numbers = machine.joint_states.decode(snapshot.messages[0])[1]
+        count = len(machine.joints)
+        samples.append(Sample(stamp, *(numbers[i * count :][:count] for i in range(3))))
         states.append(snapshot.state)
     return samples, states
+
+
+def feed(view, samples, configuration=CONFIGURATION):
+    codec = Machine(configuration).joint_states
+    view.consume([(sample.stamp, codec.encode(*sample)) for sample in samples])
 
 
 def show(path, samples, configuration=CONFIGURATION, batch=37, **options):
     view = View(configuration, str(path), **options)
     for start in range(0, len(samples), batch):
-        view.consume(samples[start : start + batch])
+        feed(view, samples[start : start + batch], configuration)
     view.close()
     return view
 
@@ -151,11 +167,13 @@ def test_file_of_a_killed_run_is_readable(tmp_path):
 import os, signal, sys
 from linkage_ros.view import rerun_view
 from linkage_ros.parameters.configuration import load
-from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.view.rerun_view import View
+from linkage_ros.wire.codecs import JointStateCodec
 rerun_view._FILE_SECONDS = 0.0
+codec = JointStateCodec(('crank', 'coupler', 'rocker'))
 view = View(load('quadrilateral'), sys.argv[1])
 for k in range(100):
-    view.consume([Sample(k * 10**7, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3)])
+    view.consume([(k * 10**7, codec.encode(0, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3))])
 os.kill(os.getpid(), signal.SIGKILL)
 """
     subprocess.run(
@@ -203,13 +221,16 @@ import resource, sys
 from linkage_ros import ViewerError
 from linkage_ros.view import rerun_sender, rerun_view
 from linkage_ros.parameters.configuration import load
-from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.view.rerun_view import View
+from linkage_ros.wire.codecs import JointStateCodec
 rerun_sender._WRITE_SECONDS, rerun_view._FILE_SECONDS = 0.5, 0.0
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+codec = JointStateCodec(('crank', 'coupler', 'rocker'))
 view = View(load('quadrilateral'), sys.argv[1])
 try:
     for k in range(1000):
-        view.consume([Sample(k * 10**7, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3)] * 10)
+        message = codec.encode(0, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3)
+        view.consume([(k * 10**7, message)] * 10)
 except ViewerError as error:
     print(error)
 view.close()
@@ -303,9 +324,9 @@ def test_window_that_connects_late_gets_everything(tmp_path, window):
     samples, _ = run_of(CONFIGURATION, 400)
     with opened('spawn') as (view, _):
         for start in range(0, 400, 10):
-            view.consume(samples[start : start + 10])
+            feed(view, samples[start : start + 10])
         wait_until(lambda: stamps_in(saved))
-        view.consume(samples[:1])
+        feed(view, samples[:1])
         assert view.dropped == 0
         view.close()
         wait_until(lambda: len(stamps_in(saved)) > len(samples))
@@ -343,7 +364,7 @@ def test_closing_the_window_does_not_disturb_the_run(window, end):
     window(end)
     with opened('spawn') as (view, process):
         process.wait(PATIENCE)
-        view.consume(run_of(CONFIGURATION, 20)[0])
+        feed(view, run_of(CONFIGURATION, 20)[0])
         assert view.dropped == 0
 
 
@@ -421,7 +442,7 @@ def test_page_needs_no_screen_and_ends_with_the_run(monkeypatch):
         assert re.fullmatch(r'http://127\.0\.0\.1:\d+/\?url=rerun%2Bhttp%3A.*%2Fproxy', view.page)
         data = urllib.parse.parse_qs(urllib.parse.urlsplit(view.page).query)['url']
         assert data == [view.url]
-        view.consume(run_of(CONFIGURATION, 10)[0])
+        feed(view, run_of(CONFIGURATION, 10)[0])
         port = urllib.parse.urlsplit(view.page).port
         sockets = [line.split() for line in Path('/proc/net/tcp').read_text().splitlines()]
         served = [s[1] for s in sockets if s[1].endswith(f':{port:04X}') and s[3] == '0A']
@@ -502,26 +523,26 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
     for n in range(2):
         assert view.trouble.startswith(f'no viewer answers at {url}: states are left out')
         before = view.dropped
-        view.consume(samples[:100])
+        feed(view, samples[:100])
         assert view.dropped == before + 100
         saved = tmp_path / f'{n}.rrd'
         with running('--save', str(saved), port=port) as (process, _):
 
             def is_taken():
                 before = view.dropped
-                view.consume(samples[:1])
+                feed(view, samples[:1])
                 return view.dropped == before
 
             wait_until(is_taken)
             assert view.trouble == ''
-            view.consume(samples[100:])
+            feed(view, samples[100:])
             wait_until(lambda saved=saved: len(stamps_in(saved)) == 201)
             process.kill()
             process.wait()
         # What never changes came again as well.
         assert read(saved)['/joint_states/effort']['SeriesLines:names'] == [list(JOINTS)]
         assert stamps_in(saved) == [s.stamp for s in (samples[0], *samples[100:])]
-        wait_until(lambda: view.consume(samples[:1]) or view.trouble)
+        wait_until(lambda: feed(view, samples[:1]) or view.trouble)
     start = time.monotonic()
     view.close()
     assert time.monotonic() - start < 3
@@ -533,23 +554,23 @@ def test_viewer_that_hangs_loses_samples_until_it_reads_again():
     samples = [Sample(k * 10**6, row, row, row) for k, row in enumerate(rows)]
     with running('--serve-grpc') as (process, url):
         view = View(CONFIGURATION, url)
-        view.consume(samples)
+        feed(view, samples)
         process.send_signal(signal.SIGSTOP)
         longest = 0.0
         for _ in range(100):
             if view.dropped:
                 break
             start = time.monotonic()
-            view.consume(samples)
+            feed(view, samples)
             longest = max(longest, time.monotonic() - start)
-        view.consume(samples)
+        feed(view, samples)
         assert view.dropped == 2 * len(samples)
         assert longest < 3
         process.send_signal(signal.SIGCONT)
 
         def is_taken():
             before = view.dropped
-            view.consume(samples[:1])
+            feed(view, samples[:1])
             return view.dropped == before
 
         wait_until(is_taken)
@@ -562,7 +583,8 @@ def test_viewer_that_hangs_loses_samples_until_it_reads_again():
 STUCK = """
 import socket, sys, threading, time
 from linkage_ros.parameters.configuration import load
-from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.view.rerun_view import View
+from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.run.worker import Worker
 server = socket.create_server(('127.0.0.1', 0))
 kept = []
@@ -570,13 +592,15 @@ def accept():
     while True:
         kept.append(server.accept())
 threading.Thread(target=accept, daemon=True).start()
+codec = JointStateCodec(('crank', 'coupler', 'rocker'))
+message = codec.encode(0, (1.0,) * 3, (2.0,) * 3, (3.0,) * 3)
 view = View(load('quadrilateral'), f'rerun+http://127.0.0.1:{server.getsockname()[1]}/proxy')
 errors = []
 worker = Worker('view', view, capacity=100, period=0.005, on_error=errors.append)
 longest, end = 0.0, time.monotonic() + 3.0
 while time.monotonic() < end:
     start = time.monotonic()
-    worker.offer(Sample(time.time_ns(), (1.0,) * 3, (2.0,) * 3, (3.0,) * 3))
+    worker.offer((time.time_ns(), message))
     longest = max(longest, time.monotonic() - start)
     time.sleep(0.0005)
 start = time.monotonic()
@@ -617,7 +641,7 @@ def test_rerun_switched_off_by_environment_is_refused(tmp_path, monkeypatch):
 def test_file_of_a_running_run_is_not_replaced(tmp_path):
     path = tmp_path / 'run.rrd'
     with closing(View(CONFIGURATION, str(path))) as view:
-        view.consume(run_of(CONFIGURATION, 5)[0])
+        feed(view, run_of(CONFIGURATION, 5)[0])
         with pytest.raises(ViewerError, match='is being written by another run and is kept'):
             View(CONFIGURATION, str(path), overwrite=True)
     assert len(read(path)['/joint_states/effort']['ros2_timestamp']) == 5

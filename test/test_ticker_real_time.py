@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.run import ticker_real_time
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.ticker import Calls
+from linkage_ros.run.ticker import Callbacks
 from linkage_ros.run.ticker_real_time import CLOCK_STEP, RealTimeTicker
 
 MS = 1_000_000
@@ -49,9 +49,10 @@ def clock(monkeypatch):
 def run(clock, rate_hz, ticks, act=lambda tick: None):
     """Ticks until so many were carried out; returns stamps, restamps and the ticker."""
     machine = Machine(configure({'rate_hz': rate_hz}))
-    stamps, restamps, done = [], [], threading.Event()
+    stamps, restamps, starts, done = [], [], [], threading.Event()
 
     def tick(stamp):
+        starts.append(ticker.t0)
         stamps.append(stamp)
         act(len(stamps))
         if len(stamps) == ticks:
@@ -62,13 +63,12 @@ def run(clock, rate_hz, ticks, act=lambda tick: None):
         restamps.append((old, new))
 
     errors = []
-    calls = Calls(tick, restamp, lambda error: (errors.append(error), done.set()))
-    ticker = RealTimeTicker(machine, calls)
-    began = []
-    ticker.start(began.append)
+    callbacks = Callbacks(tick, restamp, lambda error: (errors.append(error), done.set()))
+    ticker = RealTimeTicker(machine, callbacks)
+    ticker.start()
     assert done.wait(20)
     ticker.stop()
-    return stamps, restamps, ticker, began[0], errors
+    return stamps, restamps, ticker, starts[0], errors
 
 
 def test_stamps_are_the_start_plus_whole_periods_whatever_the_lateness(clock):
@@ -127,9 +127,9 @@ def test_an_error_in_a_tick_ends_the_thread_and_is_reported(clock):
 def test_it_never_sleeps_longer_than_it_may_take_to_stop(monkeypatch):
     machine = Machine(configure({'rate_hz': 0.01}))
     first = threading.Event()
-    calls = Calls(lambda stamp: first.set(), lambda *_: None, lambda error: None)
-    ticker = RealTimeTicker(machine, calls)
-    ticker.start(lambda stamp: None)
+    callbacks = Callbacks(lambda stamp: first.set(), lambda *_: None, lambda error: None)
+    ticker = RealTimeTicker(machine, callbacks)
+    ticker.start()
     assert first.wait(5)
     ticker.stop()
     assert ticker.counts.kept == 1

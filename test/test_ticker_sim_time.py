@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from linkage_ros.run.ticker import Calls
+from linkage_ros.run.ticker import Callbacks
 from linkage_ros.run.ticker_sim_time import SimTimeTicker
 
 MS = 10**6
@@ -32,11 +32,15 @@ class Run:
 
     def __init__(self, period=5 * MS):
         self.stamps, self.begun, self.moved, self.failed = [], [], [], []
-        self.calls = Calls(
-            self.stamps.append, lambda *pair: self.moved.append(pair), self.failed.append
+        self.callbacks = Callbacks(
+            self._tick, lambda *pair: self.moved.append(pair), self.failed.append
         )
-        self.ticker = SimTimeTicker(Every(period), self.calls)
-        self.ticker.start(self.begun.append)
+        self.ticker = SimTimeTicker(Every(period), self.callbacks)
+        self.ticker.start()
+
+    def _tick(self, stamp):
+        self.begun = self.begun or [self.ticker.t0]
+        self.stamps.append(stamp)
 
     def hear(self, *times):
         for time in times:
@@ -85,7 +89,7 @@ def test_a_long_jump_forward_is_missed_and_counted():
 
 def test_it_ends_when_it_is_stopped_and_not_before_it_begins():
     run = Run()
-    ticker = SimTimeTicker(Every(MS), run.calls)
+    ticker = SimTimeTicker(Every(MS), run.callbacks)
     ticker.hear(5)
     ticker.stop()
     assert run.stamps == []
@@ -100,8 +104,8 @@ def test_a_tick_that_fails_ends_the_motion_and_is_told():
         raise ValueError('on purpose')
 
     failed = []
-    ticker = SimTimeTicker(Every(MS), Calls(fail, fail, failed.append))
-    ticker.start(lambda _: None)
+    ticker = SimTimeTicker(Every(MS), Callbacks(fail, fail, failed.append))
+    ticker.start()
     ticker.hear(0)
     ticker.hear(10**9)
     assert [str(error) for error in failed] == ['on purpose']

@@ -16,13 +16,14 @@ from linkage_ros import record as recorder
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
+from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.plant import Plant
-from linkage_ros.motion.speed_driven import CrankState
+from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_path
+from linkage_ros.parameters.summary import summary
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.torque_commands import TorqueCommands
@@ -89,7 +90,8 @@ def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
     with pytest.raises(ConfigurationError, match='cannot turn fully'):
         configure({**values, 'rpm': 1.0})
     driven = {**values, 'drive': 'torque'}
-    assert 'transmission' not in Machine(configure({**driven, 'crank_angle': 0.5})).summary()
+    swings = configure({**driven, 'crank_angle': 0.5})
+    assert 'transmission' not in summary(swings, Solver(swings.mechanism))
     with pytest.raises(ConfigurationError, match=r'no motion starts there: .* cannot move at 180'):
         configure({**driven, 'crank_angle': math.pi})
 
@@ -303,28 +305,27 @@ def live(path, configuration, plan, alter=lambda _, snapshot: snapshot.messages)
     clock, ns), 'skip' (ticks) or 'tick'.
     """
     machine = Machine(configuration)
-    motion, motor, command = machine.begin(START), configuration.drive.motor.torque, 0.0
+    motion, drive, command = machine.begin(START), configuration.drive, 0.0
     t0, tick, number = START, 0, 0
     with LogWriter(path, configuration, overwrite=True) as log:
         channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
         description = log.add_topic(ROBOT_DESCRIPTION, '/robot_description')
-        log.write_motion(motion)
+        log.write_motion(motion.segment)
         log.write(description, START, machine.description)
         for kind, value in plan:
             if kind in {'motor', 'command', 'skip'}:
-                motor = value if kind == 'motor' else motor
+                if kind == 'motor':
+                    drive = replace(drive, motor=replace(drive.motor, torque=value))
                 command = value if kind == 'command' else command
                 tick += value if kind == 'skip' else 0
                 continue
             stamp = t0 + machine.elapsed(tick)
             if kind == 'step':
-                motion = motion.change(stamp, motion.target, restamp=stamp + value)
-                log.write_motion(motion)
+                log.write_motion(motion.restamp(stamp, stamp + value).segment)
                 t0, stamp = t0 + value, stamp + value
-            following = motion.next(stamp, motor)
-            if following is not motion:
-                motion = following
-                log.write_motion(motion)
+            segment = motion.segment
+            if motion.follow(stamp, drive).segment is not segment:
+                log.write_motion(motion.segment)
             motion.command(stamp, command)
             number += 1
             messages = alter(number, machine.snapshot_at(motion, stamp))
@@ -353,20 +354,20 @@ def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configur
         assert report.difference == ''
         assert report.states == sum(kind in {'tick', 'step'} for kind, _ in PLAN)
         assert report.missed == 7 + 3 + 12_000
-        assert [motion.target for motion in log.motions] == [
+        assert [segment.torque for segment in log.motions] == [
             fast.drive.motor.torque, -1.5, -1.5, -1.5, 4.0, 4.0,
         ]  # fmt: skip
 
 
 def test_what_stood_still_for_long_goes_on_from_where_it_was():
-    machine = Machine(changed(session={'rate_hz': 1000.0}))
+    configuration = changed(session={'rate_hz': 1000.0})
+    machine, drive = Machine(configuration), configuration.drive
     motion = machine.begin(START)
-    before = machine.snapshot_at(motion, START + 10**9)
+    before, first = machine.snapshot_at(motion, START + 10**9), motion.segment
+    assert motion.follow(START + 10**9 + 200_000_000, drive).segment is first
     later = START + 60 * 10**9
-    following = motion.next(later, motion.target)
-    assert following is not motion
-    assert machine.snapshot_at(following, later).values == before.values
-    assert motion.next(START + 10**9 + 200_000_000, motion.target) is motion
+    assert motion.follow(later, drive).segment is not first
+    assert machine.snapshot_at(motion, later).coordinates == before.coordinates
 
 
 def forge(path, claimed, real):
@@ -374,7 +375,7 @@ def forge(path, claimed, real):
     machine, motion = Machine(real), Machine(real).begin(0, AdaptiveSteps)
     with LogWriter(path, claimed, overwrite=False) as log:
         channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
-        log.write_motion(Machine(claimed).begin(0))
+        log.write_motion(Machine(claimed).begin(0).segment)
         for tick in range(20):
             stamp = machine.elapsed(tick)
             for channel, message in zip(
@@ -384,11 +385,13 @@ def forge(path, claimed, real):
 
 
 def test_below_a_hertz_the_plant_moves_too():
-    machine = Machine(changed(QUADRILATERAL, session={'rate_hz': 0.5}))
+    configuration = changed(QUADRILATERAL, session={'rate_hz': 0.5})
+    machine = Machine(configuration)
     motion = machine.begin(START)
+    first = motion.segment
     for tick in range(3):
         stamp = START + machine.elapsed(tick)
-        assert motion.next(stamp, motion.target) is motion
+        assert motion.follow(stamp, configuration.drive).segment is first
         state = machine.snapshot_at(motion, stamp).state
     assert abs(state.position[0]) > 1
 
@@ -423,9 +426,9 @@ def moved(joint, row, by):
     """Changes one number of joint_states and mechanism_state alike."""
 
     def alter(machine, snapshot):
-        rows = [list(part) for part in snapshot.values]
-        rows[row][joint] += by
-        stamp = TrajectoryCodec(machine.joints).decode(snapshot.messages[2])[0]
+        stamp, numbers = TrajectoryCodec(machine.joints).decode(snapshot.messages[2])
+        rows = np.array(numbers).reshape(4, -1)
+        rows[row, joint] += by
         return (
             JointStateCodec(machine.joints).encode(stamp, rows[0], rows[1], rows[3]),
             snapshot.messages[1],
@@ -438,10 +441,9 @@ def moved(joint, row, by):
 
 def elsewhere(shift, machine, snapshot):
     """A state that is right in itself, at another place."""
-    position, velocity, acceleration = (part[0] for part in snapshot.values[:3])
-    slide = tuple(part[-1] for part in snapshot.values[:3])
-    moved_to = position + shift
-    state = CrankState(within_two_turns(moved_to)[0], moved_to, velocity, acceleration, slide)
+    q, u, a, unwrapped = snapshot.coordinates
+    moved_to = unwrapped + shift
+    state = Coordinates((within_two_turns(moved_to)[0], *q[1:]), u, a, moved_to)
     stamp = TrajectoryCodec(machine.joints).decode(snapshot.messages[2])[0]
     return machine.snapshot_of(stamp, state).messages
 
@@ -490,7 +492,7 @@ def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
     machine, motion = Machine(PUMP), Machine(PUMP).begin(0)
     with LogWriter(tmp_path / 'run.mcap', PUMP, overwrite=False) as log:
         channel = log.add_topic(machine.topics[0], '/joint_states')
-        log.write_motion(motion)
+        log.write_motion(motion.segment)
         log.write(channel, 0, machine.snapshot_at(motion, 0).messages[0])
     with (
         LogReader(tmp_path / 'run.mcap') as log,
@@ -509,10 +511,9 @@ def test_held_torque_of_a_constant_speed_keeps_it_as_far_as_it_is_in_time(delay,
     """Held over ticks of 1 ms, computed for a moment that many ticks before their middle."""
     solver, speed = Solver(QUADRILATERAL.mechanism), 5 * math.pi
     drive = configure({'drive': 'torque', 'start_rpm': 150.0}).drive
-    plant, worst = Plant(solver, drive), 0.0
+    motion, worst = TorqueMotion(solver, drive, 0, 10**6), 0.0
     for tick in range(4000):
         crank = math.remainder(speed * (tick + 0.5 - delay) * 1e-3, 4 * math.pi)
-        plant.drive(0.0, solver.state(crank, speed).torque)
-        plant.advance((tick + 1) * 1e-3)
-        worst = max(worst, abs(plant.state().speed / speed - 1))
+        motion.command(tick * 10**6, solver.state(crank, speed).torque)
+        worst = max(worst, abs(motion.at((tick + 1) * 10**6).u[0] / speed - 1))
     assert low <= worst < high

@@ -62,7 +62,7 @@ def test_the_pump_runs_live_and_its_log_verifies(tmp_path):
     assert code == 0, output
     assert 'wind_pump, crossed, motor 8.4 N m - 1.2 N m s x speed' in output
     log, messages = logged(path)
-    assert [motion.target for motion in log.motions] == [8.4, 20.0]
+    assert [segment.torque for segment in log.motions] == [8.4, 20.0]
     assert verified(path).states == len(messages[STATES])
     states = [message.data for message in messages[STATES]]
     assert unbroken(listener.received[STATES], states)

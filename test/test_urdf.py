@@ -19,10 +19,10 @@ import pytest
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Solver
 from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.motion.joints import joint_values
-from linkage_ros.motion.speed_driven import CrankMotion
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_names
+from linkage_ros.wire.codecs import joint_rows
 from linkage_ros.wire.urdf import make_urdf
 
 JOINTS = ('crank', 'coupler', 'rocker')
@@ -94,15 +94,14 @@ def random_mechanisms():
 
 
 def positions_at(mechanism, stamp, motion):
-    crank = motion.at(stamp)
+    q, u, a, crank = motion.at(stamp)
     solver = Solver(mechanism)
-    state = solver.state(crank.angle, crank.speed, crank.acceleration)
-    values = joint_values(solver.structure.links, state, crank)
-    return dict(zip(JOINTS, values.position, strict=True))
+    position, *_ = joint_rows(solver.structure.links, solver.state(q, u, a), crank)
+    return dict(zip(JOINTS, position, strict=True))
 
 
 # One turn a second, watched over two turns, at stamps that are not round.
-MOTION = CrankMotion.begin(SpeedDrive(60.0, crank_angle=0.1), 0)
+MOTION = SpeedMotion.begin(SpeedDrive(60.0, crank_angle=0.1), 0)
 STAMPS = [2 * 10**9 * i // 360 + 1 for i in range(360)]
 
 
@@ -206,9 +205,8 @@ def test_a_slider_is_a_prismatic_joint_along_its_guide(preset):
     assert (z, roll, pitch, yaw) == (0.0, 0.0, 0.0, mechanism.frame.angle)
     solver = Solver(mechanism)
     for stamp in STAMPS[::20]:
-        crank = MOTION.at(stamp)
-        state = solver.state(crank.angle, crank.speed, crank.acceleration)
-        position = joint_values(solver.structure.links, state, crank).position
+        q, u, a, crank = MOTION.at(stamp)
+        position, *_ = joint_rows(solver.structure.links, solver.state(q, u, a), crank)
         # The coupler's end, by way of the two turning joints, is the slider's origin.
         a = mechanism.crank.length * cmath.exp(1j * position[0])
         end = a + mechanism.coupler.length * cmath.exp(1j * (position[0] + position[1]))

@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 import struct
 from dataclasses import replace
+from fractions import Fraction
 from itertools import takewhile
 
 import pytest
@@ -74,7 +75,7 @@ def live(path, configuration, plan, *, prefix='/', names=None, diagnostics=True,
         places = [machine.topics.index(topic) for topic in chosen]
         extra = log.add_topic(DIAGNOSTICS, '/diagnostics') if diagnostics else None
         description = log.add_topic(ROBOT_DESCRIPTION, f'{prefix}robot_description')
-        log.write_motion(motion)
+        log.write_motion(motion.segment)
         log.write(description, START, machine.description)
         for kind, value in plan:
             if kind == 'rpm':
@@ -85,12 +86,12 @@ def live(path, configuration, plan, *, prefix='/', names=None, diagnostics=True,
                 continue
             stamp = t0 + machine.elapsed(tick)
             if kind == 'step':
-                motion = motion.change(stamp, motion.rpm, restamp=stamp + value)
-                log.write_motion(motion)
+                motion = motion.restamp(stamp, stamp + value)
+                log.write_motion(motion.segment)
                 t0, stamp = t0 + value, stamp + value
-            if rpm != motion.rpm:
+            if rpm != motion.segment.rpm:
                 motion = motion.change(stamp, rpm)
-                log.write_motion(motion)
+                log.write_motion(motion.segment)
             messages = machine.snapshot_at(motion, stamp).messages
             now = stamp + 40_000 + tick % 7
             for channel, place in zip(channels, places, strict=True):
@@ -509,7 +510,7 @@ def test_stamps_off_the_ticks_are_found(tmp_path):
         with LogWriter(tmp_path / 'run.mcap', configuration, overwrite=True) as log:
             channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
             motion = machine.begin(START)
-            log.write_motion(motion)
+            log.write_motion(motion.segment)
             for tick in range(20):
                 stamp = START + machine.elapsed(tick) + (late if tick == 9 else 0)
                 for channel, data in zip(
@@ -689,7 +690,12 @@ def test_an_impossible_mechanism_is_named_as_what_is_refused(live_path):
         (0, {'rpm': '151.0'}, 'the first motion record has '),
         (0, {'acceleration': '1.0'}, 'the first motion record has acceleration = 1.0'),
         (0, {'stamp': str(START + 1)}, 'record 2 has phase'),
-        (1, {'rpm': '59.99999999999999'}, r'velocity\[crank\] = .*state 61.*motion 2'),
+        (1, {'rpm': '59.99999999999999'}, 'record 2 has speed = 60, what went before gives 8444'),
+        (
+            1,
+            {'rpm': '59.99999999999999', 'speed': str(Fraction(59.99999999999999))},
+            r'velocity\[crank\] = .*state 61.*motion 2',
+        ),
         (1, {'phase': '1/1024'}, 'record 2 has phase = 1/1024, what went before gives 3/4'),
         (1, {'stamp': str(START + 59 * 5_000_000)}, 'record 2 has phase'),
         (1, {'stamp': str(START + 61 * 5_000_000)}, 'record 2 has phase'),

@@ -122,10 +122,10 @@ def errors(log: LogReader, machine: Machine, stamps: set[int]) -> dict[int, floa
         stamp, values = codec.decode(message.data)
         if stamp in stamps:
             angle = mpf(log.configuration.drive.crank_angle)
-            ends = [motion.stamp for motion in log.motions[1:]]
-            for motion, end in zip(log.motions, [*ends, stamp], strict=True):
-                lasted = max(0, min(end, stamp) - motion.stamp)
-                angle += mpf(motion.target) * 2 * mp.pi * lasted / (60 * 10**9)
+            ends = [segment.stamp for segment in log.motions[1:]]
+            for segment, end in zip(log.motions, [*ends, stamp], strict=True):
+                lasted = max(0, min(end, stamp) - segment.stamp)
+                angle += mpf(segment.rpm) * 2 * mp.pi * lasted / (60 * 10**9)
             apart = mpf(values[2]) - exact_rocker(machine.configuration.mechanism, angle)
             found[stamp] = abs(float(apart - 2 * mp.pi * mp.nint(apart / (2 * mp.pi))))
     return found

@@ -15,9 +15,9 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 from sensor_msgs.msg import JointState
 
-from linkage_ros.motion.joints import joint_values
 from linkage_ros.parameters.configuration import load
 from linkage_ros.run.machine import Machine
+from linkage_ros.wire.codecs import joint_rows
 
 
 def main() -> None:
@@ -33,9 +33,9 @@ def main() -> None:
         stamp = node.get_clock().now()
         # rclpy drops what it missed: a call is due at the last multiple of the period.
         late.append(round((stamp.nanoseconds - origin) % (period * 1e9)))
-        crank = motion.at(stamp.nanoseconds)
-        state = machine.solver.state(crank.angle, crank.speed, crank.acceleration)
-        position, velocity, _, effort = joint_values(machine.solver.structure.links, state, crank)
+        (q,), (u,), (a,), crank = motion.at(stamp.nanoseconds)
+        state = machine.solver.state(q, u, a)
+        position, velocity, _, effort = joint_rows(machine.solver.structure.links, state, crank)
         message = JointState(
             name=machine.joints, position=position, velocity=velocity, effort=effort
         )

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The metadata records by which a log explains itself: configuration and pieces of motion.
+"""The metadata records by which a log explains itself: configuration and segments of motion.
 
 MCAP keeps no checksum of metadata, so each record carries one of its own: a flipped bit in a
 setting must not pass for another setting.
@@ -16,8 +16,7 @@ from fractions import Fraction
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
-from linkage_ros.motion.speed_driven import CrankMotion
-from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
+from linkage_ros.motion.segments import Segment, SpeedSegment, TorqueSegment
 from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import Configuration
 
@@ -51,32 +50,29 @@ def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]
     return version, from_strings(settings)
 
 
-def encode_motion(motion: RunMotion) -> dict[str, str]:
-    """The record of a piece of motion: exact fractions of turns and of turns per minute.
-
-    Of a torque-driven one, its motor's torque.
-    """
-    fields = {'stamp': str(motion.stamp)}
-    if isinstance(motion, TorqueMotion):
-        fields['torque'] = json.dumps(motion.torque)
+def encode_motion(segment: Segment) -> dict[str, str]:
+    """The record of a segment: exact fractions of turns and of turns per minute, or a torque."""
+    fields = {'stamp': str(segment.stamp)}
+    if isinstance(segment, TorqueSegment):
+        fields['torque'] = json.dumps(segment.torque)
     else:
-        fields['phase'] = str(motion.phase(motion.stamp))
-        fields['speed'] = str(motion.speed(motion.stamp))
-        fields['rpm'] = json.dumps(motion.rpm)
-        fields['acceleration'] = json.dumps(motion.acceleration)
-    if motion.before is not None:  # what a step of the clock renamed
-        fields['before'] = str(motion.before)
+        fields['phase'] = str(segment.phase)
+        fields['speed'] = str(segment.speed)
+        fields['rpm'] = json.dumps(segment.rpm)
+        fields['acceleration'] = json.dumps(segment.acceleration)
+    if segment.old_stamp is not None:
+        fields['before'] = str(segment.old_stamp)
     return _seal(fields)
 
 
-def decode_motion(record: Mapping[str, str]) -> RunMotion:
-    """The piece of motion of a record.
+def decode_motion(record: Mapping[str, str]) -> Segment:
+    """The segment of a record.
 
     Args:
         record: From `encode_motion`.
 
     Returns:
-        The motion; of a torque-driven one what it tells, and nothing that moves.
+        The segment.
 
     Raises:
         LogError: The record is damaged.
@@ -86,16 +82,16 @@ def decode_motion(record: Mapping[str, str]) -> RunMotion:
         raise LogError('a motion record is damaged: it is endless')
     try:
         stamp = _time(fields['stamp'])
-        before = _time(fields['before']) if 'before' in fields else None
+        old_stamp = _time(fields['before']) if 'before' in fields else None
         if 'torque' in fields:
-            return TorqueMotion(stamp, _finite(fields['torque']), before)
-        return CrankMotion(
+            return TorqueSegment(stamp, _finite(fields['torque']), old_stamp)
+        return SpeedSegment(
             stamp,
             _fraction(fields['phase']),
             _fraction(fields['speed']),
-            float(json.loads(fields['rpm'])),
-            float(json.loads(fields['acceleration'])),
-            before,
+            _finite(fields['rpm']),
+            _finite(fields['acceleration']),
+            old_stamp,
         )
     except (KeyError, ValueError, TypeError, ArithmeticError, RecursionError) as error:
         raise LogError(f'a motion record is damaged ({type(error).__name__})') from error

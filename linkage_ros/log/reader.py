@@ -77,7 +77,7 @@ class LogReader(AbstractContextManager['LogReader']):
         version: Of linkage_ros that wrote it.
         has_same_urdf: Whether its robot_description can be recomputed: older versions named links
             as joints.
-        motions: The pieces of motion, in order.
+        motions: The segments of motion, in order.
         topics: The channels.
         start: Time of the first message, ns.
         end: Time of the last message, ns.

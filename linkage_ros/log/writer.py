@@ -21,7 +21,7 @@ from linkage_ros.log.metadata import (
     encode_configuration,
     encode_motion,
 )
-from linkage_ros.motion.torque_driven import RunMotion
+from linkage_ros.motion.segments import Segment
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.wire.topics import Topic
 
@@ -29,8 +29,8 @@ from linkage_ros.wire.topics import Topic
 # to both; 0.3 s are promised. Each flush costs 0.8 kB of memory, for mcap's index of chunks.
 FLUSH_PERIOD = 0.15
 
-# Arguments of `LogWriter.write`, or a change of motion.
-LogItem: TypeAlias = tuple[int, int, bytes] | RunMotion
+# Arguments of `LogWriter.write`, or a segment of motion.
+LogItem: TypeAlias = tuple[int, int, bytes] | Segment
 
 _CHUNK_SIZE = 1 << 20
 _FOREVER = '{sec: 9223372036, nsec: 854775807}'
@@ -115,16 +115,16 @@ class LogWriter(AbstractContextManager['LogWriter']):
         except OSError as error:
             self._file.fail(error)
 
-    def write_motion(self, motion: RunMotion) -> None:
-        """Appends a change of motion."""
+    def write_motion(self, segment: Segment) -> None:
+        """Appends a segment of motion."""
         with self._file.reported():
-            self._writer.add_metadata(MOTION_RECORD, encode_motion(motion))
+            self._writer.add_metadata(MOTION_RECORD, encode_motion(segment))
 
     def consume(self, items: Sequence[LogItem]) -> None:
         """Appends what has come, and flushes what is older than the flush period.
 
         Args:
-            items: Arguments of `write`, and changes of motion.
+            items: Arguments of `write`, and segments of motion.
         """
         for item in items:
             if isinstance(item, tuple):

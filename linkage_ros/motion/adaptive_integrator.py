@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from linkage_ros.errors import ConfigurationError, LinkageError
-from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
-from linkage_ros.motion.fixed_step_integrator import EDGE_PART, FixedSteps, wound
+from linkage_ros.errors import LinkageError
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.fixed_step_integrator import EDGE_PART, FixedSteps, Values, wound
 from linkage_ros.numeric import Array
 
 _TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
@@ -38,7 +38,7 @@ class AdaptiveSteps:
         pairs: Pairs of whole turns that belong to it.
     """
 
-    def __init__(self, driven: DrivenMechanism, phase: Phase) -> None:
+    def __init__(self, driven: DrivenMechanism, phase: Values) -> None:
         """Begins a motion at time 0.
 
         Args:
@@ -55,10 +55,10 @@ class AdaptiveSteps:
         # Next to the edge of what the coordinates describe, equal steps are followed instead.
         self._fixed: FixedSteps | None = None
         self._method = DOP853
-        self._restart()
+        self.changed()
 
-    def _restart(self) -> None:
-        """Begins to step from where the motion is."""
+    def changed(self) -> None:
+        """Begins to step anew where the motion is: the torque is another from now on."""
         self._steps = self._method(
             self._slope, self.time, np.array(self.phase), _END,
             rtol=_TOLERANCE, atol=_TOLERANCE * np.array(self.driven.units), first_step=_FIRST_STEP,
@@ -66,16 +66,6 @@ class AdaptiveSteps:
         # The continuous solution of the last step, and the pairs of turns left out of it.
         self._between: Any = None
         self._pairs_ahead = self._pairs_between = self.pairs
-
-    def changed(self) -> None:
-        """Refuses: a torque that changes at once needs steps that end there.
-
-        Raises:
-            ConfigurationError: Always.
-        """
-        raise ConfigurationError(
-            'a record follows the motor line alone: run the node for commands'
-        )
 
     def advance(self, time: float) -> None:
         """Follows the motion to a time.
@@ -106,7 +96,7 @@ class AdaptiveSteps:
         self.time, self.phase = time, fixed.phase
         if self.driven.sine(fixed.phase) > 2 * _EDGE:
             self._fixed = None
-            self._restart()
+            self.changed()
 
     def _slope(self, time: float, phase: Array) -> Array:
         return np.array(self.driven.slope(time, tuple(phase.tolist())))

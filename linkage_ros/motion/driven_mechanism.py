@@ -10,22 +10,21 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn, TypeAlias
 
+from linkage_ros.dynamics.equations import Forward
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
 
-# Coordinates, then their rates.
-Phase: TypeAlias = tuple[float, ...]
 # The torque on the crank, N m, at a time, s, and a crank speed, rad/s.
 TorqueLaw: TypeAlias = Callable[[float, float], float]
 
-_AHEAD = 1e-3  # s, for which the time left foretells the end
+_SOON = 1e-3  # s
 _LEAST = 1e-5  # sine of the angle of a dyad that counts as none
 _NEAR = 0.05  # sine of the angle of a dyad that counts as stretched or folded
 
 
 @dataclass(frozen=True)
 class DrivenMechanism:
-    """A mechanism under a torque: a system of first order, for whatever integrates it.
+    """A mechanism under a torque: y' = slope(t, y), where y holds coordinates, then their rates.
 
     Attributes:
         solver: Solver of the mechanism.
@@ -36,73 +35,61 @@ class DrivenMechanism:
     torque: TorqueLaw
 
     @property
-    def units(self) -> Phase:
-        """In which errors of coordinates and rates count: rad and crank lengths, also per s."""
+    def units(self) -> tuple[float, ...]:
+        """The units of errors in y: rad and crank lengths, then the same per second."""
         units = 1.0, self.solver.mechanism.crank.length
         return units[: len(self.solver.coordinates)] * 2
 
-    def slope(self, time: float, phase: Phase) -> Phase:
-        """The rates of coordinates and rates, as `look`."""
-        count = len(phase) // 2
-        u = phase[count:]
-        return (*u, *self.solver.forward(phase[:count], u, self.torque(time, u[0])).accelerations)
-
-    def look(self, time: float, phase: Phase) -> tuple[Phase, float]:
-        """The rates of coordinates and rates, and how long they can describe the motion.
-
-        At the edge of what the coordinates describe, where a dyad is stretched or folded, they
-        turn back while the motion goes on in another assembly: a step that is not short beside
-        the time left would take the one for the other.
-
-        Args:
-            time: s.
-            phase: Coordinates, then their rates.
-
-        Returns:
-            Rates, then accelerations; and the time to the edge, s, if nothing turns them.
+    def slope(self, time: float, y: tuple[float, ...]) -> tuple[float, ...]:
+        """Rates, then accelerations.
 
         Raises:
             LinkageError: As `Solver.accelerations`.
         """
-        count = len(phase) // 2
-        q, u = phase[:count], phase[count:]
-        accelerations, edges = self.solver.forward(q, u, self.torque(time, u[0]))
-        left = math.inf
-        for sine, rate in edges:
-            if rate < 0:
-                # Below _LEAST, rounding hides which way it goes: the edge counts as reached.
-                left = min(left, -sine / rate if sine > _LEAST else 0.0)
-        return (*u, *accelerations), left
+        return (*y[len(y) // 2 :], *self._forward(time, y).accelerations)
 
-    def sine(self, phase: Phase) -> float:
-        """Of the angle at which coupler and third link meet, or coupler and guide's normal.
+    def look(self, time: float, y: tuple[float, ...]) -> tuple[tuple[float, ...], float]:
+        """The slope, and how long the coordinates can describe the motion.
+
+        Where a dyad is stretched or folded, the coordinates turn back while the motion goes on in
+        another assembly: only steps that are short beside the time left can tell the two apart.
 
         Args:
-            phase: Coordinates, then their rates.
+            time: s.
+            y: Coordinates, then their rates.
 
         Returns:
-            0 at the edge of what the coordinates describe.
-        """
-        return self.solver.alignment(phase[: len(phase) // 2])[0]
+            Rates, then accelerations; and the time to that place at constant rates, s.
 
-    def fail(self, time: float, phase: Phase, cause: Exception | None) -> NoReturn:
+        Raises:
+            LinkageError: As `Solver.accelerations`.
+        """
+        accelerations, edges = self._forward(time, y)
+        # Below _LEAST, rounding hides the direction: the edge counts as reached.
+        left = (-sine / rate if sine > _LEAST else 0.0 for sine, rate in edges if rate < 0)
+        return (*y[len(y) // 2 :], *accelerations), min(left, default=math.inf)
+
+    def sine(self, y: tuple[float, ...]) -> float:
+        """The sine of the angle at which two links meet; 0 where the coordinates end."""
+        return self.solver.alignment(y[: len(y) // 2])[0]
+
+    def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
         """Ends a motion that cannot be followed any further.
 
         Args:
-            time: Up to which it was followed, s; the error tells when the end itself comes.
-            phase: At that time.
-            cause: What went wrong on the way on.
+            time: Up to which it was followed, s; the error has the time of the end itself.
+            y: At that time.
+            cause: The error of the next step.
 
         Raises:
             MotionError: With time, place and what to do.
         """
-        q = phase[: len(phase) // 2]
+        q = y[: len(y) // 2]
         sine, words = self.solver.alignment(q)
         with suppress(LinkageError):  # the end itself is a little later
-            u = phase[len(q) :]
-            _, edges = self.solver.forward(q, u, self.torque(time, u[0]))
+            _, edges = self._forward(time, y)
             left = min((-s / rate for s, rate in edges if rate < 0), default=math.inf)
-            time += left if left < _AHEAD else 0.0
+            time += left if left < _SOON else 0.0
         place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
         if len(q) > 1:
             place += f', slider at {q[1]:.6g} m'
@@ -120,3 +107,8 @@ class DrivenMechanism:
                 reason += '; the links are in line but for a hair: make it a change point, or no'
         message = f'the motion ends at t = {time:.6g} s, {place}: {reason}'
         raise MotionError(message, time=time, coordinates=q) from cause
+
+    def _forward(self, time: float, y: tuple[float, ...]) -> Forward:
+        count = len(y) // 2
+        q, u = y[:count], y[count:]
+        return self.solver.forward(q, u, self.torque(time, u[0]))

@@ -15,13 +15,16 @@ import itertools
 import math
 import operator
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 from linkage_ros.dynamics.program import Argument, Program
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import ZERO, total, where
-from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.numeric import Real, within_two_turns
+
+# Coordinates, then their rates.
+Values: TypeAlias = tuple[float, ...]
 
 LONGEST_STEP = 1e-3  # s
 TOLERANCE = 1e-9
@@ -42,7 +45,7 @@ _ERRORS = (71 / 57600, ZERO, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, 
 
 
 class Steps(Protocol):
-    """What follows a motion from time to time.
+    """An integrator that follows one motion.
 
     Attributes:
         phase: Coordinates, then their rates; the crank within two turns of 0.
@@ -50,19 +53,19 @@ class Steps(Protocol):
         time: Up to which it was followed, s.
     """
 
-    phase: Phase
+    phase: Values
     pairs: int
     time: float
 
     def changed(self) -> None:
-        """Takes note that the torque is another from now on."""
+        """Notes that the torque is another from now on."""
 
     def advance(self, time: float) -> None:
         """Follows the motion to a time, s."""
 
 
-# Begins to follow a motion at t = 0, from a phase.
-Integrate: TypeAlias = Callable[[DrivenMechanism, Phase], Steps]
+# Makes the integrator of a motion, from its values at t = 0.
+Integrate: TypeAlias = Callable[[DrivenMechanism, Values], Steps]
 
 
 class FixedSteps:
@@ -78,7 +81,7 @@ class FixedSteps:
     def __init__(
         self,
         driven: DrivenMechanism,
-        phase: Phase,
+        phase: Values,
         longest: float = LONGEST_STEP,
         tolerance: float = TOLERANCE,
         time: float = 0.0,
@@ -99,11 +102,11 @@ class FixedSteps:
         self.driven, self.time = driven, time
         self.phase, self.pairs = wound(phase)
         self._longest, self._tolerance = longest, tolerance
-        self._units, self._method = driven.units, _method(len(phase))
-        self._look: tuple[Phase, float] | None = driven.look(time, self.phase)
+        self._units, self._sums = driven.units, _sums(len(phase))
+        self._look: tuple[Values, float] | None = driven.look(time, self.phase)
 
     def changed(self) -> None:
-        """Takes note that the torque is another from now on."""
+        """Notes that the torque is another from now on."""
         self._look = None
 
     def advance(self, time: float) -> None:
@@ -140,57 +143,49 @@ class FixedSteps:
         else:
             self.driven.fail(self.time, self.phase, cause)
 
-    def _try(self, h: float) -> tuple[Phase, tuple[Phase, float], float]:
+    def _try(self, h: float) -> tuple[Values, tuple[Values, float], float]:
         """One step: where it ends, what is seen there, and its error."""
         time, phase, driven = self.time, self.phase, self.driven
         slope, left = self._look or driven.look(time, phase)
         if h > left * EDGE_PART:
             return phase, (slope, left), math.inf
         slopes = list(slope)
-        for node, move in zip(_NODES, self._method.stages, strict=True):
+        *moves, move_to_end, error = self._sums
+        for node, move in zip(_NODES, moves, strict=True):
             slopes += driven.slope(time + node * h, move(*phase, h, *slopes))
-        end = self._method.end(*phase, h, *slopes)
+        end = move_to_end(*phase, h, *slopes)
         look = driven.look(time + h, end)
-        errors = self._method.errors(*self._units, *end, h, *slopes, *look[0])
+        errors = error(*self._units, *end, h, *slopes, *look[0])
         # Not max: a nan must not pass.
         return end, look, math.inf if sum(errors) != sum(errors) else max(errors)
 
 
-def wound(phase: Phase) -> tuple[Phase, int]:
+def wound(phase: Values) -> tuple[Values, int]:
     """A phase whose crank angle is within two turns of 0, and the pairs of turns left out."""
     angle, pairs = within_two_turns(phase[0])
     return (angle, *phase[1:]), pairs
 
 
-class _Method(NamedTuple):
-    """The method's sums as programs for one number of values of a phase.
+@functools.cache
+def _sums(size: int) -> list[Callable[..., Values]]:
+    """The method's sums for so many values, as programs.
 
-    Attributes:
-        stages: From a phase, h and the slopes so far, all flat, to the next phase.
-        end: Likewise, to the end of the step.
-        errors: From units, the end, h and all slopes to each value's error, in its unit or, of a
-            rate that is larger, relative.
+    From the values, h and the slopes so far, all flat: the values at each node, and at the end.
+    The last from units, the values at the end, h and all slopes: the error of each value.
     """
 
-    stages: tuple[Callable[..., Phase], ...]
-    end: Callable[..., Phase]
-    errors: Callable[..., Phase]
-
-
-@functools.cache
-def _method(size: int) -> _Method:
     def names(word: str) -> tuple[Argument, ...]:
         return (tuple(f'{word}{i}' for i in range(size)),)
 
     def slopes(count: int) -> tuple[Argument, ...]:
         return tuple(itertools.chain(*(names(f'slope{i}_') for i in range(count))))
 
-    *moves, end = (
-        Program(_moved, weights, (*names('phase'), 'h', *slopes(len(weights)))).compile()
+    moves = [
+        Program(_moved, weights, (*names('phase'), 'h', *slopes(len(weights))))
         for weights in (*_STAGES, _WEIGHTS)
-    )
+    ]
     arguments = (*names('unit'), *names('end'), 'h', *slopes(len(_ERRORS)))
-    return _Method(tuple(moves), end, Program(_errors, _ERRORS, arguments).compile())
+    return [program.compile() for program in (*moves, Program(_errors, _ERRORS, arguments))]
 
 
 def _moved(

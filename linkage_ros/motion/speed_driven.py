@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motion of a speed-driven crank: exact at every stamp, after a second or after years.
 
-Nothing is ever added step by step. A piece of motion is a phase and a speed at a stamp and the
-speed it moves to; its phase at a later stamp is one expression in whole numbers of nanoseconds,
-reduced by whole turns, and only then rounded to a float, once.
+Nothing is ever added step by step. A segment has a phase and a speed at a stamp and the speed it
+moves to; the phase at a later stamp is one expression in whole numbers of nanoseconds, reduced by
+whole turns, and only then rounded to a float, once.
 """
 
 from __future__ import annotations
@@ -12,116 +12,63 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any
 
+from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.motion.segments import SpeedSegment
 from linkage_ros.units import NS_PER_S
 
 # Phases, speeds and accelerations are whole numbers of 2^-128 turn, rpm and rpm/s. Every rpm
-# above 1e-22 that a double can hold is one exactly; what rounding there is stays below 1e-38.
+# above 1e-22 that a double can hold is one exactly; the rounding of others stays below 1e-38.
 _GRID = 1 << 128
-_NS_PER_MINUTE = 60 * NS_PER_S
-# Turns at a changing speed, rate t^2 / 2 in rpm/s and ns, are whole numbers of 1 / this.
-_RAMP = 120 * NS_PER_S * NS_PER_S
+# After whole ns, speeds are whole numbers of 1 / _RPM rpm, and phases, with rate t^2 / 2, are
+# whole numbers of 1 / _TURN turn.
+_RPM = _GRID * NS_PER_S
+_TURN = _RPM * 120 * NS_PER_S
 # 2 pi in whole numbers of 2^-256.
 _TWO_PI_GRID = 1 << 256
 _TWO_PI = 0x6487ED5110B4611A62633145C06E0E68948127044533E63A0105DF531D89CD913
 
 
-class CrankState(NamedTuple):
-    """The crank, and what else is a coordinate, at one stamp.
+class SpeedMotion:
+    """The exact motion in one segment.
 
     Attributes:
-        angle: Within [0, 4 pi), rad: a state repeats after at most two turns.
-        unwrapped: The whole angle turned, correctly rounded, rad.
-        speed: rad/s.
-        acceleration: rad/s^2.
-        slide: Position, m, velocity and acceleration of a free slider; empty: there is none.
+        segment: What a log keeps of it.
     """
 
-    angle: float
-    unwrapped: float
-    speed: float
-    acceleration: float
-    slide: tuple[float, ...] = ()
-
-    @property
-    def q(self) -> tuple[float, ...]:
-        """All coordinates, the crank within two turns, rad and m."""
-        return self.angle, *self.slide[:1]
-
-    @property
-    def u(self) -> tuple[float, ...]:
-        """Their rates, rad/s and m/s."""
-        return self.speed, *self.slide[1:2]
-
-    @property
-    def a(self) -> tuple[float, ...]:
-        """Their accelerations, rad/s^2 and m/s^2."""
-        return self.acceleration, *self.slide[2:]
-
-
-class CrankMotion:
-    """One piece of motion: from a phase and a speed at a stamp to the speed that was asked for.
-
-    Attributes:
-        stamp: Start, ns.
-        rpm: The speed it moves to, turns per minute.
-        acceleration: At which it does so, rad/s^2, not negative; 0: at once.
-        before: What the moment of the start was called until then, ns, where a step of the clock
-            began the piece; None: the clock went on.
-    """
-
-    def __init__(
-        self,
-        stamp: int,
-        phase: Fraction,
-        speed: Fraction,
-        rpm: float,
-        acceleration: float,
-        before: int | None = None,
-    ) -> None:
-        """Describes a piece of motion.
-
-        Args:
-            stamp: Start, ns.
-            phase: Turns at the start.
-            speed: At the start, turns per minute; ignored where acceleration is 0.
-            rpm: Speed to move to, turns per minute.
-            acceleration: Not negative, rad/s^2.
-            before: The start on the clock as it stood before a step; None: there was none.
-        """
-        self.stamp, self.rpm, self.acceleration = stamp, rpm, acceleration
-        self.before = before
-        self._phase, self._target = round(phase * _GRID), round(Fraction(rpm) * _GRID)
-        self._speed = round(speed * _GRID) if acceleration else self._target
+    def __init__(self, segment: SpeedSegment) -> None:
+        self.segment = segment
+        self._phase = round(segment.phase * _GRID)
+        self._target = round(Fraction(segment.rpm) * _GRID)
+        self._speed = round(segment.speed * _GRID)
         gap = self._target - self._speed
-        rate = round(Fraction(acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
-        self._rate = max(rate, 1)  # an acceleration next to nothing still is none "at once"
-        self._ramp_ns = Fraction(abs(gap) * NS_PER_S, self._rate) if gap else Fraction(0)
-        self._rate = self._rate if gap > 0 else -self._rate
+        rate = round(Fraction(segment.acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
+        rate = max(rate, 1)  # an acceleration next to nothing still is none "at once"
+        self._ramp_ns = Fraction(abs(gap) * NS_PER_S, rate)
+        self._rate = rate if gap > 0 else -rate
         # Once settled, the crank is where it would be had it always turned at its final speed,
         # but for gap^2 / (2 rate).
-        lost = Fraction(gap * gap, 120 * self._rate) if gap else Fraction(0)
-        self._settled_phase = self._phase - round(lost)
-        self._settled_speed = _radians(self._target, 60 * _GRID)
+        self._settled_phase = self._phase - round(Fraction(gap * gap, 120 * self._rate))
 
     @classmethod
-    def begin(cls, drive: SpeedDrive, stamp: int) -> CrankMotion:
-        """The motion that a drive asks for from its start.
+    def begin(cls, drive: SpeedDrive, stamp: int) -> SpeedMotion:
+        """The motion of a drive from t = 0.
 
         Args:
             drive: The settings.
-            stamp: Start, ns.
+            stamp: Of t = 0, ns.
 
         Returns:
-            The first piece of motion.
+            The motion in the first segment.
         """
         phase = Fraction(drive.crank_angle) * _TWO_PI_GRID / _TWO_PI
         # Without acceleration the first change of speed happens at once, at t = 0.
-        return cls(stamp, phase, Fraction(drive.initial_rpm), drive.rpm, drive.crank_acceleration)
+        speed = Fraction(drive.initial_rpm)
+        return cls(_segment(stamp, phase, speed, drive.rpm, drive.crank_acceleration))
 
-    def at(self, stamp: int) -> CrankState:
+    def at(self, stamp: int) -> Coordinates:
         """The crank at a stamp at or after the start.
 
         Args:
@@ -130,65 +77,62 @@ class CrankMotion:
         Returns:
             Angle, speed and acceleration, each rounded once.
         """
-        elapsed = stamp - self.stamp
-        if elapsed >= self._ramp_ns:
-            scale = _NS_PER_MINUTE
-            turned = self._settled_phase * scale + self._target * elapsed
-            speed, acceleration = self._settled_speed, 0.0
-        else:
-            scale = _RAMP
-            turned = self._ramp_turned(elapsed)
-            speed = _radians(self._speed * NS_PER_S + self._rate * elapsed, _GRID * _NS_PER_MINUTE)
-            acceleration = self.acceleration if self._rate > 0 else -self.acceleration
-        turn = _GRID * scale
-        unwrapped = _radians(turned, turn)
-        if 0 <= turned < 2 * turn:
-            return CrankState(unwrapped, unwrapped, speed, acceleration)
-        return CrankState(_radians(turned % (2 * turn), turn), unwrapped, speed, acceleration)
+        elapsed = stamp - self.segment.stamp
+        turned, acceleration = self._phase_after(elapsed), 0.0
+        unwrapped = angle = _radians(turned, _TURN)
+        if not 0 <= turned < 2 * _TURN:
+            angle = _radians(turned % (2 * _TURN), _TURN)
+        if elapsed < self._ramp_ns:
+            acceleration = math.copysign(self.segment.acceleration, self._rate)
+        speed = _radians(self._speed_after(elapsed), 60 * _RPM)
+        return Coordinates((angle,), (speed,), (acceleration,), unwrapped)
 
-    @property
-    def target(self) -> float:
-        """What may be set while it runs: the speed it moves to, turns per minute."""
-        return self.rpm
-
-    def next(self, stamp: int, rpm: float) -> CrankMotion:
-        """The piece that a stamp lies in: this one, or a new one where the speed is another.
+    def follow(self, stamp: int, drive: Any) -> SpeedMotion:
+        """The motion from a stamp on under a drive: another one if the speed was set.
 
         Args:
             stamp: ns.
-            rpm: The speed to move to, turns per minute.
+            drive: The SpeedDrive in force.
 
         Returns:
-            The piece.
+            The motion.
         """
-        return self if rpm == self.rpm else self.change(stamp, rpm)
+        return self if drive.rpm == self.segment.rpm else self.change(stamp, drive.rpm)
 
-    def words(self) -> str:
-        """From where to which speed it moves."""
-        crank = self.at(self.stamp)
-        ramp = f' at {self.acceleration:g} rad/s^2' if self.acceleration else ''
-        return f'from {crank.unwrapped:.6f} rad, {crank.speed:.6f} rad/s to {self.rpm:g} rpm{ramp}'
+    def restamp(self, old: int, new: int) -> SpeedMotion:
+        """The motion from a step of the clock on.
 
-    def _ramp_turned(self, elapsed: int) -> int:
-        """Turns while the speed changes, in units of 1 / (_RAMP grid)."""
-        linear = 2 * NS_PER_S * self._speed * elapsed
-        return self._phase * _RAMP + linear + self._rate * elapsed * elapsed
+        Args:
+            old: The moment on the clock before the step, ns.
+            new: The same moment on the clock after it, ns.
 
-    def change(self, stamp: int, rpm: float, restamp: int | None = None) -> CrankMotion:
+        Returns:
+            The motion, its phase and speed continued.
+        """
+        return self.change(old, self.segment.rpm, new)
+
+    def change(self, stamp: int, rpm: float, restamp: int | None = None) -> SpeedMotion:
         """The motion from a stamp on, its phase and speed continued.
 
         Args:
-            stamp: Where the change happens, ns.
+            stamp: Of the change, ns.
             rpm: The new speed to move to, turns per minute.
-            restamp: What this moment is called from now on, where the clock was stepped.
+            restamp: The same moment on the clock after a step; None: the clock was not stepped.
 
         Returns:
-            The next piece of motion.
+            The motion in the next segment.
         """
-        continued = self.phase(stamp), self.speed(stamp), rpm, self.acceleration
-        if restamp is None:
-            return CrankMotion(stamp, *continued)
-        return CrankMotion(restamp, *continued, before=stamp)
+        start, old = (stamp, None) if restamp is None else (restamp, stamp)
+        continued = self.phase(stamp), self.speed(stamp)
+        return SpeedMotion(_segment(start, *continued, rpm, self.segment.acceleration, old))
+
+    def phase(self, stamp: int) -> Fraction:
+        """Turns at a stamp, unwrapped."""
+        return Fraction(self._phase_after(stamp - self.segment.stamp), _TURN)
+
+    def speed(self, stamp: int) -> Fraction:
+        """Turns per minute at a stamp."""
+        return Fraction(self._speed_after(stamp - self.segment.stamp), _RPM)
 
     def time_to_turn(self, turns: int) -> int | None:
         """The first moment at which the crank is this many turns from its start, either way.
@@ -199,10 +143,10 @@ class CrankMotion:
         Returns:
             ns after the start; None: it never is.
         """
-        goal = turns * _GRID
+        start, goal = self._phase_after(0), turns * _TURN
 
         def reached(elapsed: int) -> bool:
-            return abs(self.phase(self.stamp + elapsed) * _GRID - self._phase) >= goal
+            return abs(self._phase_after(elapsed) - start) >= goal
 
         reversal = self._speed * NS_PER_S // -self._rate if self._speed * self._rate < 0 else 0
         # The farthest point before it may lie on either side of the moment of reversal.
@@ -218,20 +162,32 @@ class CrankMotion:
             late *= 2
         return _first(reached, reversal, late)
 
-    def phase(self, stamp: int) -> Fraction:
-        """Turns at a stamp, unwrapped."""
-        elapsed = stamp - self.stamp
+    def _phase_after(self, elapsed: int) -> int:
+        """The phase after so many ns, in 1 / _TURN turn."""
+        twice = 2 * NS_PER_S * elapsed
         if elapsed >= self._ramp_ns:
-            turned = self._settled_phase * _NS_PER_MINUTE + self._target * elapsed
-            return Fraction(turned, _GRID * _NS_PER_MINUTE)
-        return Fraction(self._ramp_turned(elapsed), _GRID * _RAMP)
+            return self._settled_phase * (_TURN // _GRID) + self._target * twice
+        return self._phase * (_TURN // _GRID) + self._speed * twice + self._rate * elapsed**2
 
-    def speed(self, stamp: int) -> Fraction:
-        """Turns per minute at a stamp."""
-        elapsed = stamp - self.stamp
+    def _speed_after(self, elapsed: int) -> int:
+        """The speed after so many ns, in 1 / _RPM rpm."""
         if elapsed >= self._ramp_ns:
-            return Fraction(self._target, _GRID)
-        return Fraction(self._speed * NS_PER_S + self._rate * elapsed, _GRID * NS_PER_S)
+            return self._target * NS_PER_S
+        return self._speed * NS_PER_S + self._rate * elapsed
+
+
+def _segment(
+    stamp: int,
+    phase: Fraction,
+    speed: Fraction,
+    rpm: float,
+    acceleration: float,
+    old_stamp: int | None = None,
+) -> SpeedSegment:
+    """A segment with phase and speed on the grid; without acceleration it has its final speed."""
+    speed = speed if acceleration else Fraction(rpm)
+    phase, speed = (Fraction(round(value * _GRID), _GRID) for value in (phase, speed))
+    return SpeedSegment(stamp, phase, speed, rpm, acceleration, old_stamp)
 
 
 def _first(reached: Callable[[int], bool], low: int, high: int) -> int:

@@ -1,129 +1,158 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a torque-driven mechanism: pieces that a log explains, and the plant they move."""
+"""The motion of a mechanism under its motor and under commands, integrated from stamp to stamp."""
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
-from linkage_ros.motion.plant import Plant
-from linkage_ros.motion.speed_driven import CrankMotion, CrankState
-from linkage_ros.units import NS_PER_S
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
+from linkage_ros.motion.segments import TorqueSegment
+from linkage_ros.motion.speed_driven import SpeedMotion
+from linkage_ros.numeric import with_turns, within_two_turns
+from linkage_ros.units import NS_PER_S, radians_per_second
 
 # What a late run makes up for beyond a tick, ns. More would only hold it up further.
 CATCH_UP = NS_PER_S // 4
 
 
 class TorqueMotion:
-    """One piece of a torque-driven motion: from a stamp on, a motor torque.
+    """A motion under a torque; its stamps must not go back.
 
     Attributes:
-        stamp: Start, ns.
-        torque: Of the motor at rest, N m.
-        before: What the moment of the start was called until then, ns, where a step of the clock
-            began the piece; None: the clock went on.
+        segment: What a log keeps of the motion since the last change.
     """
 
     def __init__(
         self,
+        solver: Solver,
+        drive: TorqueDrive,
         stamp: int,
-        torque: float,
-        before: int | None = None,
-        plant: Plant | None = None,
-        period: int = 0,
+        period: int,
+        integrate: Integrate = FixedSteps,
     ) -> None:
-        """Describes a piece of motion.
+        """Starts a motion.
 
         Args:
-            stamp: Start, ns.
-            torque: Of the motor at rest, N m.
-            before: The start on the clock as it stood before a step; None: there was none.
-            plant: What moves, at the start; None: a piece read from a log, which only tells.
+            solver: Solver of the mechanism.
+            drive: Motor and start.
+            stamp: Of t = 0, ns.
             period: Between states, ns.
+            integrate: Makes the integrator.
+
+        Raises:
+            LinkageError: It cannot start from there.
         """
-        self.stamp, self.torque, self.before = stamp, torque, before
-        self._plant, self._period = plant, period
-        self._time = plant.time if plant else 0.0
-        self._last = stamp
+        self.segment = TorqueSegment(stamp, drive.motor.torque)
+        self._solver, self._motor, self._command = solver, drive.motor, 0.0
+        self._period, self._last = period, stamp
+        begin = start(solver.mechanism, drive)
+        y = begin.unwrapped, *begin.q[1:], *begin.u
+        self._steps = integrate(DrivenMechanism(solver, self._torque), y)
+        self._begun = 0.0  # time of the integrator at the start of the segment, s
 
-    @property
-    def target(self) -> float:
-        """What may be set while it runs: the motor's torque, N m."""
-        return self.torque
-
-    def at(self, stamp: int) -> CrankState:
-        """The coordinates at a stamp, not before the one before.
+    def at(self, stamp: int) -> Coordinates:
+        """The coordinates at a stamp.
 
         Args:
-            stamp: ns.
+            stamp: Not before the last one, ns.
 
         Returns:
-            Angle, speed and acceleration of the crank, and the slider's motion.
+            The coordinates. The angle within two turns is that of the rounded unwrapped one, so
+            that a log holds the exact state.
 
         Raises:
             MotionError: The motion cannot be followed that far.
         """
-        return self._advanced(stamp).state()
+        self._advance(stamp)
+        y, count = self._steps.phase, len(self._solver.coordinates)
+        unwrapped = with_turns(y[0], self._steps.pairs)
+        angle, _ = within_two_turns(unwrapped)
+        q, u = (angle, *y[1:count]), y[count:]
+        torque = self._torque(self._steps.time, u[0])
+        return Coordinates(q, u, self._solver.forward(q, u, torque).accelerations, unwrapped)
 
     def command(self, stamp: int, torque: float) -> None:
-        """Sets the torque that comes on top of the motor's from a stamp on.
+        """Sets the torque that is added to the motor's from a stamp on.
 
         Args:
-            stamp: Not before the one before, ns.
+            stamp: Not before the last one, ns.
             torque: N m.
 
         Raises:
             MotionError: The motion cannot be followed that far.
         """
-        self._advanced(stamp).drive(self.torque, torque)
+        self._advance(stamp)
+        if torque != self._command:
+            self._command = torque
+            self._steps.changed()
 
-    def _advanced(self, stamp: int) -> Plant:
-        assert self._plant, 'a piece from a log moves nothing'  # noqa: S101
+    def follow(self, stamp: int, drive: Any) -> TorqueMotion:
+        """Goes on under a drive; a new segment begins where its motor was set.
+
+        Another begins where the run is late by more than 0.25 s: for that time the plant stood
+        still.
+
+        Args:
+            stamp: Not before the last one, ns.
+            drive: The TorqueDrive in force.
+
+        Returns:
+            This motion.
+
+        Raises:
+            MotionError: The motion cannot be followed that far.
+        """
+        is_late = stamp - self._last > self._period + CATCH_UP
+        if is_late or drive.motor != self._motor:
+            if not is_late:
+                self._advance(stamp)
+            self._begin(TorqueSegment(stamp, drive.motor.torque))
+            self._motor = drive.motor
+            self._steps.changed()
+        return self
+
+    def restamp(self, old: int, new: int) -> TorqueMotion:
+        """Goes on after a step of the clock.
+
+        Args:
+            old: The moment on the clock before the step, ns.
+            new: The same moment on the clock after it, ns.
+
+        Returns:
+            This motion.
+
+        Raises:
+            MotionError: The motion cannot be followed that far.
+        """
+        self._advance(old)
+        self._begin(TorqueSegment(new, self._motor.torque, old))
+        return self
+
+    def _begin(self, segment: TorqueSegment) -> None:
+        self.segment, self._last, self._begun = segment, segment.stamp, self._steps.time
+
+    def _advance(self, stamp: int) -> None:
         self._last = stamp
-        self._plant.advance(self._time + (stamp - self.stamp) / NS_PER_S)
-        return self._plant
+        self._steps.advance(self._begun + (stamp - self.segment.stamp) / NS_PER_S)
 
-    def next(self, stamp: int, torque: float) -> TorqueMotion:
-        """The piece that a stamp lies in.
-
-        Args:
-            stamp: ns.
-            torque: What the motor's torque is to be, N m.
-
-        Returns:
-            This piece, or a new one: where the torque changes, and where the run is late by more
-            than 0.25 s, for which the plant then stood still.
-        """
-        if stamp - self._last > self._period + CATCH_UP:
-            return self._follow(stamp, torque, None)
-        return self if torque == self.torque else self.change(stamp, torque)
-
-    def change(self, stamp: int, torque: float, restamp: int | None = None) -> TorqueMotion:
-        """The motion from a stamp on, with another torque.
-
-        Args:
-            stamp: Where the change happens, ns.
-            torque: Of the motor at rest, N m.
-            restamp: What this moment is called from now on, where the clock was stepped.
-
-        Returns:
-            The next piece of motion.
-        """
-        if self._plant:
-            self._advanced(stamp)
-        if restamp is None:
-            return self._follow(stamp, torque, None)
-        return self._follow(restamp, torque, stamp)
-
-    def _follow(self, stamp: int, torque: float, before: int | None) -> TorqueMotion:
-        if self._plant:
-            self._plant.drive(torque, self._plant.command)
-        return TorqueMotion(stamp, torque, before, self._plant, self._period)
-
-    def words(self) -> str:
-        """What moves it."""
-        return f'motor torque {self.torque:g} N m'
+    def _torque(self, _: float, speed: float) -> float:
+        torque: float = self._motor.at(speed) + self._command
+        return torque
 
 
-# A piece of a run's motion, whatever drives it.
-RunMotion: TypeAlias = CrankMotion | TorqueMotion
+# The motion of a run, whatever drives it.
+Motion: TypeAlias = SpeedMotion | TorqueMotion
+
+
+def start(mechanism: Mechanism, drive: TorqueDrive) -> Coordinates:
+    """The coordinates at t = 0, where the accelerations are still to be solved."""
+    positions, rates = mechanism.start()
+    angle, _ = within_two_turns(drive.crank_angle)
+    u = radians_per_second(drive.start_rpm), *rates
+    return Coordinates((angle, *positions), u, (0.0,) * len(u), drive.crank_angle)

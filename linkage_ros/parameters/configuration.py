@@ -11,8 +11,9 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.motion.drives import DRIVES, Drive, TorqueDrive
-from linkage_ros.motion.plant import Plant
+from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.motion.torque_driven import start
+from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
 from linkage_ros.parameters.session import Session
@@ -153,7 +154,8 @@ def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
         ConfigurationError: It cannot, or nothing there has a mass.
     """
     try:
-        Plant(Solver(mechanism), drive)
+        q, u, *_ = start(mechanism, drive)
+        Solver(mechanism).accelerations(q, u, drive.motor.at(u[0]))
     except UnreachableError as error:
         raise ConfigurationError(f'no motion starts there: {error}') from error
 

@@ -11,7 +11,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.playback.feed import Item
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.worker import Worker
-from linkage_ros.view.rerun_view import Sample, View
+from linkage_ros.view.rerun_view import View
 from linkage_ros.wire.topics import JOINT_STATES
 
 _CAPACITY, _PERIOD = 1_000_000, 0.03  # samples, s
@@ -45,7 +45,7 @@ class ReplayView:
             )
         if self._view.page:
             print(f'watch it in a browser: {self._view.page}', flush=True)
-        self._worker: Worker[Sample] = Worker(
+        self._worker: Worker[tuple[int, bytes]] = Worker(
             'view', self._view, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
         )
 
@@ -61,13 +61,11 @@ class ReplayView:
         if message.topic not in self._topics:
             return
         try:
-            stamp, numbers = self._codec.decode(message.data)
+            stamp, _ = self._codec.decode(message.data)
         except ValueError as error:
             raise LogError(f'{self._log.path}: a message on {message.topic} is {error}') from error
-        count = len(self._codec.names)
-        rows = (numbers[start : start + count] for start in range(0, 3 * count, count))
         # A round of a loop goes on where the one before ended.
-        self._worker.offer(Sample(stamp + item.time - message.time, *rows))
+        self._worker.offer((stamp + item.time - message.time, message.data))
 
     def __enter__(self) -> ReplayView:
         return self

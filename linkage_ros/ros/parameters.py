@@ -105,14 +105,15 @@ def declare_values(node: Node, parameters: Iterable[Leaf], values: Mapping[str, 
             node.declare_parameter(name, values[name], descriptor, ignore_override=True)
 
 
-def declare(node: Node, configuration: Configuration, set_live: Callable[[float], None]) -> None:
+def declare(
+    node: Node, configuration: Configuration, set_live: Callable[[str, float], None]
+) -> None:
     """Declares every parameter of a configuration, and listens to those that may be set live.
 
     Args:
         node: The node.
         configuration: Already checked; the node's own overrides are part of it.
-        set_live: Called with the value of a parameter that was set while the node runs: a drive
-            has but one that may be.
+        set_live: Called with name and value of a parameter that was set while the node runs.
     """
     parameters = parameter_leaves(configuration.kind)
     # Where it was left out the speed at the start is rpm; shown is what is in force.
@@ -131,7 +132,7 @@ def declare(node: Node, configuration: Configuration, set_live: Callable[[float]
     def apply(parameters: list[Parameter]) -> None:
         for parameter in parameters:
             if parameter.name in live:
-                set_live(parameter.value)
+                set_live(parameter.name, parameter.value)
 
     node.add_pre_set_parameters_callback(take_whole_numbers)
     node.add_on_set_parameters_callback(_check)

@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from linkage_ros import cli
 from linkage_ros.log.writer import LogItem, LogWriter
-from linkage_ros.motion.torque_driven import RunMotion
+from linkage_ros.motion.segments import Segment
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.run.health import Health
 from linkage_ros.run.worker import Worker
@@ -63,9 +63,9 @@ class RunLog:
         items = [(self._channels[topic.name], stamp, data) for topic, data in messages]
         self._worker.offer(*items)
 
-    def write_motion(self, motion: RunMotion) -> None:
-        """Logs a change of motion."""
-        self._worker.offer(motion)
+    def write_motion(self, segment: Segment) -> None:
+        """Logs a segment of motion."""
+        self._worker.offer(segment)
 
     def health(self) -> Health:
         """What has become of it so far."""

@@ -12,15 +12,14 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import State, loop_residual
-from linkage_ros.dynamics.travel import travel
-from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
+from linkage_ros.dynamics.state import State
+from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
-from linkage_ros.motion.joints import JointValues, joint_values
-from linkage_ros.motion.plant import Plant
-from linkage_ros.motion.speed_driven import CrankMotion, CrankState
-from linkage_ros.motion.torque_driven import RunMotion, TorqueMotion
+from linkage_ros.motion.speed_driven import SpeedMotion
+from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.parameters.drives import FeedForwardDrive
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.codecs import (
     JointStateCodec,
@@ -29,6 +28,7 @@ from linkage_ros.wire.codecs import (
     encode_float64,
     encode_float64_array,
     encode_string,
+    joint_rows,
 )
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
@@ -42,16 +42,16 @@ from linkage_ros.wire.urdf import joint_names, make_urdf
 
 
 class Snapshot(NamedTuple):
-    """The state at a stamp, and its messages.
+    """A run at one stamp.
 
     Attributes:
-        state: Of the mechanism.
-        values: The joints.
+        coordinates: Of the mechanism.
+        state: Its state there.
         messages: CDR bytes, one message for each of `Machine.topics`.
     """
 
+    coordinates: Coordinates
     state: State
-    values: JointValues
     messages: tuple[bytes, ...]
 
 
@@ -86,39 +86,26 @@ class Machine:
         self._point = PointCodec(frame_id)
         self._lead: int | None = None  # ns
         drive = configuration.drive
-        if isinstance(drive, SpeedDrive) and drive.effort_command_topic:
+        if isinstance(drive, FeedForwardDrive) and drive.effort_command_topic:
             self.topics += (effort_commands(drive.effort_command_topic),)
             self._lead = round(drive.lead_time * NS_PER_S)
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
-    def summary(self) -> str:
-        """What turns, in one line."""
-        configuration = self.configuration
-        words = [configuration.kind.mechanism, configuration.mechanism.assembly]
-        if reach := self.solver.mobility:
-            words.append(reach.grashof)
-            if reach.turns_fully:
-                words += travel(self.solver).words()
-        words.append(f'{configuration.drive.words()} at {configuration.session.rate_hz:g} Hz')
-        return ', '.join(words)
-
-    def begin(self, stamp: int, integrate: Integrate = FixedSteps) -> RunMotion:
+    def begin(self, stamp: int, integrate: Integrate = FixedSteps) -> Motion:
         """The motion from a stamp on which t = 0 falls.
 
         Args:
             stamp: ns.
-            integrate: Makes what follows the motion where a torque drives it.
+            integrate: Makes the integrator of a motion under a torque.
 
         Returns:
-            The first piece of motion.
+            The motion.
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
-            plant = Plant(self.solver, drive, integrate)
-            period = self.elapsed(1)
-            return TorqueMotion(stamp, drive.motor.torque, plant=plant, period=period)
-        return CrankMotion.begin(drive, stamp)
+            return TorqueMotion(self.solver, drive, stamp, self.elapsed(1), integrate)
+        return SpeedMotion.begin(drive, stamp)
 
     def elapsed(self, tick: int) -> int:
         """Time from the first tick to another, ns: whole, and never off by accumulation."""
@@ -132,11 +119,11 @@ class Machine:
         # `elapsed` rounds down, so that the next tick may already be due.
         return tick + 1 if self.elapsed(tick + 1) <= elapsed else tick
 
-    def snapshot_at(self, motion: RunMotion, stamp: int) -> Snapshot:
-        """Solves the state that belongs to a stamp.
+    def snapshot_at(self, motion: Motion, stamp: int) -> Snapshot:
+        """Solves the state at a stamp.
 
         Args:
-            motion: The piece of motion that the stamp lies in.
+            motion: In the segment of the stamp.
             stamp: ns.
 
         Returns:
@@ -145,36 +132,32 @@ class Machine:
         snapshot = self.snapshot_of(stamp, motion.at(stamp))
         if self._lead is None:
             return snapshot
-        ahead = motion.at(stamp + self._lead)
-        torque = self.solver.state(ahead.angle, ahead.speed, ahead.acceleration).torque
-        return snapshot._replace(messages=(*snapshot.messages, encode_float64_array(torque)))
+        ahead = self._solve(motion.at(stamp + self._lead)).torque
+        return snapshot._replace(messages=(*snapshot.messages, encode_float64_array(ahead)))
 
-    def snapshot_of(self, stamp: int, crank: CrankState) -> Snapshot:
-        """The state and the messages that belong to a stamp and to coordinates.
+    def snapshot_of(self, stamp: int, coordinates: Coordinates) -> Snapshot:
+        """Solves the state at coordinates.
 
         Args:
             stamp: ns.
-            crank: The crank, and what else is a coordinate.
+            coordinates: At that stamp.
 
         Returns:
             The state and its messages.
         """
-        if crank.slide:
-            state = self.solver.state(crank.q, crank.u, crank.a)
-        else:
-            state = self.solver.state(crank.angle, crank.speed, crank.acceleration)
-        values = joint_values(self._links, state, crank)
-        position, velocity, _, effort = values
+        state = self._solve(coordinates)
+        rows = joint_rows(self._links, state, coordinates.unwrapped)
+        position, velocity, _, effort = rows
         messages: tuple[bytes, ...] = (
             self.joint_states.encode(stamp, position, velocity, effort),
-            encode_float64(effort[0]),
-            self.mechanism_state.encode(stamp, *values),
+            encode_float64(state.torque),
+            self.mechanism_state.encode(stamp, *rows),
         )
         if self._has_coupler_point:
             place = self.solver.point(state, 'C').position
             messages += (self._point.encode(stamp, *place),)
-        return Snapshot(state, values, messages)
+        return Snapshot(coordinates, state, messages)
 
-    def residual(self, state: State) -> float:
-        """How far the loop is from closed in a state, m."""
-        return loop_residual(self.solver.structure, state)
+    def _solve(self, coordinates: Coordinates) -> State:
+        q, u, a, _ = coordinates
+        return self.solver.state(q, u, a) if len(q) > 1 else self.solver.state(q[0], u[0], a[0])

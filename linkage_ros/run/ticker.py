@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes ticks at a rate: what is common to tickers, whichever time they keep."""
+"""Makes ticks at a rate: what the tickers of real and of simulated time have in common."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from linkage_ros.run.lateness import Lateness
 
@@ -24,14 +24,14 @@ class Ticks(Protocol):
 
 @dataclass
 class Timekeeping:
-    """What became of the ticks so far.
+    """Counts of ticks so far.
 
     Attributes:
         kept: Ticks that were carried out.
         missed: Ticks that were skipped because the thread was late by a period or more.
-        clock_steps: How often the wall clock was stepped.
+        clock_steps: How often the clock was stepped.
         late: How late the ticks began.
-        real_time_priority: Whether the thread goes before others.
+        real_time_priority: Whether the thread has real-time priority.
     """
 
     kept: int = 0
@@ -41,14 +41,14 @@ class Timekeeping:
     real_time_priority: bool = False
 
 
-class Calls(NamedTuple):
-    """What a ticker calls, from where it makes the ticks.
+class Callbacks(NamedTuple):
+    """What a ticker calls, in the thread that makes the ticks.
 
     Attributes:
         tick: At each tick, with its stamp, ns.
-        restamp: Where the clock was stepped, before a tick, with the stamp that it was to have
-            and the one that it will have, ns.
-        fail: With what one of these raised, which ends the motion.
+        restamp: Where the clock was stepped, before a tick: with the tick's stamp before and after
+            the step, ns.
+        fail: With the error of one of these, which ends the motion.
     """
 
     tick: Callable[[int], None]
@@ -57,31 +57,29 @@ class Calls(NamedTuple):
 
 
 class Ticker(ABC):
-    """Makes the ticks of a motion, whatever time it keeps.
+    """Makes the ticks of a motion.
 
     Attributes:
-        counts: What became of the ticks.
-        error: What a call raised; None while all is well.
+        counts: Counts of the ticks.
+        error: The error of a callback; None: there was none.
+        t0: Stamp of tick 0 on the clock as it stands, ns; known from the first tick on.
     """
 
-    def __init__(self, ticks: Ticks, calls: Calls) -> None:
-        """Prepares the motion.
+    def __init__(self, ticks: Ticks, callbacks: Callbacks) -> None:
+        """Prepares the ticks.
 
         Args:
             ticks: The rate.
-            calls: What is to be called.
+            callbacks: What to call.
         """
         self.counts = Timekeeping()
         self.error: BaseException | None = None
-        self._ticks, self._calls = ticks, calls
+        self.t0 = 0
+        self._ticks, self._callbacks = ticks, callbacks
 
     @abstractmethod
-    def start(self, begin: Callable[[int], None]) -> None:
-        """Lets the ticks begin.
-
-        Args:
-            begin: Called once, with the stamp of tick 0, ns.
-        """
+    def start(self) -> None:
+        """Starts the ticks."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -89,8 +87,25 @@ class Ticker(ABC):
 
     @abstractmethod
     def now(self) -> int:
-        """The time, ns; 0 where it is not known yet."""
+        """The time, ns; 0 if it is not known yet."""
 
-    def _fail(self, error: BaseException) -> None:
-        self.error = error
-        self._calls.fail(error)
+    def _stamp(self, tick: int) -> int:
+        return self.t0 + self._ticks.elapsed(tick)
+
+    def _make(self, tick: int) -> None:
+        self._callbacks.tick(self._stamp(tick))
+        self.counts.kept += 1
+
+    def _step(self, tick: int, shift: int) -> None:
+        """Moves the next tick, and those after it, by a step of the clock, ns."""
+        old = self._stamp(tick)
+        self.t0 += shift
+        self.counts.clock_steps += 1
+        self._callbacks.restamp(old, old + shift)
+
+    def _guard(self, act: Callable[..., None], *arguments: Any) -> None:
+        try:
+            act(*arguments)
+        except BaseException as error:  # noqa: BLE001, the node must learn of every error
+            self.error = error
+            self._callbacks.fail(error)

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 
 from linkage_ros.run.scheduling import (
     SwitchInterval,
     minimize_timer_slack,
     take_real_time_priority,
 )
-from linkage_ros.run.ticker import Calls, Ticker, Ticks
+from linkage_ros.run.ticker import Callbacks, Ticker, Ticks
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
@@ -33,25 +32,23 @@ _NAP = 0.1
 class RealTimeTicker(Ticker):
     """Makes ticks when they are due, in its own thread."""
 
-    def __init__(self, ticks: Ticks, calls: Calls) -> None:
-        super().__init__(ticks, calls)
+    def __init__(self, ticks: Ticks, callbacks: Callbacks) -> None:
+        super().__init__(ticks, callbacks)
+        self._origin = self._offset = 0  # tick 0 on the monotonic clock, the wall clock ahead, ns
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='ticker', daemon=True)
+        self._thread = threading.Thread(
+            target=self._guard, args=(self._run,), name='ticker', daemon=True
+        )
 
     def now(self) -> int:
         """The time of day, ns."""
         return time.time_ns()
 
-    def start(self, begin: Callable[[int], None]) -> None:
-        """Starts ticking at once.
-
-        Args:
-            begin: Called, in the caller's thread, with the stamp of tick 0, ns.
-        """
+    def start(self) -> None:
+        """Starts the ticks at once."""
         self._offset = _clock_offset()
         self._origin = time.monotonic_ns()
-        self._t0 = self._origin + self._offset
-        begin(self._t0)
+        self.t0 = self._origin + self._offset
         self._thread.start()
 
     def stop(self) -> None:
@@ -64,21 +61,21 @@ class RealTimeTicker(Ticker):
         minimize_timer_slack()
         self.counts.real_time_priority = take_real_time_priority()
         switch_interval = SwitchInterval()
-        try:
-            tick = 0
-            while not self._stop.is_set():
-                due = self._await(tick, switch_interval)
-                if self._stop.is_set():
-                    return
-                self.counts.missed += due - tick
-                self._calls.tick(self._stamp(due))
-                self.counts.kept += 1
-                tick = due + 1
-        except BaseException as error:  # noqa: BLE001, the node must learn of it, whatever it is
-            self._fail(error)
+        tick = 0
+        while not self._stop.is_set():
+            due = self._await(tick, switch_interval)
+            if self._stop.is_set():
+                return
+            self.counts.missed += due - tick
+            stepped = _clock_offset() - self._offset
+            if abs(stepped) > CLOCK_STEP:
+                self._offset += stepped
+                self._step(due, stepped)
+            self._make(due)
+            tick = due + 1
 
     def _await(self, tick: int, switch_interval: SwitchInterval) -> int:
-        """Sleeps until a tick is due; returns it, or a later one where it is too late for it."""
+        """Sleeps until a tick is due; returns it, or a later one if it is too late for it."""
         deadline = self._origin + self._ticks.elapsed(tick)
         while (left := deadline - time.monotonic_ns()) > 0:
             if left > NS_PER_S * _NAP:
@@ -89,18 +86,6 @@ class RealTimeTicker(Ticker):
         self.counts.late.add(-left)
         switch_interval.follow(-left)
         return self._ticks.tick_at(time.monotonic_ns() - self._origin)
-
-    def _stamp(self, tick: int) -> int:
-        """The stamp of a tick on the wall clock as it stands."""
-        stamp = self._t0 + self._ticks.elapsed(tick)
-        stepped = _clock_offset() - self._offset
-        if abs(stepped) > CLOCK_STEP:
-            self._offset += stepped
-            self._t0 += stepped
-            self.counts.clock_steps += 1
-            self._calls.restamp(stamp, stamp + stepped)
-            stamp += stepped
-        return stamp
 
 
 def _clock_offset() -> int:

@@ -14,12 +14,13 @@ import math
 from collections.abc import Sequence
 
 from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
-from linkage_ros.motion.plant import start
-from linkage_ros.motion.speed_driven import CrankState
-from linkage_ros.motion.torque_driven import CATCH_UP, RunMotion
+from linkage_ros.motion.segments import Segment, SpeedSegment
+from linkage_ros.motion.speed_driven import SpeedMotion
+from linkage_ros.motion.torque_driven import CATCH_UP, start
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.run.machine import Machine, Snapshot
 from linkage_ros.units import NS_PER_S
@@ -56,21 +57,18 @@ class Recomputation:
                 'a torque-driven log without mechanism_state cannot be verified: its states have '
                 'no accelerations; log that topic'
             )
-        # Tick, coordinates, torque at rest of the state before; the first follows from the start.
-        self._before: tuple[int, CrankState, float] | None = None
+        # Tick, coordinates, torque beyond the motor's of the state before; the first one follows
+        # from the start.
+        self._before: tuple[int, Coordinates, float] | None = None
         if self._drive:
-            phase = start(machine.solver.mechanism, self._drive)
-            count = len(phase) // 2
-            angle, _ = within_two_turns(phase[0])
-            slide = () if count == 1 else (phase[1], phase[3], 0.0)
-            begun = CrankState(angle, phase[0], phase[count], 0.0, slide)
-            self._before = 0, begun, self._drive.motor.torque
+            self._before = 0, start(machine.solver.mechanism, self._drive), 0.0
+        self._motion: SpeedMotion | None = None
 
-    def messages_at(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> list[bytes]:
+    def messages_at(self, segment: Segment, stamp: int, logged: Sequence[bytes]) -> list[bytes]:
         """The messages that belong to a stamp.
 
         Args:
-            motion: The piece that it lies in.
+            segment: That of the stamp.
             stamp: ns.
             logged: Messages of the state, as many as the log has.
 
@@ -80,17 +78,19 @@ class Recomputation:
         Raises:
             LinkageError: What is logged describes no state.
         """
-        snapshot = self._snapshot(motion, stamp, logged)
+        snapshot = self._snapshot(segment, stamp, logged)
         return [snapshot.messages[place] for place in self._places[: len(logged)]]
 
-    def _snapshot(self, motion: RunMotion, stamp: int, logged: Sequence[bytes]) -> Snapshot:
-        if not self._drive:
-            return self._machine.snapshot_at(motion, stamp)
+    def _snapshot(self, segment: Segment, stamp: int, logged: Sequence[bytes]) -> Snapshot:
+        if isinstance(segment, SpeedSegment):
+            if self._motion is None or self._motion.segment is not segment:
+                self._motion = SpeedMotion(segment)
+            return self._machine.snapshot_at(self._motion, stamp)
         if self._told is None or self._told >= len(logged):
             raise LogError('has no mechanism_state')
         return self._machine.snapshot_of(stamp, self._read(logged[self._told])[0])
 
-    def _read(self, data: bytes) -> tuple[CrankState, float]:
+    def _read(self, data: bytes) -> tuple[Coordinates, float]:
         """The coordinates and the torque, N m, that a mechanism_state tells.
 
         Raises:
@@ -101,18 +101,16 @@ class Recomputation:
         except ValueError as error:
             raise LogError(f'has a mechanism_state that is {error}') from error
         count = len(self._machine.joints)
-        position, velocity, acceleration, effort = (values[i * count :][:count] for i in range(4))
-        angle, _ = within_two_turns(position[0])
-        free = len(self._machine.solver.coordinates) > 1
-        slide = (position[-1], velocity[-1], acceleration[-1]) if free else ()
-        crank = CrankState(angle, position[0], velocity[0], acceleration[0], slide)
-        return crank, effort[0]
+        *rows, effort = (values[i * count :][:count] for i in range(4))
+        columns = (0, -1)[: len(self._machine.solver.coordinates)]  # the crank and a free slider
+        q, u, a = (tuple(row[i] for i in columns) for row in rows)
+        angle, _ = within_two_turns(q[0])
+        return Coordinates((angle, *q[1:]), u, a, q[0]), effort[0]
 
-    def follow(self, motion: RunMotion, tick: int, logged: Sequence[bytes]) -> str:
+    def follow(self, tick: int, logged: Sequence[bytes]) -> str:
         """Goes on to a state whose messages are right.
 
         Args:
-            motion: The piece that it lies in.
             tick: Its number.
             logged: Its messages.
 
@@ -121,38 +119,44 @@ class Recomputation:
         """
         if not self._drive or self._told is None or self._told >= len(logged):
             return ''
-        crank, torque = self._read(logged[self._told])
-        damping = self._drive.motor.damping
-        before, self._before = self._before, (tick, crank, torque + damping * crank.speed)
-        if self._recorded:
-            line = motion.target - damping * crank.speed
-            if abs(torque - line) > _APART * max(abs(motion.target), abs(torque), 1e-6):
-                return f'has the torque {torque:.9g} N m, the motor line gives {line:.9g}'
-        return '' if before is None else self._apart(before, tick, crank)
+        found, torque = self._read(logged[self._told])
+        line = self._drive.motor.at(found.u[0])
+        before, self._before = self._before, (tick, found, torque - line)
+        if self._recorded and abs(torque - line) > _APART * max(abs(torque), 1e-6):
+            return f'has the torque {torque:.9g} N m, the motor line gives {line:.9g}'
+        return '' if before is None else self._difference(self._drive.motor, *before, tick, found)
 
-    def _apart(self, before: tuple[int, CrankState, float], tick: int, crank: CrankState) -> str:
-        past, origin, held = before
+    def _difference(
+        self,
+        motor: Motor,
+        past: int,
+        origin: Coordinates,
+        command: float,
+        tick: int,
+        found: Coordinates,
+    ) -> str:
+        """How far a state is from where the one before it leads, in words."""
         late = self._machine.elapsed(tick) - self._machine.elapsed(past)
         stood_still = not self._recorded and late > self._machine.elapsed(1) + CATCH_UP
         elapsed = 0.0 if stood_still else late / NS_PER_S
-        if elapsed > _LONGEST or not self._drive:
+        if elapsed > _LONGEST:
             return ''
-        damping, solver = self._drive.motor.damping, self._machine.solver
-        driven = DrivenMechanism(solver, lambda _, speed: held - damping * speed)
+        solver = self._machine.solver
+        driven = DrivenMechanism(solver, lambda _, speed: motor.at(speed) + command)
         try:
             steps = FixedSteps(driven, (*origin.q, *origin.u))
             steps.advance(elapsed)
         except LinkageError as error:
             return f'does not follow from the one before: {error}'
         due = (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
-        turned = crank.unwrapped - (origin.unwrapped - origin.angle)
-        found = (turned, *crank.q[1:], *crank.u)
-        count = len(crank.q)
+        turned = found.unwrapped - (origin.unwrapped - origin.q[0])
+        values = (turned, *found.q[1:], *found.u)
+        count = len(found.q)
         units = driven.units[:count]
         sizes = (*units, *map(max, units, map(abs, due[count:])))
         names = [f'{n} {w}' for w in ('position', 'speed') for n in solver.coordinates]
-        for name, value, expected, size in zip(names, found, due, sizes, strict=True):
-            if not abs(value - expected) <= _APART * size + 4 * math.ulp(crank.unwrapped):
+        for name, value, expected, size in zip(names, values, due, sizes, strict=True):
+            if not abs(value - expected) <= _APART * size + 4 * math.ulp(found.unwrapped):
                 return (
                     f'does not follow from the one before: {name} {value:.9g}, that one leads to '
                     f'{expected:.9g}'

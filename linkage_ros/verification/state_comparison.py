@@ -135,13 +135,13 @@ class StateComparison:
         likeliest: tuple[int, list[bytes]] | None = None
         for piece in timeline.pieces_at(stamp):
             try:
-                expected = self._recomputation.messages_at(piece.motion, stamp, logged)
+                expected = self._recomputation.messages_at(piece.segment, stamp, logged)
             except LinkageError as error:
                 return [], str(error)
             if expected == logged or expected == list(map(unsigned_zeros, logged)):
                 tick = timeline.take(piece, stamp)
                 self._piece = piece.number
-                return logged, self._recomputation.follow(piece.motion, tick, logged)
+                return logged, self._recomputation.follow(tick, logged)
             likeliest = likeliest or (piece.number, expected)
         if likeliest is None:
             return [], timeline.why_none(stamp)
@@ -157,7 +157,7 @@ class StateComparison:
             return '' if time == stamp else f'{when}: a record has its stamp'
         piece, self._piece_before = self._piece_before, self._timeline.piece
         fell, self._fell = self._fell, ''
-        if piece != self._piece_before and self._piece_before.motion.before is not None:
+        if piece != self._piece_before and self._piece_before.segment.old_stamp is not None:
             # The clock may have been set back between the stamp of a state and its log time.
             self._latest, fell = time, ''
         elif time < self._latest - 2 * CLOCK_STEP:
@@ -225,7 +225,7 @@ class StateComparison:
             if this == stamp < following:
                 nexts = [q[min(1, len(q) - 1)].data for q in self._queues]
                 with suppress(LinkageError):
-                    piece = self._timeline.piece.motion
+                    piece = self._timeline.piece.segment
                     return self._recomputation.messages_at(piece, following, nexts)[place]
         return None
 

@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which piece of motion each logged stamp lies in, and which stamps cannot be right."""
+"""Which segment of motion each logged stamp lies in, and which stamps cannot be right."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from linkage_ros.motion.torque_driven import RunMotion
+from linkage_ros.motion.segments import Segment
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S
 
@@ -18,23 +18,23 @@ def seconds(stamp: int) -> str:
     return f'{whole}.{rest:09d} s'
 
 
-def moment(motion: RunMotion) -> int:
-    """The start of a piece on the clock of the one before it."""
-    return motion.stamp if motion.before is None else motion.before
+def moment(segment: Segment) -> int:
+    """The start of a segment on the clock of the one before it."""
+    return segment.stamp if segment.old_stamp is None else segment.old_stamp
 
 
 @dataclass(frozen=True)
 class MotionPiece:
-    """A piece of motion on the grid of ticks, which keeps its count when the clock is stepped.
+    """A segment on the grid of ticks, which keeps its count when the clock is stepped.
 
     Attributes:
-        motion: The motion.
+        segment: The segment.
         number: Which piece that is, from 1.
         anchor: Stamp of tick 0 on the clock as it stands, ns.
         end: First stamp that belongs to the next piece, on this piece's clock; None: it is last.
     """
 
-    motion: RunMotion
+    segment: Segment
     number: int
     anchor: int
     end: int | None
@@ -49,19 +49,19 @@ class Timeline:
         last: The last stamp, ns; None: there was none.
     """
 
-    def __init__(self, machine: Machine, motions: tuple[RunMotion, ...]) -> None:
+    def __init__(self, machine: Machine, motions: tuple[Segment, ...]) -> None:
         """Begins with the first piece.
 
         Args:
             machine: Knows the ticks.
-            motions: All pieces, in order; at least one.
+            motions: All segments, in order; at least one.
         """
         self._machine = machine
         self._pieces: list[MotionPiece] = []
         anchor = motions[0].stamp
         for number, motion in enumerate(motions, 1):
-            if motion.before is not None:
-                anchor += motion.stamp - motion.before
+            if motion.old_stamp is not None:
+                anchor += motion.stamp - motion.old_stamp
             following = motions[number] if number < len(motions) else None
             end = None if following is None else moment(following)
             self._pieces.append(MotionPiece(motion, number, anchor, end))
@@ -86,7 +86,7 @@ class Timeline:
             The pieces, in order.
         """
         for piece in self._pieces[self.piece.number - 1 :]:
-            if stamp < piece.motion.stamp or (piece.end is not None and stamp >= piece.end):
+            if stamp < piece.segment.stamp or (piece.end is not None and stamp >= piece.end):
                 continue
             if not self._late(piece, stamp) and self._tick_of(piece, stamp) > self._tick:
                 yield piece

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recomputes every state of a log from its configuration and its pieces of motion.
+"""Recomputes every state of a log from its configuration and its segments of motion.
 
 To be equal means to have equal bytes. Topics are told apart by their types, because their names
 may be remapped. What the log has beside them is named, not compared.

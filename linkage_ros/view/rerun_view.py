@@ -7,12 +7,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.viewers import SPAWN, WEB, viewer_address
+from linkage_ros.run.machine import Machine
 from linkage_ros.view.rerun_layout import layout
 from linkage_ros.view.rerun_program import (
     Program,
@@ -23,7 +24,7 @@ from linkage_ros.view.rerun_program import (
 )
 from linkage_ros.view.rerun_sender import Sender
 from linkage_ros.view.rerun_static import fixed_components
-from linkage_ros.view.scene import Scene
+from linkage_ros.view.scene import JOINT_FIELDS, Scene
 from linkage_ros.view.targets import is_connected
 
 # Rerun is imported where it is used, which is in a View.
@@ -31,25 +32,11 @@ if TYPE_CHECKING:
     import rerun as rr
 
 _WALL_CLOCK = 10**18  # ns; a stamp before September 2001 counts from the start of something
-_BATCH = 20_000  # samples sent at once, however many have come
+_BATCH = 20_000  # messages shown at once, however many have come
 _FILE_SECONDS = 1.0  # between the batches of a file: small ones take four times the space
 
-
-class Sample(NamedTuple):
-    """The joints at one stamp, in the order of the tree.
-
-    Attributes:
-        stamp: ns.
-        position: The crank's unwrapped; of a link that hangs on another (coupler, rod) the angle
-            from that one; rad, m.
-        velocity: rad/s or m/s.
-        effort: N m.
-    """
-
-    stamp: int
-    position: tuple[float, ...]
-    velocity: tuple[float, ...]
-    effort: tuple[float, ...]
+# Stamp of the view, ns, and CDR bytes of joint_states.
+Shown: TypeAlias = tuple[int, bytes]
 
 
 class View:
@@ -94,10 +81,11 @@ class View:
         self.page: str | None = None
         self.dropped = 0
         self._target = target
-        self._waiting: list[Sample] = []
+        self._waiting: list[Shown] = []
         self._was_connected = False
         self._due = 0.0
         self._configuration, self._scene = configuration, Scene(configuration)
+        self._codec = Machine(configuration).joint_states
         self._wall_clock: bool | None = None
         if target == SPAWN:
             require_screen()
@@ -123,11 +111,11 @@ class View:
             )
         return ''
 
-    def consume(self, samples: Sequence[Sample]) -> None:
+    def consume(self, samples: Sequence[Shown]) -> None:
         """Shows what has come since the last call; may be nothing.
 
         Args:
-            samples: In the order of their stamps.
+            samples: Messages of joint states, in the order of their stamps.
 
         Raises:
             ViewerError: The window could not open, the page's host has ended, or the disk is full.
@@ -180,8 +168,10 @@ class View:
             else:
                 self.dropped += len(batch)
 
-    def _show(self, samples: Sequence[Sample]) -> None:
-        stamps, *values = (np.array(column) for column in zip(*samples, strict=True))
+    def _show(self, samples: Sequence[Shown]) -> None:
+        stamps = np.array([stamp for stamp, _ in samples])
+        numbers = np.array([self._codec.decode(message)[1] for _, message in samples])
+        values = np.split(numbers, len(JOINT_FIELDS), axis=1)
         if self._wall_clock is None:
             self._wall_clock = bool(stamps[0] >= _WALL_CLOCK)
         for rows in self._scene.advance(stamps, *values):

@@ -11,8 +11,7 @@ import numpy as np
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import wound
-from linkage_ros.motion.plant import start
+from linkage_ros.motion.torque_driven import start
 from linkage_ros.numeric import Array
 
 ENERGIES = ('kinetic', 'potential', 'total')
@@ -54,8 +53,7 @@ class Energies:
     def __init__(self, solver: Solver, drive: TorqueDrive) -> None:
         self._solver = solver
         self._columns = [solver.links.index(name) for name in solver.coordinates]
-        phase, _ = wound(start(solver.mechanism, drive))
-        q = phase[: len(self._columns)]
+        q = start(solver.mechanism, drive).q
         _, self._offset = solver.energy(q, (0.0,) * len(q))
 
     def at(self, position: Array, velocity: Array) -> Array:

@@ -9,9 +9,13 @@ times faster than serialising a message object.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 
+from linkage_ros.dynamics.state import State
+from linkage_ros.model.structure import Link
+from linkage_ros.numeric import SCALAR, wrap
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, header, stamp_of, string
 
@@ -20,6 +24,30 @@ ROOT_FRAME = 'base_link'
 
 # Adding 0.0 turns -0.0 into 0.0: a zero in a message has no sign.
 _UNSIGNED_ZERO = (0.0).__add__
+
+
+def joint_rows(links: Sequence[Link], state: State, unwrapped: float) -> list[list[float]]:
+    """A state as messages hold it: a number for each joint of the URDF's open tree.
+
+    Args:
+        links: The tree; its first joint is the crank's.
+        state: The state.
+        unwrapped: The whole angle of the crank, rad.
+
+    Returns:
+        Positions, rad or m: the crank's unwrapped, other angles in (-pi, pi] from the link before;
+        their rates and accelerations; efforts, the driving torque, N m, at the crank, 0 elsewhere.
+    """
+    position, *_ = rows = [list(row) for row in state[:3]]
+    for i, link in reversed(list(enumerate(links))):  # those that hang on a link before it
+        if link.parent is not None:
+            for row in rows:
+                row[i] -= row[link.parent]
+            position[i] = wrap(position[i], SCALAR)
+        if position[i] <= -math.pi and not link.slides:
+            position[i] = math.pi
+    position[0] = unwrapped
+    return [*rows, [state.torque, *(0.0 for _ in links[1:])]]
 
 
 class _RowsCodec:

@@ -41,7 +41,7 @@ def draw_load_curve(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None
     top = max((one.speed for stretch in analysis.averaged for one in stretch), default=1.0)
     speeds = np.array((0.0, top))
     axes.plot(
-        speeds, analysis.motor.torque - damping * speeds, '-', color=_MOTOR, linewidth=1.4,
+        speeds, analysis.motor.at(speeds), '-', color=_MOTOR, linewidth=1.4,
         label=f'motor, M0 = {analysis.motor.torque:g} N m',
     )  # fmt: skip
     for kind, motion in analysis.branch.boundaries:

@@ -13,9 +13,10 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.commands.output import folder, progress, save_table
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file
+from linkage_ros.parameters.summary import motor_line
 from linkage_ros.quantities import Quantity
 from linkage_ros.units import radians_per_second
 
@@ -60,11 +61,13 @@ def _driven(
     Raises:
         ConfigurationError: No speed is given, or the reactions have no finite value.
     """
-    if options.rpm is None and isinstance(drive, TorqueDrive):
+    rpm = options.rpm
+    if rpm is None and isinstance(drive, TorqueDrive):
         raise ConfigurationError(
             f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
         )
-    rpm = drive.target if options.rpm is None else options.rpm
+    if rpm is None and isinstance(drive, SpeedDrive):
+        rpm = drive.rpm
     period = SpeedDrivenPeriod(
         mechanism, radians_per_second(rpm), options.acceleration, reactions=options.reactions
     )
@@ -101,4 +104,4 @@ def _settled(
         )
     speed = radians_per_second(rpm)
     turn = SettledTurn(mechanism, motor, speed, progress)
-    return turn, ['', motor.words(), f'from {speed:.4g} rad/s', *turn.words()]
+    return turn, ['', motor_line(motor), f'from {speed:.4g} rad/s', *turn.words()]

@@ -12,6 +12,7 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file
+from linkage_ros.parameters.summary import motor_line
 
 
 def pump(options: argparse.Namespace) -> None:
@@ -32,7 +33,7 @@ def pump(options: argparse.Namespace) -> None:
     if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
         raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
     name = find_file(options.params).stem
-    title = f'{name}: {drive.motor.words()}'
+    title = f'{name}: {motor_line(drive.motor)}'
     records, picture = options.out / f'{name}_settled.json', options.out / f'{name}_settled.png'
     with folder(options.out):
         found = analyse(

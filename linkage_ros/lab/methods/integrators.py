@@ -17,8 +17,7 @@ from scipy import integrate
 
 from linkage_ros.dynamics.state import loop_residual
 from linkage_ros.lab.methods.cut_loop import CutLoop, Number, Row
-from linkage_ros.lab.methods.problems import InitialValueProblem
-from linkage_ros.motion.driven_mechanism import Phase
+from linkage_ros.lab.methods.problems import InitialValueProblem, Phase
 from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.numeric import Array, with_turns
 
@@ -181,7 +180,7 @@ class Multipliers(OfScipy):
         spins = values[count : count + 3]
         found = self._loop.accelerations(
             _directions(values), spins, values[-1] if self._loop.slides else None,
-            motor.torque - motor.damping * spins[0], _solve,
+            motor.at(spins[0]), _solve,
         )  # fmt: skip
         return np.array([*values[count:], *found])
 

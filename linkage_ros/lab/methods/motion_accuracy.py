@@ -21,9 +21,8 @@ from linkage_ros.lab.methods.accuracy import Measurement, mark_fronts
 from linkage_ros.lab.methods.bench import FAILURES
 from linkage_ros.lab.methods.integrators import Follower
 from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
-from linkage_ros.lab.methods.problems import ChartMechanisms
+from linkage_ros.lab.methods.problems import ChartMechanisms, Phase
 from linkage_ros.lab.methods.registry import INTEGRATORS, Integrator, Setting, label
-from linkage_ros.motion.driven_mechanism import Phase
 
 # Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'

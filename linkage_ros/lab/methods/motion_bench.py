@@ -10,8 +10,7 @@ from decimal import Decimal
 from functools import cached_property
 
 from linkage_ros.lab.methods.motion_reference import MotionReference
-from linkage_ros.lab.methods.problems import InitialValueProblem
-from linkage_ros.motion.driven_mechanism import Phase
+from linkage_ros.lab.methods.problems import InitialValueProblem, Phase
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
 _ASKED = 0.05  # s between two states that are compared

@@ -6,13 +6,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.motion.driven_mechanism import DrivenMechanism, Phase
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
+
+# Coordinates, then their rates.
+Phase: TypeAlias = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class InitialValueProblem:
     @cached_property
     def driven(self) -> DrivenMechanism:
         """It as a system of first order, with the package's own equations of motion."""
-        return DrivenMechanism(Solver(self.mechanism), self.motor.law())
+        return DrivenMechanism(Solver(self.mechanism), lambda _, speed: self.motor.at(speed))
 
     @property
     def count(self) -> int:

@@ -74,6 +74,6 @@ class Ensemble:
         inside = (np.minimum(stretched, folded) > edge) & (abs(phases[2:]) < _FASTEST).all(axis=0)
         if inside.any():
             phi, x, w, v = phases[:, inside]
-            torque = self._motor.torque - self._motor.damping * w
+            torque = self._motor.at(w)
             slopes[:, inside] = w, v, *self._solver.accelerations((phi, x), (w, v), torque)
         return slopes

@@ -91,7 +91,7 @@ def follow_run(
         LinkageError: It cannot even begin.
     """
     x, v, w = point
-    driven = DrivenMechanism(solver, motor.law())
+    driven = DrivenMechanism(solver, lambda _, speed: motor.at(speed))
     # A fiftieth of a turn at most, at the start and as fast as the motor can.
     fastest = motor.torque / motor.damping if motor.damping else 0.0
     step = 2 * math.pi / 50 / max(w, fastest)

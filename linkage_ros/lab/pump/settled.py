@@ -54,7 +54,7 @@ class SettledTurn(Period):
         points = np.array([self.motion.point]).T
         x, v, w, _ = poincare.orbit(points, motor.torque, _PARTS)[..., 0]
         crank = np.linspace(0, 2 * math.pi, _PARTS + 1)
-        applied = motor.torque - motor.damping * w
+        applied = motor.at(w)
         q, u = (crank, x), (w, v)
         state = solver.state(q, u, solver.accelerations(q, u, applied))
         super().__init__(

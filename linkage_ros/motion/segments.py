@@ -1,0 +1,48 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The segments of a run's motion, as a log keeps them; each lasts until the next begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TypeAlias
+
+
+@dataclass(frozen=True)
+class SpeedSegment:
+    """A crank that moves from a phase and a speed to a set speed.
+
+    Attributes:
+        stamp: Start, ns.
+        phase: At the start, turns.
+        speed: At the start, turns per minute.
+        rpm: The speed it moves to, turns per minute.
+        acceleration: At which it does so, rad/s^2, not negative; 0: at once.
+        old_stamp: The start on the clock before it was stepped, ns; None: it was not.
+    """
+
+    stamp: int
+    phase: Fraction
+    speed: Fraction
+    rpm: float
+    acceleration: float
+    old_stamp: int | None = None
+
+
+@dataclass(frozen=True)
+class TorqueSegment:
+    """A mechanism under a motor torque.
+
+    Attributes:
+        stamp: Start, ns.
+        torque: Of the motor at rest, N m.
+        old_stamp: The start on the clock before it was stepped, ns; None: it was not.
+    """
+
+    stamp: int
+    torque: float
+    old_stamp: int | None = None
+
+
+Segment: TypeAlias = SpeedSegment | TorqueSegment
