@@ -137,7 +137,7 @@ def finished(module, *arguments, **options):
 def assert_refused(code, out, err, words):
     """Asserts exit code 2 and one line on stderr, which matches."""
     assert (code, out) == (2, ''), err
-    assert re.fullmatch(r'linkage_\w+: [^\n]+\n', err), err
+    assert re.fullmatch(r'linkage_\w+( \w+)?: [^\n]+\n', err), err
     assert re.search(words, err), err
 
 
