@@ -145,7 +145,7 @@ def _described(
     }
 
 
-class Stop:
+class Stop(threading.Event):
     """Asks a program to end in order: set by a signal, waited for by the main thread.
 
     The signals are SIGINT, SIGTERM, and SIGHUP unless it is ignored, as behind nohup. Python
@@ -154,33 +154,14 @@ class Stop:
     """
 
     def __init__(self) -> None:
-        self._event = threading.Event()
+        super().__init__()
         numbers = [signal.SIGINT, signal.SIGTERM]
         if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
             numbers.append(signal.SIGHUP)
         for number in numbers:
-            signal.signal(number, lambda *_: self._event.set())
+            signal.signal(number, lambda *_: self.set())
             # While Python ends it takes its handlers back; a second Ctrl-C would kill it.
             atexit.register(signal.signal, number, signal.SIG_IGN)
-
-    def set(self) -> None:
-        """Asks for the end."""
-        self._event.set()
-
-    def is_set(self) -> bool:
-        """Whether the end was asked for."""
-        return self._event.is_set()
-
-    def wait(self, timeout: float | None = None) -> bool:
-        """Waits.
-
-        Args:
-            timeout: Longest time, s; None: until the end is asked for.
-
-        Returns:
-            Whether the end was asked for.
-        """
-        return self._event.wait(timeout)
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:

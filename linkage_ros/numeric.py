@@ -67,11 +67,6 @@ def by_element(function: Callable[..., float]) -> Callable[..., Array]:
     return apply
 
 
-def functions_of(value: Real) -> Functions:
-    """SCALAR for a float, ARRAY for an array."""
-    return SCALAR if isinstance(value, float) else ARRAY
-
-
 # pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 _TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
@@ -179,29 +174,21 @@ def rounded(length: float, *, up: bool) -> str:
     return f'{float(text) + (unit if up else -unit):.6g}'
 
 
-def all_finite(*values: Real) -> bool:
-    """Whether floats, and all values of arrays, are finite."""
-    # A sum is cheaper than a look at each; it may overflow where none of them is infinite.
-    return all(
-        math.isfinite(x if isinstance(x, float) else np.sum(x)) or bool(np.isfinite(x).all())
-        for x in values
-    )
-
-
 def require_finite(**named: Real) -> None:
-    """Passes if they are.
+    """Raises unless every value is finite.
 
     Args:
         **named: Floats or arrays, by what they are called, words joined by _.
 
     Raises:
-        ConfigurationError: One is not, which it names.
+        ConfigurationError: A value is not finite.
     """
     for name, values in named.items():
-        if not all_finite(values):
-            bad = np.atleast_1d(values)[~np.isfinite(np.atleast_1d(values))]
-            words = name.replace('_', ' ')
-            raise ConfigurationError(f'{words} = {bad[0]}: must be a finite number')
+        # A sum is cheaper than a look at each; it may overflow where none of them is infinite.
+        if not math.isfinite(values if isinstance(values, float) else np.sum(values)):
+            for bad in np.extract(~np.isfinite(values), values)[:1]:
+                words = name.replace('_', ' ')
+                raise ConfigurationError(f'{words} = {bad}: must be a finite number')
 
 
 def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:

@@ -16,9 +16,9 @@ import re
 import typing
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, dataclass
+from decimal import Decimal
+from numbers import Real
 from typing import Any, NamedTuple, TypeVar
-
-import numpy as np
 
 from linkage_ros.errors import ConfigurationError, shortened
 
@@ -80,50 +80,41 @@ class Quantity:
         Raises:
             ConfigurationError: The value is of the wrong type or outside its range.
         """
-        cleaned: object = None
-        if self.kind == 'number':
-            cleaned = self._number(value)
-        elif self.kind == 'whole':
-            cleaned = value if isinstance(value, int) and self._number(value) is not None else None
-        elif self.kind == 'pair':
-            cleaned = self._pair(value)
-        elif self.kind == 'switch':
-            cleaned = value if isinstance(value, bool) else None
-        elif isinstance(value, str):
-            cleaned = value if self._is_valid_text(value) else None
+        cleaned = getattr(self, f'_{self.kind}')(value)
         if cleaned is None:
             raise ConfigurationError(f'{name} = {shown(value)}: must be {self.valid}')
         return cleaned
 
-    def _is_valid_text(self, value: str) -> bool:
-        if self.kind == 'choice':
-            return value in self.choices
-        return not self.pattern or re.fullmatch(self.pattern, value) is not None
-
     def _number(self, value: object) -> float | None:
-        if isinstance(value, bool) or not hasattr(value, '__float__'):
-            return None
-        # NumPy makes a float of its complex numbers without their imaginary part.
-        if isinstance(value, (np.generic, np.ndarray)) and np.iscomplexobj(value):
+        if isinstance(value, bool) or not isinstance(value, (Real, Decimal)):
             return None
         try:
-            number = float(typing.cast('typing.SupportsFloat', value))
-        except (OverflowError, TypeError, ValueError):
+            number = float(value)
+        except (OverflowError, ValueError):  # 10**400, Decimal('sNaN')
             return None
         # Adding 0.0 turns -0.0 into 0.0, so that equal settings give equal bytes.
         return number + 0.0 if self.low <= number <= self.high else None
 
-    def _pair(self, value: object) -> tuple[float, float] | None:
-        # Sets have no order, iterators are used up, mappings would give their keys.
-        is_row = hasattr(value, '__len__') and hasattr(value, '__getitem__')
-        if isinstance(value, (str, bytes, Mapping)) or not is_row:
+    def _whole(self, value: object) -> int | None:
+        return value if isinstance(value, int) and self._number(value) is not None else None
+
+    def _pair(self, value: object) -> tuple[float | None, ...] | None:
+        items = value.tolist() if hasattr(value, 'tolist') else value
+        if not isinstance(items, (list, tuple)) or len(items) != 2:
             return None
-        if isinstance(value, np.ndarray) and value.ndim == 0:  # has a __len__, which raises
+        numbers = tuple(map(self._number, items))
+        return None if None in numbers else numbers
+
+    def _choice(self, value: object) -> str | None:
+        return value if isinstance(value, str) and value in self.choices else None
+
+    def _text(self, value: object) -> str | None:
+        if not isinstance(value, str) or (self.pattern and not re.fullmatch(self.pattern, value)):
             return None
-        numbers = [self._number(item) for item in typing.cast('typing.Iterable[object]', value)]
-        if len(numbers) != 2 or numbers[0] is None or numbers[1] is None:
-            return None
-        return numbers[0], numbers[1]
+        return value
+
+    def _switch(self, value: object) -> bool | None:
+        return value if isinstance(value, bool) else None
 
 
 def shown(value: object) -> str:

@@ -169,16 +169,21 @@ def test_wrong_values_are_refused_before_anything_is_started(launched):
         launched(DEMO, rviz='maybe')
 
 
-def test_temporary_files_are_removed_when_the_launch_ends(tmp_path):
+def test_a_killed_launch_leaves_no_file(tmp_path):
     code = (
+        'import time\n'
         'from linkage_ros.parameters.launched import parameter_file\n'
-        "print(open(parameter_file({'rpm': 60.0})).read())"
+        "print(parameter_file({'rpm': 60.0}), flush=True)\n"
+        'time.sleep(60)'
     )
-    done = subprocess.run(
+    with subprocess.Popen(
         [sys.executable, '-c', code], env={**os.environ, 'TMPDIR': str(tmp_path)},
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
-    assert yaml.safe_load(done.stdout) == {'/**': {'ros__parameters': {'rpm': 60.0}}}
+        stdout=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        path = Path(process.stdout.readline().strip())
+        assert yaml.safe_load(path.read_text()) == {'/**': {'ros__parameters': {'rpm': 60.0}}}
+        process.kill()
+    assert not path.exists()
     assert list(tmp_path.iterdir()) == []
 
 

@@ -105,10 +105,9 @@ def check_live(name: str, value: object) -> None:
     Raises:
         ConfigurationError: The value is bad.
     """
-    for drive in DRIVES.values():
-        for leaf in leaves(drive):
-            if leaf.name == name:
-                leaf.quantity.clean(name, value)
+    quantities = {leaf.name: leaf.quantity for cls in DRIVES.values() for leaf in leaves(cls)}
+    if name in quantities:
+        quantities[name].clean(name, value)
 
 
 def configure(values: Mapping[str, object]) -> Configuration:
@@ -126,16 +125,15 @@ def configure(values: Mapping[str, object]) -> Configuration:
             mechanism, or its crank cannot turn. One line that says what would be valid.
     """
     given = without_ros_own(values)
-    preset: dict[str, object] = {}
+    preset: Mapping[str, object] = {}
     if 'mechanism' not in given:
-        preset = dict(read_parameter_file(preset_path(DEFAULT_PRESET)))
+        preset = read_parameter_file(preset_path(DEFAULT_PRESET))
     kind = Kind.of({**preset, **given})
     valid = [leaf.name for leaf in parameter_leaves(kind)]
-    for name in given:
-        if name not in valid:
-            raise ConfigurationError(_unknown(name, kind))
-    # A preset's speed is nothing to a torque.
-    given = {**{name: value for name, value in preset.items() if name in valid}, **given}
+    if unknown := [name for name in given if name not in valid]:
+        raise ConfigurationError(_unknown(unknown[0], kind))
+    # Those of the preset that the drive does not have, such as rpm, are ignored.
+    given = {**preset, **given}
     mechanism = build(MECHANISMS[kind.mechanism], given)
     drive = build(DRIVES[kind.drive], given)
     if isinstance(drive, TorqueDrive):

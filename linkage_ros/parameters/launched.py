@@ -7,10 +7,8 @@ Nothing of launch is imported here: the tests read this on machines without it.
 
 from __future__ import annotations
 
-import atexit
 import json
 import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -87,7 +85,7 @@ def demo(arguments: Mapping[str, str]) -> Demo:
 
 
 def parameter_file(values: Mapping[str, object]) -> str:
-    """Writes parameters to a temporary file: launch_ros would make a number of the text 1e3.
+    """Writes parameters to a file: launch_ros would convert the text 1e3 to a number.
 
     Args:
         values: By dotted name, for any node.
@@ -95,7 +93,7 @@ def parameter_file(values: Mapping[str, object]) -> str:
     Returns:
         Its path.
     """
-    return _write(json.dumps({'/**': {'ros__parameters': values}}), '.yaml')
+    return _file_in_memory(json.dumps({'/**': {'ros__parameters': values}}))
 
 
 def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
@@ -112,19 +110,16 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
     if fixed_frame == ROOT_FRAME:
         return str(template)
     text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, fixed_frame)
-    return _write(
-        text.replace("TF Prefix: ''", f"TF Prefix: '{frame_prefix.removesuffix('/')}'"), '.rviz'
+    return _file_in_memory(
+        text.replace("TF Prefix: ''", f"TF Prefix: '{frame_prefix.removesuffix('/')}'")
     )
 
 
-def _write(text: str, suffix: str) -> str:
-    """Writes a temporary file, which is removed when the launch has ended; returns its path."""
-    with tempfile.NamedTemporaryFile(
-        'w', prefix='linkage_', suffix=suffix, delete=False, encoding='utf-8'
-    ) as file:
-        file.write(text)
-    atexit.register(Path(file.name).unlink, missing_ok=True)
-    return file.name
+def _file_in_memory(text: str) -> str:
+    """Path of a file with this text, which exists until this process ends in whatever way."""
+    descriptor = os.memfd_create('linkage_ros')
+    os.write(descriptor, text.encode())
+    return f'/proc/{os.getpid()}/fd/{descriptor}'
 
 
 def is_installed(package: str) -> bool:
