@@ -35,7 +35,7 @@ def main():
         solver = Solver(configuration.mechanism)
         count = len(solver.coordinates)
         q, u = (0.3, 1.5)[:count], (2.0, 0.4)[:count]
-        one = best('accelerations', lambda s=solver, q=q, u=u: s.forward(q, u, 3.0), 5_000)
+        one = best('accelerations', lambda s=solver, y=(*q, *u): s.forward(y, 3.0), 5_000)
         steps = FixedSteps(DrivenMechanism(solver, lambda _, speed: 8.4 - 1.2 * speed), (*q, *u))
         tick = best('steps', lambda steps=steps: steps.advance(steps.time + 1e-3), 500)
         with tempfile.TemporaryDirectory() as folder:

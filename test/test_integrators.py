@@ -205,10 +205,6 @@ def apart(exact, values):
 class Counted(DrivenMechanism):
     """A motion that counts how often its accelerations are computed."""
 
-    def look(self, time, phase):
-        counts.append(time)
-        return super().look(time, phase)
-
     def slope(self, time, phase):
         counts.append(time)
         return super().slope(time, phase)

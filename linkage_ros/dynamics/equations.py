@@ -219,36 +219,11 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real])
     return State(positions, tuple(rates), tuple(changes), torque)
 
 
-class Edge(NamedTuple):
-    """How near a dyad is to the end of what the coordinates can describe.
-
-    Attributes:
-        sine: Sine of the angle at which the links meet; 0 at the end.
-        rate: Rate of change of the sine, 1/s.
-    """
-
-    sine: Real
-    rate: Real
-
-
-class Forward(NamedTuple):
-    """The response to a torque.
-
-    Attributes:
-        accelerations: Accelerations of the coordinates, rad/s^2 or m/s^2.
-        edges: For each dyad that limits the motion.
-    """
-
-    accelerations: tuple[Real, ...]
-    edges: tuple[Edge, ...]
-
-
-def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> Forward:
+def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
     """The accelerations under a torque on the crank: M q'' + h - Q = torque, solved for q''."""
     require(is_finite(*q, *u, torque), model.refuse_torque, *q, *u, torque)
     pose = model.loop.pose(tuple(q))
-    rates = velocities(pose, u)
-    held = balance(model, pose, rates, accelerations(pose, u, ()))
+    held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
     matrix = mass_matrix(model, pose)
     driven = [torque - held[0], *(-force for force in held[1:])]
     inertia = number(_determinant(matrix))
@@ -262,19 +237,7 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
     )  # Cramer's rule
     for change in found:
         require(is_finite(change), model.refuse_torque, *q, *u, torque)
-    edges = tuple(
-        _edge(model, pose, dyad, sine, rates)
-        for dyad, sine in zip(model.dyads, pose.sines, strict=True)
-        if dyad.limits
-    )
-    return Forward(found, edges)
-
-
-def accelerations_under(
-    model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real
-) -> tuple[Real, ...]:
-    """The accelerations of `forward` alone."""
-    return forward(model, q, u, torque).accelerations
+    return found
 
 
 def _determinant(rows: Sequence[Sequence[Real]]) -> Real:
@@ -289,23 +252,32 @@ def _determinant(rows: Sequence[Sequence[Real]]) -> Real:
     return result
 
 
-def _edge(model: Model, pose: Pose, dyad: Dyad, sine: Real, rates: Sequence[Real]) -> Edge:
-    first, second = pose.links[dyad.first], pose.links[dyad.second]
-    turning = rates[dyad.second]
-    across = second.direction
-    if model.slides[dyad.second]:
-        turning, across = ZERO, across.left()
-    rate = dot(first.direction, across) * (turning - rates[dyad.first])
-    return Edge(abs(sine), where(sine >= 0, rate, -rate))
+class Meeting(NamedTuple):
+    """The angle at which the two links of a dyad meet.
+
+    Attributes:
+        sine: Its sine, without sign; 0: the links are in line.
+        cosine: Its cosine.
+        rate: Rate of change of the sine, 1/s.
+    """
+
+    sine: Real
+    cosine: Real
+    rate: Real
 
 
-def meetings(model: Model, q: Sequence[Real]) -> tuple[tuple[Real, Real], ...]:
-    """For each dyad, the size of the sine and the cosine of the angle at which its links meet."""
+def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meeting, ...]:
+    """The angles at which the links of each dyad meet."""
     pose = model.loop.pose(tuple(q))
-    cosines = [
-        dot(pose.links[d.first].direction, pose.links[d.second].direction) for d in model.dyads
-    ]
-    return tuple((abs(sine), cosine) for sine, cosine in zip(pose.sines, cosines, strict=True))
+    rates, found = velocities(pose, u), []
+    for dyad, sine in zip(model.dyads, pose.sines, strict=True):
+        first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
+        # A link that slides meets the other with its normal, and does not turn.
+        slides = model.slides[dyad.second]
+        slope = dot(first, second.left() if slides else second)
+        rate = slope * ((ZERO if slides else rates[dyad.second]) - rates[dyad.first])
+        found.append(Meeting(abs(sine), dot(first, second), where(sine >= 0, rate, -rate)))
+    return tuple(found)
 
 
 def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.compiled import compiled_arrays
-from linkage_ros.dynamics.equations import Forward, model_of
+from linkage_ros.dynamics.equations import Meeting, model_of
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Reactions, joints_of, reactions
 from linkage_ros.dynamics.state import PointMotion, State, Track
@@ -72,11 +72,10 @@ class Solver:
         )
         self._steady = Program(equations.state, model, (q, u, ()))
         self._moving = Program(equations.state, model, (q, u, a))
-        self._accelerations = Program(equations.accelerations_under, model, (q, u, 'torque'))
         self._forward = Program(equations.forward, model, (q, u, 'torque'))
         self._energy = Program(equations.energy, model, (q, u))
         self._matrix = Program(equations.matrix, model, (q,))
-        self._meetings = Program(equations.meetings, model, (q,))
+        self._meetings = Program(equations.meetings, model, (q, u))
         self._points: dict[str, Program] = {}
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
@@ -153,26 +152,40 @@ class Solver:
             MechanismError: Something moves without a mass.
         """
         if type(q) is type(u) is type(torque) is float and self._count == 1:
-            return self._accelerations.scalar(q, u, torque)[0]
-        found = self._run(self._accelerations, *self._row('q', q), *self._row('u', u), torque)
+            return self._forward.scalar(q, u, torque)[0]
+        found = self._run(self._forward, *self._row('q', q), *self._row('u', u), torque)
         return found if self._count > 1 or isinstance(q, tuple) else found[0]
 
-    def forward(self, q: Sequence[float], u: Sequence[float], torque: float) -> Forward:
-        """The accelerations under a torque, and how near the edge of what q can describe is.
+    def forward(self, y: Sequence[float], torque: float) -> tuple[float, ...]:
+        """The accelerations under a torque, for integrators: floats that nothing checks.
 
         Args:
-            q: Coordinates, floats, in a sequence even of one.
-            u: Their rates.
+            y: Coordinates, then their rates.
             torque: N m.
 
         Returns:
-            See `Forward`.
+            The accelerations.
 
         Raises:
             LinkageError: As for `accelerations`.
         """
-        forward: Forward = self._forward.scalar(*q, *u, torque)
-        return forward
+        found: tuple[float, ...] = self._forward.scalar(*y, torque)
+        return found
+
+    def meetings(self, y: Sequence[float]) -> tuple[Meeting, ...]:
+        """The angles at which the links of each dyad of the structure meet.
+
+        Args:
+            y: Coordinates, then their rates, floats.
+
+        Returns:
+            See `Meeting`.
+
+        Raises:
+            LinkageError: As for `state`.
+        """
+        found: tuple[Meeting, ...] = self._meetings.scalar(*y)
+        return found
 
     def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
         """The mechanical energy of all bodies.
@@ -271,10 +284,10 @@ class Solver:
         if not dyads:
             return 1.0, ''
         try:
-            angles = self._meetings.scalar(*q)
+            met = self.meetings((*q, *(0.0 for _ in q)))
         except UnreachableError:
             return 0.0, ' and '.join(links[i].name for i in dyads[0][:2]) + ' are in line'
-        (sine, cosine), dyad = min(zip(angles, dyads, strict=True))
+        (sine, cosine, _), dyad = min(zip(met, dyads, strict=True))
         first, second = links[dyad.first], links[dyad.second]
         if second.slides:
             return sine, f'the {first.name} stands across the guide'

@@ -4,13 +4,13 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn, TypeAlias
 
-from linkage_ros.dynamics.equations import Forward
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
 
@@ -46,7 +46,8 @@ class DrivenMechanism:
         Raises:
             LinkageError: As `Solver.accelerations`.
         """
-        return (*y[len(y) // 2 :], *self._forward(time, y).accelerations)
+        u = y[len(y) // 2 :]
+        return (*u, *self.solver.forward(y, self.torque(time, u[0])))
 
     def look(self, time: float, y: tuple[float, ...]) -> tuple[tuple[float, ...], float]:
         """The slope, and how long the coordinates can describe the motion.
@@ -64,10 +65,7 @@ class DrivenMechanism:
         Raises:
             LinkageError: As `Solver.accelerations`.
         """
-        accelerations, edges = self._forward(time, y)
-        # Below _LEAST, rounding hides the direction: the edge counts as reached.
-        left = (-sine / rate if sine > _LEAST else 0.0 for sine, rate in edges if rate < 0)
-        return (*y[len(y) // 2 :], *accelerations), min(left, default=math.inf)
+        return self.slope(time, y), self._time_left(y)
 
     def sine(self, y: tuple[float, ...]) -> float:
         """The sine of the angle at which two links meet; 0 where the coordinates end."""
@@ -87,13 +85,12 @@ class DrivenMechanism:
         q = y[: len(y) // 2]
         sine, words = self.solver.alignment(q)
         with suppress(LinkageError):  # the end itself is a little later
-            _, edges = self._forward(time, y)
-            left = min((-s / rate for s, rate in edges if rate < 0), default=math.inf)
+            left = self._time_left(y, least=0.0)
             time += left if left < _SOON else 0.0
         place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
         if len(q) > 1:
             place += f', slider at {q[1]:.6g} m'
-        if sine < _NEAR and any(dyad.limits for dyad in self.solver.structure.dyads):
+        if sine < _NEAR and self._is_limited:
             reason = (
                 f'{words}: the motion goes on in another assembly, which these coordinates do not '
                 'describe; start slower or from elsewhere, or change torque, masses or lengths'
@@ -108,7 +105,21 @@ class DrivenMechanism:
         message = f'the motion ends at t = {time:.6g} s, {place}: {reason}'
         raise MotionError(message, time=time, coordinates=q) from cause
 
-    def _forward(self, time: float, y: tuple[float, ...]) -> Forward:
-        count = len(y) // 2
-        q, u = y[:count], y[count:]
-        return self.solver.forward(q, u, self.torque(time, u[0]))
+    def _time_left(self, y: tuple[float, ...], least: float = _LEAST) -> float:
+        """The time until a dyad that limits the motion is in line, at constant rates, s.
+
+        A sine below `least` counts as reached: rounding hides which way it goes.
+        """
+        if not self._is_limited:
+            return math.inf
+        dyads = self.solver.structure.dyads
+        left = (
+            -sine / rate if sine > least else 0.0
+            for dyad, (sine, _, rate) in zip(dyads, self.solver.meetings(y), strict=True)
+            if dyad.limits and rate < 0
+        )
+        return min(left, default=math.inf)
+
+    @functools.cached_property
+    def _is_limited(self) -> bool:
+        return any(dyad.limits for dyad in self.solver.structure.dyads)

@@ -75,7 +75,7 @@ class TorqueMotion:
         angle, _ = within_two_turns(unwrapped)
         q, u = (angle, *y[1:count]), y[count:]
         torque = self._torque(self._steps.time, u[0])
-        return Coordinates(q, u, self._solver.forward(q, u, torque).accelerations, unwrapped)
+        return Coordinates(q, u, self._solver.forward((*q, *u), torque), unwrapped)
 
     def command(self, stamp: int, torque: float) -> None:
         """Sets the torque that is added to the motor's from a stamp on.
