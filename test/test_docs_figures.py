@@ -129,7 +129,7 @@ def test_what_reliability_quotes_was_measured():
         '{}: {} states published, {} missed',
         *map(soak.get, ('ticks', 'published', 'missed')),
     )
-    lost = sorted(kill['lost'] for kill in found['killed']['kills'])
+    lost = sorted(kill['lost'] for kill in found['killed']['runs'])
     middle = (lost[9] + lost[10]) / 2
     check_quote(
         page, '{} s lost at least, {} s by median, {} s at most', lost[0], middle, lost[-1]

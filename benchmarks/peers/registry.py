@@ -9,8 +9,6 @@ import importlib.metadata
 ADAPTERS = (
     ('adapter_ours', 'Adapter'),
     ('adapter_pylinkage', 'Adapter'),
-    ('adapter_mechanism', 'Adapter'),
-    ('adapter_fourbarhinge', 'Adapter'),
     ('adapter_mujoco', 'Adapter'),
     ('adapter_mujoco', 'ColdAdapter'),
     ('adapter_pinocchio', 'Adapter'),

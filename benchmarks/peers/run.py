@@ -27,32 +27,14 @@ REQUIREMENTS = HERE / 'requirements.txt'
 
 
 def environment(folder):
-    """Makes or completes the virtual environment.
-
-    Returns:
-        Its Python, and a line for each requirement that cannot be installed.
-    """
-    python = folder / ('Scripts/python.exe' if os.name == 'nt' else 'bin/python')
+    """Makes or completes the virtual environment; returns its Python."""
+    python = folder / 'bin' / 'python'
     if not python.exists():
         print(f'making {folder} ...', flush=True)
         venv.create(folder, with_pip=True)
     pip = [python, '-m', 'pip', 'install', '--quiet', '--disable-pip-version-check']
-    whole = subprocess.run([*pip, '-r', REQUIREMENTS], check=False, capture_output=True)
-    if whole.returncode == 0:
-        return python, []
-    missing = []
-    lines = [x for x in REQUIREMENTS.read_text().splitlines() if x and not x.startswith('#')]
-    # One by one, but none may move the others.
-    others = folder / 'others.txt'
-    for line in lines:
-        others.write_text('\n'.join(x for x in lines if x != line))
-        command = [*pip, '--constraint', others, line]
-        done = subprocess.run(command, check=False, capture_output=True, text=True)
-        if done.returncode:
-            reasons = re.findall(r'^ERROR: (.*)', done.stderr, re.MULTILINE) or ['pip failed']
-            missing.append(f'{line} cannot be installed: {reasons[-1]}')
-            print(f'left out: {missing[-1]}', flush=True)
-    return python, missing
+    subprocess.run([*pip, '-r', REQUIREMENTS], check=True)
+    return python
 
 
 def measured(python, script, folder, *options):
@@ -81,16 +63,13 @@ def measured(python, script, folder, *options):
 
 def machine():
     """What it ran on."""
-    cpu = platform.processor() or platform.machine()
-    information = Path('/proc/cpuinfo')
-    if information.exists():
-        names = re.findall(r'^model name\s*: (.*)', information.read_text(), re.MULTILINE)
-        cpu = names[0] if names else cpu
-    system = f'{platform.system()} {platform.release()}'
-    release = Path('/etc/os-release')
-    if release.exists():
-        system = re.findall(r'^PRETTY_NAME="?([^"\n]*)', release.read_text(), re.MULTILINE)[0]
-    return {'cpu': cpu, 'cores': os.cpu_count(), 'os': system}
+    information = Path('/proc/cpuinfo').read_text()
+    release = Path('/etc/os-release').read_text()
+    return {
+        'cpu': re.search(r'^model name\s*: (.*)', information, re.MULTILINE)[1],
+        'cores': os.cpu_count(),
+        'os': re.search(r'^PRETTY_NAME="?([^"\n]*)', release, re.MULTILINE)[1],
+    }
 
 
 def first_line(*command):
@@ -112,9 +91,9 @@ def main():
     add('--markdown', type=Path, metavar='FILE', help='where to write the tables')
     add('--rounds', type=int, default=21, help='of each timing (default: %(default)s)')
     options = parser.parse_args()
-    python, left_out = environment(options.venv)
+    python = environment(options.venv)
     with tempfile.TemporaryDirectory() as folder:
-        speed, more = measured(python, 'speed.py', folder, '--rounds', str(options.rounds))
+        speed, left_out = measured(python, 'speed.py', folder, '--rounds', str(options.rounds))
         hard, _ = measured(python, 'situations.py', folder)
     listed = json.loads(first_line(python, '-m', 'pip', 'list', '--format', 'json') or '[]')
     compiler = first_line('cc', '--version')
@@ -125,7 +104,7 @@ def main():
         'compiler': f', {compiler}' if compiler else '',
         'libraries': {package['name']: package['version'] for package in listed},
         'rounds': options.rounds,
-        'left_out': list(dict.fromkeys(left_out + more)),
+        'left_out': left_out,
         **speed,
         **hard,
     }

@@ -7,16 +7,18 @@ received and the last one in the recovered log. Exit code 1 if that is more than
 time, or if a recovered log does not verify.
 
     python benchmarks/reliability/killed.py --out DIR            20 kills, in five minutes
-    python benchmarks/reliability/killed.py --out DIR --kills 3  in less than one
+    python benchmarks/reliability/killed.py --out DIR --number 3  in less than one
 """
 
 from __future__ import annotations
 
+import argparse
 import random
 import signal
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +33,36 @@ EARLIEST, LATEST = 1.0, 5.0  # s of the run in which it is killed
 PROMISED = 0.3  # s
 
 
-def run(path: Path, heard: Path, seconds: float) -> None:
-    """A run that is killed some time after its first state."""
+def last_state(path: Path) -> int:
+    """The stamp of the last state in a log, ns."""
+    with LogReader(path) as log:
+        *_, last = log.messages(['/joint_states'])
+    return stamp_of(last.data)
+
+
+def recovered(path: Path, saved: Path, last: int) -> dict[str, Any]:
+    """Recovers and verifies a log.
+
+    Args:
+        path: The log.
+        saved: Where the recovered log goes.
+        last: Stamp of the last state before the fault, ns.
+
+    Returns:
+        Whether it verifies, the output of both commands, and the time that is lost, s.
+    """
+    done = [tool('recover', path, saved), tool('verify', saved)]
+    verified = done[1].returncode == 0
+    return {
+        'verified': verified,
+        'said': ''.join(one.stdout + one.stderr for one in done).splitlines(),
+        'lost': (last - last_state(saved)) * 1e-9 if verified else None,
+    }
+
+
+def kill(folder: Path, seconds: float) -> dict[str, Any]:
+    """A run that is killed some time after its first state, and what is left of it."""
+    path, heard = folder / 'run.mcap', folder / 'heard.npy'
     with (
         listening(DOMAIN, heard) as listener,
         node(DOMAIN, rate_hz=RATE, log=path) as process,
@@ -41,65 +71,45 @@ def run(path: Path, heard: Path, seconds: float) -> None:
         time.sleep(seconds)
         process.end(signal.SIGKILL)
         listener.end()
+    last = int(np.load(heard)[:, 0].max())
+    return {'killed_after': seconds, **recovered(path, folder / 'saved.mcap', last)}
 
 
-def last_state(path: Path) -> int:
-    """The stamp of the last state in a log, ns."""
-    with LogReader(path) as log:
-        *_, last = log.messages(['/joint_states'])
-    return stamp_of(last.data)
+def survey(
+    name: str, given: argparse.Namespace, spoil: Callable[[Path, float], dict[str, Any]],
+    span: tuple[float, float], promised: float,
+) -> int:  # fmt: skip
+    """Spoils runs at random moments, prints what each loses, and leaves the figures.
 
+    Args:
+        name: Of the benchmark.
+        given: Options: out, seed and number.
+        spoil: Makes a run in a folder that is spoilt after some time, s.
+        span: Shortest and longest of these times, s.
+        promised: Longest time that may be lost, s.
 
-def kill(folder: Path, seconds: float) -> dict[str, Any]:
-    """One run, and what is left of it."""
-    path, saved, heard = folder / 'run.mcap', folder / 'saved.mcap', folder / 'heard.npy'
-    run(path, heard, seconds)
-    recovered = tool('recover', path, saved)
-    verified = tool('verify', saved)
-    figures = {
-        'killed_after': seconds,
-        'recovered': recovered.returncode == 0,
-        'verified': verified.returncode == 0,
-        'said': [*recovered.stdout.splitlines(), *recovered.stderr.splitlines()],
-        'bytes': path.stat().st_size,
-        'heard': len(np.load(heard)),
-        'lost': None,
-    }
-    if figures['verified']:
-        figures['lost'] = (int(np.load(heard)[:, 0].max()) - last_state(saved)) * 1e-9
-    else:
-        figures['said'] += [*verified.stdout.splitlines(), *verified.stderr.splitlines()]
-    return figures
-
-
-def is_kept(figures: dict[str, Any]) -> bool:
-    """Whether a kill cost no more than promised."""
-    return bool(figures['verified'] and figures['lost'] <= PROMISED)
+    Returns:
+        The exit code.
+    """
+    rng, runs = random.Random(given.seed), []
+    for number in range(1, given.number + 1):
+        seconds = rng.uniform(*span)
+        with tempfile.TemporaryDirectory() as folder:
+            runs.append(one := spoil(Path(folder), seconds))
+        words = f'{one["lost"]:6.3f} s lost' if one['verified'] else '; '.join(one['said'])
+        print(f'{number:3}: after {seconds:5.2f} s: {words}', flush=True)
+    lost = sorted(one['lost'] for one in runs if one['verified'])
+    kept = sum(seconds <= promised for seconds in lost)
+    if lost:
+        print(f'lost: least {lost[0]:.3f}, median {np.median(lost):.3f}, most {lost[-1]:.3f} s')
+    print(f'{kept} of {len(runs)} verify and lost no more than {promised:g} s')
+    finish(name, given.out, {'promised': promised, 'rate_hz': RATE, 'runs': runs})
+    return 0 if kept == len(runs) else 1
 
 
 def main() -> int:
-    given = options(__doc__, kills=(20, 'runs killed'), seed=(1, 'of the moments'))
-    rng, kills = random.Random(given.seed), []
-    for number in range(given.kills):
-        seconds = rng.uniform(EARLIEST, LATEST)
-        with tempfile.TemporaryDirectory() as folder:
-            figures = kill(Path(folder), seconds)
-        kills.append(figures)
-        if figures['verified']:
-            words = f'{figures["lost"]:6.3f} s lost, verified'
-        else:
-            words = f'NOT KEPT: {"; ".join(figures["said"])}'
-        print(f'{number + 1:3}: killed after {seconds:5.2f} s: {words}', flush=True)
-    lost = sorted(figures['lost'] for figures in kills if figures['verified'])
-    if lost:
-        print(
-            f'lost: least {lost[0]:.3f}, median {np.median(lost):.3f}, most {lost[-1]:.3f} s; '
-            f'promised: {PROMISED} s'
-        )
-    well = sum(map(is_kept, kills))
-    print(f'{well} of {len(kills)} kept the promise')
-    finish('killed', given.out, {'promised': PROMISED, 'rate_hz': RATE, 'kills': kills})
-    return 0 if well == len(kills) else 1
+    given = options(__doc__, number=(20, 'runs killed'), seed=(1, 'of the moments'))
+    return survey('killed', given, kill, (EARLIEST, LATEST), PROMISED)
 
 
 if __name__ == '__main__':

@@ -9,28 +9,26 @@ a subscriber received before the cut and the last one in the recovered log. Exit
 is more than 2 s at any time, or if a log does not verify; 77 if no disk can be made here, which
 takes root.
 
-    python benchmarks/reliability/power.py --out DIR --cuts 10     in two minutes
+    python benchmarks/reliability/power.py --out DIR --number 10     in two minutes
 """
 
 from __future__ import annotations
 
 import fcntl
 import os
-import random
 import signal
 import struct
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import DOMAIN, NOT_HERE, finish, listening, node, options, tool, wait_for
-from killed import last_state
+from harness import DOMAIN, NOT_HERE, listening, node, options, wait_for
+from killed import recovered, survey
 
 RATE = 1000.0
 EARLIEST, LATEST = 2.0, 6.0  # s of the run in which the disk stops
@@ -69,7 +67,6 @@ def stop_disk(folder: Path) -> None:
 def cut(folder: Path, seconds: float) -> dict[str, Any]:
     """A run whose disk stops, and what is left of its log."""
     image, disk, heard = folder / 'image', folder / 'disk', folder / 'heard.npy'
-    saved = folder / 'saved.mcap'
     run_quietly('truncate', '-s', '64M', image)
     run_quietly('mkfs.ext4', '-q', image)
     disk.mkdir()
@@ -83,39 +80,19 @@ def cut(folder: Path, seconds: float) -> dict[str, Any]:
             process.end(signal.SIGKILL)
             listener.end()
     states = np.load(heard)[:, 0]
+    last = int(states[states <= moment].max())
     with mounted(image, disk):
-        recovered, verified = tool('recover', disk / 'run.mcap', saved), tool('verify', saved)
-    figures = {
-        'cut_after': seconds,
-        'verified': verified.returncode == 0,
-        'said': [*recovered.stdout.splitlines(), *recovered.stderr.splitlines()],
-        'lost': None,
-    }
-    if figures['verified']:
-        figures['lost'] = (int(states[states <= moment].max()) - last_state(saved)) * 1e-9
-    return figures
+        found = recovered(disk / 'run.mcap', folder / 'saved.mcap', last)
+    return {'cut_after': seconds, **found}
 
 
 def main() -> int:
-    given = options(__doc__, cuts=(10, 'cuts of the power'), seed=(1, 'of the moments'))
-    rng, cuts = random.Random(given.seed), []
-    for number in range(given.cuts):
-        seconds = rng.uniform(EARLIEST, LATEST)
-        with tempfile.TemporaryDirectory() as folder, suppress(subprocess.CalledProcessError):
-            cuts.append(cut(Path(folder), seconds))
-        if len(cuts) == number:
-            print('no disk can be made here: that takes root, mkfs.ext4 and a loop device')
-            return NOT_HERE
-        one = cuts[-1]
-        words = f'{one["lost"]:.3f} s lost, verified' if one['verified'] else one['said']
-        print(f'{number + 1:3}: cut after {seconds:5.2f} s: {words}', flush=True)
-    lost = [one['lost'] for one in cuts if one['verified']]
-    if lost:
-        print(f'lost: least {min(lost):.3f}, median {np.median(lost):.3f}, most {max(lost):.3f} s')
-    well = sum(one['verified'] and one['lost'] <= PROMISED for one in cuts)
-    print(f'{well} of {len(cuts)} lost no more than {PROMISED:g} s')
-    finish('power', given.out, {'promised': PROMISED, 'rate_hz': RATE, 'cuts': cuts})
-    return 0 if well == len(cuts) else 1
+    given = options(__doc__, number=(10, 'cuts of the power'), seed=(1, 'of the moments'))
+    try:
+        return survey('power', given, cut, (EARLIEST, LATEST), PROMISED)
+    except (OSError, subprocess.CalledProcessError) as error:
+        print(f'no disk can be made here, which takes root, mkfs.ext4 and a loop device: {error}')
+        return NOT_HERE
 
 
 if __name__ == '__main__':

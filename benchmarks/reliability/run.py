@@ -26,7 +26,7 @@ HERE = Path(__file__).parent
 # In this order: what asks for a quiet machine first.
 SCRIPTS = {
     name: HERE / f'{name}.py'
-    for name in ('realtime', 'many', 'killed', 'power', 'disk', 'viewer', 'hosts', 'soak', 'fuzz')
+    for name in ('realtime', 'many', 'killed', 'power', 'disk', 'hosts', 'soak', 'fuzz')
 }
 
 
