@@ -341,5 +341,5 @@ class FourBar(Mechanism):
             .along(1, coupler.length)
             .along(2, -rocker.length),
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('B0', None, 2)),
-            dyads=(Dyad(1, 2, 'B', ('A', 'B0'), limits=not self._transmission().turns_fully),),
+            dyads=(Dyad(1, 2, 'B', ('A', 'B0')),),
         )

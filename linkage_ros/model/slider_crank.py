@@ -251,5 +251,5 @@ class SliderCrank(Mechanism):
             {'A0': A0, 'A': A, 'B': B, **traced(coupler, A)},
             closure=B,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
-            dyads=(Dyad(1, 2, 'B', ('A', ''), limits=not self._transmission().turns_fully),),
+            dyads=(Dyad(1, 2, 'B', ('A', '')),),
         )  # fmt: skip

@@ -119,15 +119,12 @@ class Dyad(NamedTuple):
             its guide.
         pin: Name of the pin in which they meet.
         outer: Names of their outer pins, the second empty for a link that slides.
-        limits: Whether motion can stretch or fold the dyad, beyond which the coordinates do not
-            describe it. Change points are no limit: motion passes through them.
     """
 
     first: int
     second: int
     pin: str
     outer: tuple[str, str]
-    limits: bool
 
 
 class Structure(NamedTuple):

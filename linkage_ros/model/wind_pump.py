@@ -235,5 +235,5 @@ class WindPump(Mechanism):
             {'A0': A0, 'A': A, 'B': B, 'D': D, **traced(coupler, A)},
             closure=D,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('D', 2, 3)),
-            dyads=(Dyad(1, 2, 'B', ('A', 'D'), limits=True),),
+            dyads=(Dyad(1, 2, 'B', ('A', 'D')),),
         )

@@ -106,20 +106,21 @@ class DrivenMechanism:
         raise MotionError(message, time=time, coordinates=q) from cause
 
     def _time_left(self, y: tuple[float, ...], least: float = _LEAST) -> float:
-        """The time until a dyad that limits the motion is in line, at constant rates, s.
+        """The time until a dyad is in line, at constant rates, s.
 
         A sine below `least` counts as reached: rounding hides which way it goes.
         """
         if not self._is_limited:
             return math.inf
-        dyads = self.solver.structure.dyads
         left = (
             -sine / rate if sine > least else 0.0
-            for dyad, (sine, _, rate) in zip(dyads, self.solver.meetings(y), strict=True)
-            if dyad.limits and rate < 0
+            for sine, _, rate in self.solver.meetings(y)
+            if rate < 0
         )
         return min(left, default=math.inf)
 
     @functools.cached_property
     def _is_limited(self) -> bool:
-        return any(dyad.limits for dyad in self.solver.structure.dyads)
+        """Whether the coordinates cannot describe every motion; change points do no harm."""
+        mobility = self.solver.mobility
+        return mobility is None or not mobility.turns_fully
