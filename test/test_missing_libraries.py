@@ -12,6 +12,8 @@ import pytest
 from ros_harness import assert_refused, environment, fresh_domain, node_arguments, stop, watched
 
 from linkage_ros.errors import missing_library
+from linkage_ros.parameters.configuration import load
+from linkage_ros.record import record
 
 HIDE = """
 import os
@@ -56,6 +58,14 @@ def test_node_without_log_and_viewer_runs_on_debian_packages_alone(hide):
         listener.await_more(50)
         code, output = stop(node)
     assert code == 0, output
+
+
+def test_record_needs_no_ros_no_viewer_and_no_charts(hide, tmp_path):
+    hide('rclpy', 'rerun', 'rerun_bindings', 'matplotlib')
+    done = run('record', 'quadrilateral', tmp_path / 'run.mcap', '--duration', 0.5)
+    assert (done.returncode, done.stderr) == (0, '')
+    record(load('quadrilateral'), tmp_path / 'here.mcap', duration=0.5)
+    assert (tmp_path / 'run.mcap').read_bytes() == (tmp_path / 'here.mcap').read_bytes()
 
 
 @pytest.mark.parametrize(
