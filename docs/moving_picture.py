@@ -30,10 +30,9 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_layout import layout
-from linkage_ros.view.rerun_program import Program, find_viewer
 from linkage_ros.view.rerun_view import View
 from linkage_ros.view.scene import TIMELINE
-from linkage_ros.view.targets import free_address
+from linkage_ros.view.viewer_process import ViewerProcess, find_viewer, free_address
 
 # Imported where it is used, after a View has told it not to warn of what is meant.
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
     )
 
 
-def _connect(program: Program, url: str) -> ViewerClient:
+def _connect(program: ViewerProcess, url: str) -> ViewerClient:
     """Waits for the viewer until it has loaded all.
 
     Raises:
@@ -109,7 +108,7 @@ def _frames(files: list[Path]) -> Iterator[Image.Image]:
     """The viewer's pictures of a turn, evenly spaced in time."""
     host, port, _ = free_address('127.0.0.1')
     options = ['--headless', '--window-size', _SIZE, '--bind', host, '--port', str(port)]
-    program = Program([find_viewer(), *files, *options], outlives=False)
+    program = ViewerProcess([find_viewer(), *files, *options], outlives=False)
     try:
         client = _connect(program, f'rerun+http://{host}:{port}/proxy')
         for _ in range(_ZOOMS):
@@ -119,7 +118,7 @@ def _frames(files: list[Path]) -> Iterator[Image.Image]:
             picture = Image.open(io.BytesIO(client.take_screenshot())).convert('RGB')
             yield picture.crop((0, _BAND, *picture.size))
     finally:
-        program.let_go()
+        program.release()
 
 
 def _make(out: Path) -> None:

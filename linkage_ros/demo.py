@@ -25,7 +25,7 @@ from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_MS, NS_PER_S
-from linkage_ros.view.rerun_program import require_screen
+from linkage_ros.view.viewer_process import require_screen
 from linkage_ros.wire.topics import JOINT_STATES
 
 _NAME = 'demo'

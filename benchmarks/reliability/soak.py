@@ -33,8 +33,7 @@ from mpmath import mp, mpf
 from linkage_ros.log.reader import LogReader
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.verify import verify
-from linkage_ros.view.rerun_program import find_viewer
-from linkage_ros.view.targets import free_address
+from linkage_ros.view.viewer_process import find_viewer, free_address
 from linkage_ros.wire.cdr import stamp_of
 from linkage_ros.wire.codecs import JointStateCodec
 

@@ -1,55 +1,55 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture of a linkage consists of: lines and points, whatever shows them.
+"""The picture of a linkage as lines and points, whatever shows them.
 
 All coordinates are m in base_link, x to the right and y up.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.model.structure import Mechanism, Point, Structure
 from linkage_ros.numeric import Array
-from linkage_ros.view.reach import going_round, reach
+from linkage_ros.view.reach import reach
 
-# Parts of the width of all that moves: the margin around it, the marks of the fixed link, and how
-# long a scale may be.
-_MARGIN, _MARK, _BAR = 0.04, 0.04, 0.25
-# In marks: how far that of a pivot reaches below it, how far names are beside their pins, beyond a
-# slider's block too, and how high a name is in a small window.
-_FOOT, _ASIDE, _BEYOND, _NAME = 1.4, 1.4, 1.9, 1.5
+# Shares of the width of all that moves: size of a pivot's triangle (a mark), and the greatest
+# length of the scale.
+_MARK, _SCALE = 0.04, 0.25
+# In marks: height of a pivot with its ground; distance of a name from its pin, and from that of a
+# slider's block; height of a name.
+_FOOT, _DISTANCE, _BEYOND, _NAME = 1.4, 1.5, 1.9, 1.4
+
+_Complex: TypeAlias = npt.NDArray[np.complex128]
 
 
 class Drawing:
     """The picture of one mechanism.
 
     Attributes:
-        structure: How the links hang together.
-        has_free_slider: Whether the crank angle alone does not tell where the slider is.
+        structure: Links and points of the mechanism.
         joints: Names of the joints, in the order of positions.
-        turning: Those of links that have a direction: all but a slider.
-        going_round: Those of them that turn on and on.
+        turning: Names of the links that have a direction: all but a slider.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pivot_names: Their names.
+        pivot_labels: Where their names hang from; shape as pivots, m.
         pins: Names of the moving points, in the order of `place`.
-        ends: The pins between which each link that turns lies.
-        owners: Of moving points that leave the circle of the crank pin, the links that are drawn
-            in the colour of their paths.
+        ends: First and second pin of each link that turns.
+        owners: Of moving points that leave the circle of the crank pin, the links in whose
+            colour their paths are drawn.
         output: Name of the output link.
-        paths: What the pin of the output link and, if there is one, the coupler point C trace
-            out, by the name of the link whose point it is; each of shape (n, 2), m. Empty for a
-            wind pump, whose points have no path of their own.
-        ground: The marks of the fixed link, lines of shape (n, 2), m.
-        footings: Where names of the fixed pivots can hang, below their marks; shape as pivots.
+        paths: Closed paths of the output link's pin and of the coupler point C, by the name of
+            the link whose point it is; shape (n, 2), m. Empty for a mechanism with a free slider.
+        ground: Drawing of the fixed link, lines of shape (n, 2), m.
         scale: A bar below everything, a line of shape (4, 2), m.
-        scale_length: How long it is, m.
-        bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m; of
-            a wind pump while its slider is where it can be at every crank angle.
+        scale_length: Its length, m.
+        bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m.
     """
 
     def __init__(self, mechanism: Mechanism, crank_angle: float = 0.0) -> None:
@@ -57,14 +57,12 @@ class Drawing:
 
         Args:
             mechanism: The mechanism.
-            crank_angle: From which it starts, rad; it matters where the crank cannot reach it
-                from everywhere.
+            crank_angle: Crank angle at the start, rad; it selects the arc of a crank that cannot
+                turn fully.
         """
         self.structure = structure = mechanism.structure()
-        self.has_free_slider = len(mechanism.coordinates) > 1
         self.joints = tuple(link.name for link in structure.links)
         self.turning = tuple(link.name for link in structure.links if not link.slides)
-        self.going_round = going_round(mechanism)
         points = structure.points
         fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
         moving = {name: point for name, point in points.items() if name not in fixed}
@@ -72,40 +70,36 @@ class Drawing:
         self._weights = np.array([point.weights for point in moving.values()])
         self._fixed = np.array([point.fixed for point in moving.values()])
         self.pivots = _plane(np.array(list(fixed.values())))
+        self.ends = _ends(structure)
+        self.owners = self._find_owners(moving)
+        self.output = self.joints[-1]
+        pin_of = {link: pin for pin, link in self.owners.items()}
+        self._output_pin = self.pins.index(pin_of[self.output])
 
         positions, is_path = reach(mechanism, crank_angle)
         swept = self.place(positions)
-        self.ends = _ends(structure)
-        self.owners = self._owners(moving)
-        pin_of = {link: pin for pin, link in self.owners.items()}
-        output = structure.links[-1]
-        self.output, self._output_pin = output.name, self.pins.index(pin_of[output.name])
-        self.paths: dict[str, Array] = {}
-        if is_path:
-            for pin, link in self.owners.items():
-                self.paths[link] = swept[:, self.pins.index(pin)]
+        traced = self.owners.items() if is_path else ()
+        self.paths = {link: swept[:, self.pins.index(pin)] for pin, link in traced}
         everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
-        mark = _MARK * np.ptp(everything, axis=0).max()
+        self._mark = mark = _MARK * np.ptp(everything, axis=0).max()
         self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
-        self._block: npt.NDArray[np.complex128] | None = None
-        self._axis: Array | None = None
-        if output.slides:
-            axis = complex(math.cos(output.angle), math.sin(output.angle))
-            self._axis = np.array([axis.real, axis.imag])
+        self._block: _Complex | None = None
+        self._walls: tuple[complex, ...] = ()  # directions that a slider's name must avoid
+        if structure.links[-1].slides:
+            axis = cmath.rect(1.0, structure.links[-1].angle)
             self._block = mark * axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j])
+            self._walls = axis, -axis, -1j * axis
             self.ground += _rail(swept[:, self._output_pin], axis, mark)
-        self._mark, down = mark, np.array([0.0, mark])
-        self.footings = self.pivots - _FOOT * down
-        names = self.beside(swept).reshape(-1, 2)
-        everything = np.concatenate([everything, *self.ground, names, self.footings])
-        self.scale_length = _round_below(_BAR * np.ptp(everything, axis=0).max())
-        self.scale = _bar(everything.min(axis=0) - down, self.scale_length, mark)
-        hanging = [place - _NAME * down for place in (self.footings, self.scale)]
-        everything = np.concatenate([everything, self.scale, *hanging])
-        margin = _MARGIN * np.ptp(everything, axis=0).max()
-        self.bounds = np.array([everything.min(axis=0) - margin, everything.max(axis=0) + margin])
+        middle = swept.reshape(-1, 2).mean(axis=0)
+        self.pivot_labels = np.array([_beside(pivot, middle, mark) for pivot in self.pivots])
+        everything = np.concatenate([everything, *self.ground, self.pivot_labels])
+        low, high = everything.min(axis=0), everything.max(axis=0)
+        room = (_DISTANCE + _NAME) * mark  # for the names of the pins
+        self.scale_length = _round_below(_SCALE * (high - low).max())
+        self.scale = _bar(low - room, self.scale_length, mark)
+        self.bounds = np.array([low - room - [mark, 2 * mark], high + room])
 
-    def _owners(self, moving: dict[str, Point]) -> dict[str, str]:
+    def _find_owners(self, moving: dict[str, Point]) -> dict[str, str]:
         """Of pins beyond the crank's the next link, of other points their own link."""
         owners = {
             self.ends[link][1]: after
@@ -119,53 +113,27 @@ class Drawing:
         return owners
 
     def place(self, position: Array) -> Array:
-        """Where the moving points are.
+        """Places the moving points.
 
         Args:
-            position: Of the links, shape (n, 3 or 4), rad and m.
+            position: Positions of the links, shape (n, links), rad and m.
 
         Returns:
-            The pins, in the order of `pins`; shape (n, 2 to 4, 2), m.
+            The pins, in the order of `pins`; shape (n, pins, 2), m.
         """
-        # A slide would be no angle, but then the points do not depend on it.
+        # A slider's position is not an angle, but no point depends on it: its weights are 0.
         slides = [link.slides for link in self.structure.links]
         turned = np.exp(1j * np.where(slides, 0.0, position))
         return _plane(turned @ self._weights.T + self._fixed)
 
-    def beside(self, points: Array) -> Array:
-        """Where names of the moving points can hang: away from the middle of all points.
-
-        Args:
-            points: As `place` gives them, shape (n, 2 to 4, 2), m.
-
-        Returns:
-            Likewise, m.
-        """
-        fixed = self.pivots.sum(axis=0)
-        middle = (points.sum(axis=1) + fixed) / (points.shape[1] + len(self.pivots))
-        away = points - middle[:, np.newaxis]
-        length = np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-12 * self._mark)
-        away = away / length
-        far = np.full((points.shape[1], 1), _ASIDE)
-        if (
-            self._axis is not None
-        ):  # on the guide, beside the block: below it the ground is hatched
-            side = np.copysign(1.0, away[:, self._output_pin] @ self._axis)
-            away[:, self._output_pin] = np.outer(side, self._axis)
-            far[self._output_pin] = _BEYOND
-        # A name hangs down from its place: above a pin it needs room for its height.
-        away[..., 1] += 0.5 * (1 + away[..., 1])
-        aside: Array = points + far * self._mark * away
-        return aside
-
     def of_links(self, position: Array) -> Array:
-        """The positions of the links, from those that ROS sees; or their rates.
+        """Positions or rates of the links, from those of the joints.
 
         Args:
-            position: Joint positions in the order of the tree, shape (n, 3 or 4), rad and m.
+            position: Joint positions in the order of the tree, shape (n, links), rad and m.
 
         Returns:
-            As `place` takes them: directions in base_link, rad, and slides, m.
+            Directions in base_link, rad, and slides, m; as `place` takes them.
         """
         links: Array = position.copy()
         for i, link in enumerate(self.structure.links):
@@ -177,35 +145,68 @@ class Drawing:
         """The lines of the moving links, by their names.
 
         Args:
-            points: As `place` gives them, shape (n, 2 to 4, 2), m.
+            points: As `place` gives them, shape (n, pins, 2), m.
 
         Returns:
             Lines of shape (n, 2, 2), m. A coupler with a point is a triangle, (n, 4, 2), a
             slider a block, (n, 5, 2).
         """
-        at = {name: points[:, i] for i, name in enumerate(self.pins)}
-        for name, pivot in zip(self.pivot_names, self.pivots, strict=True):
-            at[name] = np.broadcast_to(pivot, (len(points), 2))
-        lines = {}
-        for joint in self.joints:
-            if joint in self.ends:
-                ends = self.ends[joint]
-                aside = [pin for pin, link in self.owners.items() if link == joint]
-                aside = [pin for pin in aside if pin not in ends]
-                lines[joint] = [at[name] for name in (*ends, *aside, *(ends[:1] if aside else ()))]
+        at = self._by_name(points)
+        lines = {link: [at[pin] for pin in self._corners(link)] for link in self.turning}
         if self._block is not None:
             corners = _plane(self._block)
             lines[self.output] = [points[:, self._output_pin] + corners[i % 4] for i in range(5)]
         return {name: np.stack(line, axis=1) for name, line in lines.items()}
 
+    def labels(self, points: Array) -> Array:
+        """Places from which the names of the pins hang: in the widest gap between the links.
+
+        Args:
+            points: As `place` gives them, shape (n, pins, 2), m.
+
+        Returns:
+            Likewise, m.
+        """
+        at = self._by_name(points)
+        return np.stack([_plane(self._label(at, pin)) for pin in self.pins], axis=1)
+
+    def _label(self, at: dict[str, Array], pin: str) -> _Complex:
+        corners = [self._corners(link) for link in self.turning]
+        sides = {side for line in corners for side in pairwise(line) if pin in side}
+        others = {end for side in sides for end in side} - {pin}
+        pin_at = at[pin] @ (1, 1j)
+        ways = [at[end] @ (1, 1j) - pin_at for end in sorted(others)]
+        walls = self._walls if pin == self.pins[self._output_pin] else ()
+        ways += [np.full_like(pin_at, wall) for wall in walls]
+        distance = _BEYOND if walls else _DISTANCE
+        angles = np.sort(np.angle(ways), axis=0)
+        gaps = np.diff(angles, axis=0, append=angles[:1] + 2 * math.pi)
+        widest, column = gaps.argmax(axis=0), np.arange(gaps.shape[1])
+        middle = angles[widest, column] + 0.5 * gaps[widest, column]
+        # A name hangs: its middle is below its place.
+        place: _Complex = pin_at + self._mark * (distance * np.exp(1j * middle) + 0.5j * _NAME)
+        return place
+
+    def _corners(self, link: str) -> tuple[str, ...]:
+        """The points on the line of a link that turns."""
+        ends = self.ends[link]
+        aside = [pin for pin, owner in self.owners.items() if owner == link and pin not in ends]
+        return (*ends, *aside, *(ends[:1] if aside else ()))
+
+    def _by_name(self, points: Array) -> dict[str, Array]:
+        at = {name: points[:, i] for i, name in enumerate(self.pins)}
+        for name, pivot in zip(self.pivot_names, self.pivots, strict=True):
+            at[name] = np.broadcast_to(pivot, (len(points), 2))
+        return at
+
 
 def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
-    """The pins between which each link lies that turns, on the way around the loop."""
+    """First and second pin of each link that turns, on the way around the loop."""
     names = {point: name for name, point in structure.points.items()}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
 
     def stop(count: int) -> tuple[str, bool]:
-        """The pin after some links, and whether the way to it from the loop's end is taken."""
+        """The pin after some links, and whether it is reached backwards, from the loop's end."""
         there = names.get(Point(way[:count] + rest[count:]))
         back = Point(rest[:count] + tuple(-w for w in way[count:]), -structure.closure.fixed)
         return (there, False) if there else (names[back], True)
@@ -218,8 +219,16 @@ def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
     return ends
 
 
-def _plane(points: npt.NDArray[np.complex128]) -> Array:
+def _plane(points: _Complex) -> Array:
     return np.stack([points.real, points.imag], axis=-1)
+
+
+def _beside(pivot: Array, middle: Array, mark: float) -> Array:
+    """Where a fixed pivot's name hangs: below, left or right, away from the moving points."""
+    sides = mark * np.array([(0.0, -_FOOT - 0.5 * _NAME), (-_DISTANCE, -0.4), (_DISTANCE, -0.4)])
+    side = sides[np.argmin(sides @ (middle - pivot))]
+    place: Array = pivot + side + [0.0, 0.5 * _NAME * mark]
+    return place
 
 
 def _pivot(pivot: Array, size: float) -> list[Array]:

@@ -1,53 +1,46 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the live view shows where: the linkage beside its curves."""
+"""The fixed parts of a view in Rerun: its layout, and components that never change."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Any
 
-from linkage_ros.dynamics.period import extent
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.motion.drives import SpeedDrive
+import numpy as np
+
+from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.numeric import Array
-from linkage_ros.palette import COLORS, FIRST, GREY, SECOND, Color, color_of
+from linkage_ros.palette import FIRST, GREY, SECOND, Color, color_of
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.units import radians_per_second
-from linkage_ros.view.axes import ASPECT
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.scene import (
     DIRECTIONS,
+    ENERGIES,
     ENERGY,
-    FLOW,
+    JOINT_FIELDS,
     JOINT_STATES,
     LINKAGE,
-    PHASE_PLANE,
     RATES,
     TIMELINE,
-    TURNING,
-    angles_of,
 )
-from linkage_ros.view.series import ENERGIES
 
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-# Turns plotted: no fewer than the first, no more than the second if that is enough for the eye.
-_FEW_TURNS, _MANY_TURNS, _FOR_THE_EYE, _FOR_PATIENCE = 4, 10, 2.0, 60.0  # s the last two
-_STANDING_SECONDS = 10.0  # plotted where the crank stands still,
-_DRIVEN_SECONDS = 5.0  # and under a torque: of a longer time axis Rerun leaves out the numbers
-_TRAIL_SECONDS = 10.0  # in the phase plane
-_LEGEND = 0.2  # of the seconds plotted: room before them, where the legend hides no curve
-_ENERGY_COLORS = FIRST, SECOND, GREY
+# Turns plotted: at least the first number, at most the second unless they pass too fast to see.
+_FEW_TURNS, _MANY_TURNS, _VISIBLE, _LONGEST = 4, 10, 2.0, 60.0  # s the last two
+_STANDING_SECONDS = 10.0  # plotted if the crank stands still,
+_DRIVEN_SECONDS = 5.0  # and under a torque
+_FRONT = 32.0  # drawing order of the pins, above all lines
+_THIN, _THICK, _PIN = -1.0, -3.5, -5.0  # radii; negative: points on the screen
 
 
 def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
-    """The linkage beside plots of directions, rates and torque.
+    """The linkage beside two columns of plots, one visible in each, the others behind tabs.
 
-    Where a torque drives it, what it does is not known before: the speed is plotted first, and
-    the energies as well. A wind pump adds its phase plane and its flow.
+    The plots are as high as the window: in low ones Rerun writes a single number on the y axis.
 
     Args:
         configuration: Of the run.
@@ -64,43 +57,41 @@ def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
         contents=f'/{LINKAGE}/**',
         visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
     )
-    drive = configuration.drive
-    pictures: rrb.View | rrb.Container = linkage
-    if drawing.has_free_slider:
-        pictures = rrb.Vertical(linkage, _phase_view(), row_shares=[2, 3])
-    curves, shares = _curves_of_torque(drawing), [1, 2]  # two columns with room for tabs
-    if isinstance(drive, SpeedDrive):
-        solver = Solver(configuration.mechanism)
-        curves, shares = _curves_of_speed(solver, drive.rpm, drawing), [1, 1]
+    first, second = _plots(configuration, drawing)
     return rrb.Blueprint(
-        rrb.Horizontal(pictures, curves, column_shares=shares),
+        rrb.Horizontal(linkage, rrb.Tabs(*first), rrb.Tabs(*second)),
         rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
         rrb.SelectionPanel(state='collapsed'),
         rrb.BlueprintPanel(state='collapsed'),
     )
 
 
-def _curves_of_speed(solver: Solver, rpm: float, drawing: Drawing) -> rrb.Container:
-    """Directions, rates, and the torque that the speed takes."""
-    import rerun.blueprint as rrb
+def _plots(
+    configuration: Configuration, drawing: Drawing
+) -> tuple[list[rrb.TimeSeriesView], list[rrb.TimeSeriesView]]:
+    """Two columns: torque and rates; positions, and under a torque the energies."""
+    drive, joints = configuration.drive, {name: color_of(name) for name in drawing.joints}
+    turning = {name: joints[name] for name in drawing.turning}
+    seconds = _plotted_seconds(drive.rpm) if isinstance(drive, SpeedDrive) else _DRIVEN_SECONDS
 
-    crank = solver.reach.samples()
-    state = solver.state(crank, radians_per_second(rpm))
+    def plot(title: str, entity: str, colors: Mapping[str, Color]) -> rrb.TimeSeriesView:
+        return _plot(title, entity, colors, seconds)
 
-    def span(values: Array) -> str:
-        # In a small window an axis may show no number but 0.
-        found = extent(crank, values)
-        return f' ({found.low:.3g} to {found.high:.3g}'
+    def of_joint(title: str, field: str, joint: str) -> rrb.TimeSeriesView:
+        return _plot(title, f'{JOINT_STATES}/{field}', joints, seconds, shown=[joint])
 
-    sliding = f'{span(state.position[-1])})', f'{span(state.velocity[-1])} at {rpm:g} rpm)'
-    joints = _JointPlots(drawing, _plotted_seconds(rpm), sliding)
-    title = f'Driving torque, N m{span(state.torque)} at {rpm:g} rpm)'  # passive joints have none
-    return rrb.Vertical(
-        rrb.Tabs(*joints.places()),
-        rrb.Tabs(*joints.rates()),
-        joints.plot(title, 'effort', ['crank']),
-        row_shares=[1, 1, 2],
-    )
+    first = [of_joint('Torque, N m', 'effort', 'crank'), plot('Rates, rad/s', RATES, turning)]
+    angles = {name: color for name, color in turning.items() if name != 'crank'}
+    second = [plot('Angles, rad', DIRECTIONS, angles)]
+    if isinstance(drive, TorqueDrive):
+        first.insert(0, of_joint('Crank speed, rad/s', 'velocity', 'crank'))
+        energies = dict(zip(ENERGIES, (FIRST, SECOND, GREY), strict=True))
+        second.insert(0, plot('Energies, J', ENERGY, energies))
+    if drawing.output not in turning:
+        slider = drawing.output
+        second.insert(0, of_joint('Slider, m/s', 'velocity', slider))
+        second.insert(0, of_joint('Slider, m', 'position', slider))
+    return first, second
 
 
 def _plotted_seconds(rpm: float) -> float:
@@ -108,75 +99,7 @@ def _plotted_seconds(rpm: float) -> float:
     if not rpm:
         return _STANDING_SECONDS
     turn = 60 / abs(rpm)
-    return min(max(min(_FOR_THE_EYE, _MANY_TURNS * turn), _FEW_TURNS * turn), _FOR_PATIENCE)
-
-
-def _curves_of_torque(drawing: Drawing) -> rrb.Container:
-    """Speed first, because it is what the torque leads to; the energies as well."""
-    import rerun.blueprint as rrb
-
-    joints = _JointPlots(drawing, _DRIVEN_SECONDS)
-    energies = dict(zip(ENERGIES, _ENERGY_COLORS, strict=True))
-    speeds = [joints.plot('Crank speed, rad/s', 'velocity', ['crank']), *joints.rates()]
-    causes = [joints.plot('Torque, N m', 'effort', ['crank'])]
-    if drawing.has_free_slider:
-        title = 'Flow (stroke x speed), m/s'
-        causes.insert(0, _plot(title, FLOW, {FLOW: COLORS['slider']}, _DRIVEN_SECONDS))
-    title = 'Energies, J (potential: from the start)'
-    # High plots: in low ones Rerun leaves out the numbers.
-    return rrb.Grid(
-        rrb.Tabs(*speeds),
-        _plot(title, ENERGY, energies, _DRIVEN_SECONDS),
-        rrb.Tabs(*causes),
-        rrb.Tabs(*joints.places()),
-        grid_columns=2,
-    )
-
-
-class _JointPlots:
-    """Curves of joints and links of one mechanism over the last seconds."""
-
-    def __init__(
-        self, drawing: Drawing, seconds: float, sliding: tuple[str, str] = ('', '')
-    ) -> None:
-        """Takes what is told of a slider's position and velocity as well."""
-        self._seconds = seconds
-        self._of_position, self._of_velocity = sliding
-        self._colors = {name: color_of(name) for name in drawing.joints}
-        self._turning, self._angles = drawing.turning, angles_of(drawing)
-        self._sliding = [name for name in drawing.joints if name not in drawing.turning]
-
-    def plot(self, title: str, quantity: str, joints: Collection[str]) -> rrb.TimeSeriesView:
-        """One quantity of some joints."""
-        return _plot(title, f'{JOINT_STATES}/{quantity}', self._colors, self._seconds, joints)
-
-    def places(self) -> list[rrb.TimeSeriesView]:
-        """Where the links are: what goes round and round beside nothing that does not."""
-        title = 'Turning, rad'
-        plots = [
-            self._of_links(title, TURNING, self._angles[TURNING])
-            if TURNING in self._angles
-            else self.plot(title, 'position', ['crank'])
-        ]
-        if DIRECTIONS in self._angles:
-            title = 'Directions, rad'
-            plots.insert(0, self._of_links(title, DIRECTIONS, self._angles[DIRECTIONS]))
-        if self._sliding:
-            title = f'Slider, m{self._of_position}'
-            plots.insert(0, self.plot(title, 'position', self._sliding))
-        return plots
-
-    def rates(self) -> list[rrb.TimeSeriesView]:
-        """How fast they are."""
-        plots = [self._of_links('Rates, rad/s', RATES, self._turning)]
-        if self._sliding:
-            title = f'Slider, m/s{self._of_velocity}'
-            plots.insert(0, self.plot(title, 'velocity', self._sliding))
-        return plots
-
-    def _of_links(self, title: str, entity: str, links: Sequence[str]) -> rrb.TimeSeriesView:
-        """Angles or rates of links that turn."""
-        return _plot(title, entity, {name: self._colors[name] for name in links}, self._seconds)
+    return min(max(min(_VISIBLE, _MANY_TURNS * turn), _FEW_TURNS * turn), _LONGEST)
 
 
 def _plot(
@@ -190,43 +113,74 @@ def _plot(
     import rerun as rr
     import rerun.blueprint as rrb
 
-    names = list(colors)
-    shown = names if shown is None else shown
+    shown = colors if shown is None else shown
     series = rr.SeriesLines(
-        names=names,
+        names=list(colors),
         colors=list(colors.values()),
-        widths=[2.0] * len(names),
-        visible_series=[name in shown for name in names],
+        widths=[2.0] * len(colors),
+        visible_series=[name in shown for name in colors],
         aggregation_policy='MinMax',  # no peak is averaged away
+    )
+    last = rr.TimeRange(
+        start=rr.TimeRangeBoundary.cursor_relative(seconds=-seconds),
+        end=rr.TimeRangeBoundary.cursor_relative(),
     )
     return rrb.TimeSeriesView(
         name=title,
         origin=f'/{entity}',
         contents=f'/{entity}',
         overrides={f'/{entity}': series},
-        axis_x=rrb.archetypes.TimeAxis(view_range=_last((1 + _LEGEND) * seconds)),
-        time_ranges=rrb.VisibleTimeRanges(timeline=TIMELINE, range=_last(seconds)),
+        # Without a range of its own, the time axis holds just the data: no half of it is empty.
+        time_ranges=rrb.VisibleTimeRanges(timeline=TIMELINE, range=last),
         plot_legend=rrb.PlotLegend(corner='LeftTop', visible=len(shown) > 1),
     )
 
 
-def _last(seconds: float) -> rr.TimeRange:
+def fixed_components(drawing: Drawing) -> dict[str, rr.AsComponents]:
+    """Components that are sent once: colours, names, paths, the ground.
+
+    Args:
+        drawing: The picture.
+
+    Returns:
+        Components by entity.
+    """
     import rerun as rr
 
-    return rr.TimeRange(
-        start=rr.TimeRangeBoundary.cursor_relative(seconds=-seconds),
-        end=rr.TimeRangeBoundary.cursor_relative(),
-    )
+    line, point = rr.LineStrips2D, rr.Points2D
+    thin: dict[str, Any] = {'colors': GREY, 'radii': _THIN}
+    pin: dict[str, Any] = {'colors': GREY, 'radii': _PIN, 'draw_order': _FRONT}
+    middle, length = drawing.scale.mean(axis=0, keepdims=True), f'{drawing.scale_length:g} m'
+    fixed: dict[str, rr.AsComponents] = {
+        LINKAGE: rr.Transform3D(scale=[1, -1, 1]),  # y is down in Rerun's 2-D views
+        f'{LINKAGE}/ground': line(drawing.ground, **thin),
+        f'{LINKAGE}/pivots': point(drawing.pivots, **pin),
+        f'{LINKAGE}/pivots/names': _texts(drawing.pivot_labels, drawing.pivot_names),
+        f'{LINKAGE}/pins': point.from_fields(**pin),
+        f'{LINKAGE}/pins/names': _texts(None, drawing.pins),
+        f'{LINKAGE}/scale': line([drawing.scale], **thin),
+        f'{LINKAGE}/scale/length': _texts(middle, [length]),
+        RATES: rr.SeriesLines(names=list(drawing.turning)),
+        DIRECTIONS: rr.SeriesLines(names=list(drawing.turning[1:])),
+    }
+    for link, path in drawing.paths.items():
+        strip = path.astype(np.float32)
+        fixed[f'{LINKAGE}/paths/{link}'] = line(strip, colors=color_of(link), radii=_THIN)
+    for joint in drawing.joints:
+        # The crank above the others: a coupler's triangle would hide it.
+        order = _FRONT - 1 if joint == 'crank' else _FRONT - 2
+        fixed[f'{LINKAGE}/{joint}'] = line.from_fields(
+            colors=color_of(joint), radii=_THICK, draw_order=order
+        )
+    for field in JOINT_FIELDS:
+        fixed[f'{JOINT_STATES}/{field}'] = rr.SeriesLines(names=list(drawing.joints))
+    return fixed
 
 
-def _phase_view() -> rrb.Spatial2DView:
-    """The slider's velocity over its position, with what came before."""
-    import rerun.blueprint as rrb
+def _texts(places: Array | None, texts: Collection[str]) -> rr.Points2D:
+    """Texts that hang from places; None: places come later."""
+    import rerun as rr
 
-    trail = rrb.VisibleTimeRanges(timeline=TIMELINE, range=_last(_TRAIL_SECONDS))
-    return rrb.Spatial2DView(
-        name='Phase plane of the slider: velocity, m/s, over position, m',
-        contents=f'/{PHASE_PLANE}/**',
-        overrides={f'/{PHASE_PLANE}/curve/trail': trail},
-        visual_bounds=rrb.VisualBounds2D(x_range=(-0.26, ASPECT + 0.13), y_range=(-1.15, 0.26)),
+    return rr.Points2D.from_fields(
+        positions=places, radii=0.0, colors=GREY, labels=list(texts), show_labels=True
     )

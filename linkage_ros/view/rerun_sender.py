@@ -1,59 +1,63 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sends rows to Rerun without ever waiting for ever.
+"""Sends rows to Rerun without waiting for a viewer that does not read.
 
-Left to itself, the Rerun SDK waits for ever for a viewer that has stopped reading: in calls that
-log, in disconnect, and in an exit handler. Therefore a batch is sent only once the one before
-has left, which `flush` tells with a timeout; the handler is removed; and disconnecting is left
-to a thread that can be abandoned. A viewer that is not there is likewise one that does not read,
-until one answers.
+By itself, the Rerun SDK waits without limit for a viewer that has stopped reading: when logging,
+when disconnecting, and in an exit handler. Therefore a batch is sent only after `flush`, with a
+timeout, has reported that the last one has left; the exit handler is removed; and disconnecting
+happens in a thread that can be abandoned.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import socket
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
 import numpy as np
 
 from linkage_ros.errors import ViewerError, missing_library
-from linkage_ros.parameters.viewers import SPAWN, WEB, viewer_address
+from linkage_ros.files import is_replaceable, open_file
+from linkage_ros.parameters.viewers import (
+    SPAWN,
+    VIEWERS,
+    WEB,
+    is_recording,
+    no_viewer,
+    viewer_address,
+)
 from linkage_ros.quantities import shown
 from linkage_ros.view.scene import TIMELINE, Form, Rows
-from linkage_ros.view.targets import (
-    answers,
-    create_file,
-    free_address,
-    is_served,
-    reachable,
-)
+from linkage_ros.view.viewer_process import free_address, public_host
 
-# Rerun costs 60 MB and most of a second: it is imported where it is used.
+# Importing Rerun costs 60 MB and most of a second: it is imported where it is used.
 if TYPE_CHECKING:
     import rerun as rr
 
     Begin: TypeAlias = Callable[[rr.RecordingStream], None]
 
 _SERVED = '64MB'  # of the past, for windows that connect late
-_SEND_SECONDS = 2.0  # for which a viewer may hold up a batch
-_LAGGING_SECONDS = 0.05  # likewise once it has done so
-_WRITE_SECONDS = 5.0  # for which a disk may do so
+_SEND_SECONDS = 2.0  # a viewer may delay a batch for so long
+_LAGGING_SECONDS = 0.05  # likewise after it has done so once
+_WRITE_SECONDS = 5.0  # likewise for a disk
 _CLOSE_SECONDS = 2.5
-_LAST_SECONDS = 0.5  # of these, for a viewer that has not kept up
-_ANSWER_SECONDS = 3.0  # a viewer that was started a moment ago needs about one
-_RETRY_SECONDS = 1.0  # between two looks for a viewer
+_LAST_SECONDS = 0.5  # of these, for a viewer that lags
+_ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about one
+_RETRY_SECONDS = 1.0  # between two attempts to connect
 
 
 class Sender:
-    """Sends to a viewer elsewhere, to whoever connects here, or to a file.
+    """Sends to a viewer elsewhere, to viewers that connect here, or to a file.
 
     Attributes:
-        url: Where windows connect; None: nothing is served here.
-        exposed: Whether other machines can read what is served.
+        url: Where viewers connect; None: nothing is served here.
+        exposed: Whether other machines can read the data.
+        trouble: Why nothing can be sent now, in words; empty: it can.
     """
 
     def __init__(self, target: str, bind: str, begin: Begin, *, overwrite: bool) -> None:
@@ -73,75 +77,52 @@ class Sender:
 
         self.url: str | None = None
         self.exposed = False
-        self._absent = False
-        self._port = 0
+        self.trouble = ''
         self._file: BinaryIO | None = None
         self._target, self._begin = target, begin
         self._address = viewer_address(target)
-        self._lags = False
-        self._retry = 0.0
+        self._missing: tuple[str, int] | None = None  # the address, while no viewer answers there
+        self._retry_at = 0.0
+        self._stream = rr.RecordingStream('linkage_ros')
         if target in (SPAWN, WEB):
             host, port, self.exposed = free_address(bind)
-            self._port = port
-            self._sink: rr.GrpcServerSink | rr.GrpcSink | rr.FileSink = rr.GrpcServerSink(
-                host, port, server_memory_limit=_SERVED
-            )
-            where = reachable(host) if target == WEB else host
-            self.url = f'rerun+http://{where}:{port}/proxy'
+            self.url = f'rerun+http://{public_host(host) if target == WEB else host}:{port}/proxy'
+            self._connect(rr.GrpcServerSink(host, port, server_memory_limit=_SERVED))
         elif self._address:
-            try:
-                self._sink = rr.GrpcSink(target)
-            except RuntimeError as error:
-                raise ViewerError(
-                    f'viewer = {shown(target)} is not a valid viewer address'
-                ) from error
-            self._absent = True
+            self._find(self._address, _ANSWER_SECONDS)
         else:
-            self._file = create_file(target, overwrite=overwrite)
-            self._sink = rr.FileSink(target, write_footer=False)
-        self._stream = rr.RecordingStream('linkage_ros')
-        if self._absent:
-            self._find(_ANSWER_SECONDS)
-        else:
-            self._connect()
+            self._file = _create_file(target, overwrite=overwrite)
+            self._connect(rr.FileSink(target, write_footer=False))
 
     @property
     def is_file(self) -> bool:
         """Whether it is a file."""
         return self._file is not None
 
-    @property
-    def trouble(self) -> str:
-        """Why nothing can be sent now, in words; empty: it can."""
-        if self._absent:
-            return f'no viewer answers at {self._target}: states are left out until one does'
-        if self._port and not is_served(self._port):
-            return f'the data are no longer served at {self.url}: start the run again'
-        where = self.url or self._target
-        words = f'the viewer at {where} does not read: states are left out until it does'
-        return words if self._lags else ''
-
     def ready(self) -> bool:
-        """Whether more may be sent: somebody is there, and has taken all that was sent so far.
+        """Whether more may be sent: a viewer is there and has taken all that was sent.
 
         Raises:
             ViewerError: The disk takes no more.
         """
-        if self._absent and not (time.monotonic() >= self._retry and self._find(0.0)):
+        if self._missing and time.monotonic() >= self._retry_at:
+            self._find(self._missing, 0.0)
+        if self._missing:
             return False
-        patience = _WRITE_SECONDS if self.is_file else _SEND_SECONDS
+        timeout = _WRITE_SECONDS if self.is_file else _SEND_SECONDS
         try:
-            self._stream.flush(timeout_sec=_LAGGING_SECONDS if self._lags else patience)
+            self._stream.flush(timeout_sec=_LAGGING_SECONDS if self.trouble else timeout)
+            self.trouble = ''
         except RuntimeError as error:
-            self._lags = True
             if self.is_file:
                 raise ViewerError(f'{self._target} takes no more: is the disk full?') from error
-            if 'severed' in str(error) or 'disconnected' in str(error):
-                self._absent = True
-                self._retry = time.monotonic() + _RETRY_SECONDS
-        else:
-            self._lags = False
-        return not self._lags
+            where = self.url or self._target
+            self.trouble = (
+                f'the viewer at {where} does not read: states are left out until it does'
+            )
+            if self._address and ('severed' in str(error) or 'disconnected' in str(error)):
+                self._find(self._address, 0.0)
+        return not self.trouble
 
     def send(self, rows: Rows, *, wall_clock: bool) -> None:
         """Sends rows of one entity.
@@ -159,24 +140,30 @@ class Sender:
         self._stream.send_columns(rows.entity, [times], _columns(rows), strict=True)
 
     def close(self) -> None:
-        """Sends what is left and lets the viewer go: within 3 s, even if it is stuck."""
+        """Sends what is left and disconnects: within 3 s, even from a viewer that hangs."""
         thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
         thread.start()
-        thread.join(_LAST_SECONDS if self._lags or self._absent else _CLOSE_SECONDS)
+        thread.join(_LAST_SECONDS if self.trouble else _CLOSE_SECONDS)
         if self._file:
             self._file.close()
 
-    def _find(self, patience: float) -> bool:
-        """Connects to the viewer elsewhere if it answers in time; returns whether it does."""
-        if self._address and answers(self._address, patience):
-            self._connect()
-            self._lags = self._absent = False
-        self._retry = time.monotonic() + _RETRY_SECONDS
-        return not self._absent
+    def _find(self, address: tuple[str, int], timeout: float) -> None:
+        """Connects to the viewer elsewhere if it answers in time."""
+        import rerun as rr
 
-    def _connect(self) -> None:
+        self._missing = None if _answers(address, timeout) else address
+        if self._missing:
+            self._retry_at = time.monotonic() + _RETRY_SECONDS
+            self.trouble = (
+                f'no viewer answers at {self._target}: states are left out until one does'
+            )
+        else:
+            self.trouble = ''
+            self._connect(rr.GrpcSink(self._target))
+
+    def _connect(self, sink: rr.GrpcServerSink | rr.GrpcSink | rr.FileSink) -> None:
         try:
-            self._stream.set_sinks(self._sink)
+            self._stream.set_sinks(sink)
         except RuntimeError as error:
             raise ViewerError(f'{self._target} cannot be opened: {error}') from error
         self._begin(self._stream)
@@ -187,8 +174,28 @@ class Sender:
         self._stream.disconnect()
 
 
+def _answers(address: tuple[str, int], timeout: float) -> bool:
+    """Waits until something accepts connections at an address.
+
+    Args:
+        address: Host and port.
+        timeout: s; it is tried at least once.
+
+    Returns:
+        Whether something does.
+    """
+    deadline = time.monotonic() + timeout
+    while True:
+        with contextlib.suppress(OSError, UnicodeError):  # UnicodeError: an impossible host name
+            socket.create_connection(address, timeout=1).close()
+            return True
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.1)
+
+
 def _columns(rows: Rows) -> rr.ComponentColumnList:
-    """What an entity shows, as Rerun takes it."""
+    """The values of an entity, as Rerun takes them."""
     import rerun as rr
 
     values = rows.values
@@ -196,18 +203,38 @@ def _columns(rows: Rows) -> rr.ComponentColumnList:
         return rr.Scalars.columns(scalars=values)
     if rows.form is Form.POINTS:
         return rr.Points2D.columns(positions=values)
-    if rows.form is Form.LINES:
-        return rr.LineStrips2D.columns(strips=values.astype(np.float32))
-    if rows.form is Form.LABELS:
-        count, size = values.shape
-        return rr.Points2D.columns(labels=values.ravel()).partition([size] * count)
-    factors, shifts = np.pad(values, ((0, 0), (0, 0), (0, 1))).swapaxes(0, 1)
-    return rr.Transform3D.columns(scale=factors, translation=shifts)
+    return rr.LineStrips2D.columns(strips=values.astype(np.float32))
+
+
+def _create_file(target: str, *, overwrite: bool) -> BinaryIO:
+    """Creates an empty recording, which other runs cannot replace while it is open.
+
+    Raises:
+        ViewerError: It cannot be created.
+    """
+    path = Path(target)
+    if not is_recording(target) or path.is_dir():
+        raise ViewerError(no_viewer(target))
+    try:
+        return open_file(path, 'wb' if overwrite else 'xb')
+    except BlockingIOError:
+        problem = 'is being written by another run and is kept: choose another name'
+    except FileExistsError:
+        problem = 'cannot be replaced: choose another name'
+        if is_replaceable(path):
+            problem = (
+                'already exists and is kept: choose another name, or delete it first '
+                '(linkage_node: or set log_overwrite)'
+            )
+    except OSError as error:
+        reason = error.strerror or error
+        problem = f'cannot be written ({reason}); a viewer is one of: {VIEWERS}'
+    raise ViewerError(f'viewer = {shown(target)} {problem}')
 
 
 def _import_rerun() -> None:
-    # The SDK would warn at every start that files get no index, which is meant; of each flush that
-    # comes to nothing, which is what flushes are asked for here; and of a full disk, which we say.
+    # The SDK would warn that files get no index, which is intended, that flushes time out, which
+    # is how they are used here, and that a disk is full, which is reported here.
     quiet = 'RUST_LOG' not in os.environ
     if quiet:
         os.environ['RUST_LOG'] = 'warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off'

@@ -1,58 +1,54 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a run shows: rows of numbers over time for each entity, whatever shows them."""
+"""The contents of a view: rows of numbers over time for each entity, whatever shows them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from enum import Enum
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.errors import LinkageError
 from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.torque_driven import start
 from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.view.axes import Axis, GrowingAxes
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.series import Directions, Energies, Flow
 
 Stamps: TypeAlias = npt.NDArray[np.int64]
 
-# The names that Rerun's MCAP importer gives stamps and the parts of a topic joint_states: the live
-# view, a replay and a log that is opened directly have them in common.
+# Rerun's MCAP importer gives these names to stamps and to the parts of a topic joint_states, so
+# that a live view, a replay and a log opened in Rerun have the same entities.
 TIMELINE = 'ros2_timestamp'
 JOINT_FIELDS = ('position', 'velocity', 'effort')
-# Of the links that turn, in base_link: where those point that swing, the angles of those that go
-# round (the crank's is unwrapped), and how fast all turn. Those of joints, which a log has, count
-# from the link before, and jump at pi.
-DIRECTIONS, TURNING, RATES = 'directions', 'turning', 'rates'
-ENERGY, FLOW = 'energies', 'flow'
+# Directions in base_link of the links that turn, except the crank, and rates of all of them. The
+# angles of joints count from the link before, and jump at pi.
+DIRECTIONS, RATES = 'directions', 'rates'
+ENERGY, ENERGIES = 'energies', ('kinetic', 'potential', 'total')
 JOINT_STATES, LINKAGE = 'joint_states', 'linkage'  # with entities below them
-PHASE_PLANE = 'phase_plane'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
-_SHOWN = 1e30  # beyond which nothing has a place in a drawing
 
 
 class Form(Enum):
-    """What the numbers of an entity are."""
+    """How the values of an entity are shown."""
 
     SCALARS = 'one or more curves'
     POINTS = 'points'
     LINES = 'lines'
-    SCALE = 'factors and then shifts of what lies below the entity, along x and y'
-    LABELS = 'texts at points that stay'
 
 
 class Rows(NamedTuple):
-    """What an entity shows at some stamps.
+    """Values of an entity at some stamps.
 
     Attributes:
         entity: Its path.
-        form: What the values are.
+        form: How the values are shown.
         stamps: ns.
         values: One row for each stamp.
     """
@@ -60,23 +56,78 @@ class Rows(NamedTuple):
     entity: str
     form: Form
     stamps: Stamps
-    values: npt.NDArray[Any]
+    values: Array
 
 
-def angles_of(drawing: Drawing) -> dict[str, list[str]]:
-    """The links whose angles an entity shows, in their order.
+class Directions:
+    """Directions of links over time, without the jumps of angles between -pi and pi."""
 
-    Links that swing, if any, are apart from those that go round. A crank that alone goes round
-    needs no entity: its joint's position is the same curve.
-    """
-    swinging = [name for name in drawing.turning if name not in drawing.going_round]
-    rest = [name for name in drawing.turning if name in drawing.going_round]
-    found = {DIRECTIONS: swinging, TURNING: rest if len(rest) > 1 else []}
-    return {entity: names for entity, names in found.items() if names}
+    def __init__(self) -> None:
+        self._last: Array | None = None
+
+    def follow(self, angles: Array) -> Array:
+        """The directions at samples that follow those of the last call.
+
+        Args:
+            angles: rad, but for whole turns; shape (n, links).
+
+        Returns:
+            rad: the first from -pi to pi, each other one within pi of the one before it. Where
+            an angle of a sample is not finite, the sample stays as it is.
+        """
+        known = np.isfinite(angles).all(axis=1)
+        within = angles[known] - 2 * math.pi * np.round(angles[known] / (2 * math.pi))
+        if not within.size:
+            return angles
+        before = within[:1] if self._last is None else self._last
+        found: Array = angles.copy()
+        found[known] = np.unwrap(np.concatenate([before, within]), axis=0)[1:]
+        self._last = found[known][-1:]
+        return found
+
+
+class Energies:
+    """The energies of a mechanism in its states; the potential one is 0 where the run starts."""
+
+    def __init__(self, solver: Solver, drive: TorqueDrive) -> None:
+        self._solver = solver
+        self._columns = [solver.links.index(name) for name in solver.coordinates]
+        q = start(solver.mechanism, drive).q
+        _, self._offset = solver.energy(q, (0.0,) * len(q))
+
+    def at(self, position: Array, velocity: Array) -> Array:
+        """The energies, J.
+
+        Args:
+            position: Joint positions, shape (n, joints), rad and m.
+            velocity: Their rates.
+
+        Returns:
+            Kinetic, potential and total, shape (n, 3); nan where no such state exists.
+        """
+        q, u = (tuple(rows[:, i] for i in self._columns) for rows in (position, velocity))
+        with np.errstate(all='ignore'):
+            try:
+                kinetic, potential = np.broadcast_arrays(*self._solver.energy(q, u))
+            except LinkageError:
+                states = np.stack([*q, *u], axis=-1).tolist()
+                kinetic, potential = np.array([self._single(*state) for state in states]).T
+            potential = potential - self._offset
+            return np.stack([kinetic, potential, kinetic + potential], axis=-1)
+
+    def _single(self, *state: float) -> tuple[float, float]:
+        # Any log can be replayed, and a state at the very end of a limited crank's arc may lie
+        # beyond it by a rounding: that is a gap in the curves and ends no view.
+        try:
+            count = len(self._columns)
+            kinetic, potential = self._solver.energy(state[:count], state[count:])
+        except LinkageError:
+            return math.nan, math.nan
+        return kinetic, potential
 
 
 class Scene:
-    """Makes rows of samples, however these are cut into batches.
+    """Makes rows of samples; the size of the batches does not matter.
 
     Attributes:
         drawing: The linkage.
@@ -86,28 +137,15 @@ class Scene:
         mechanism, drive = configuration.mechanism, configuration.drive
         self.drawing = Drawing(mechanism, drive.crank_angle)
         self._directions = Directions()
-        turning = self.drawing.turning
-        self._angles = {
-            entity: [turning.index(name) for name in names]
-            for entity, names in angles_of(self.drawing).items()
-        }
         self._last_frame = -1
         self._energies: Energies | None = None
-        self._flow: Flow | None = None
-        self._axes: GrowingAxes | None = None
-        self._last_point: Array | None = None
         if isinstance(drive, TorqueDrive):
             self._energies = Energies(Solver(mechanism), drive)
-        if self.drawing.has_free_slider:
-            # Room at least for what the crank pin does at 1 rad/s.
-            ((place,), _), room = mechanism.start(), mechanism.crank.length
-            middle = np.array([place, 0.0])
-            self._flow, self._axes = Flow(), GrowingAxes(middle - room, middle + room)
 
     def advance(
         self, stamps: Stamps, position: Array, velocity: Array, effort: Array
     ) -> Iterator[Rows]:
-        """What to show at the next samples.
+        """Rows for the next samples.
 
         Args:
             stamps: ns, shape (n,), n > 0.
@@ -120,53 +158,22 @@ class Scene:
         """
         for field, row in zip(JOINT_FIELDS, (position, velocity, effort), strict=True):
             yield Rows(f'{JOINT_STATES}/{field}', Form.SCALARS, stamps, row)
-        links = self.drawing.of_links(position)
-        count = len(self.drawing.turning)
-        others = self._directions.follow(links[:, 1:count])
-        angles = np.hstack([links[:, :1], others])
-        for entity, columns in self._angles.items():
-            yield Rows(entity, Form.SCALARS, stamps, angles[:, columns])
+        links, count = self.drawing.of_links(position), len(self.drawing.turning)
+        directions = self._directions.follow(links[:, 1:count])
+        yield Rows(DIRECTIONS, Form.SCALARS, stamps, directions)
         rates = self.drawing.of_links(velocity)[:, :count]
         yield Rows(RATES, Form.SCALARS, stamps, rates)
         if self._energies:
             yield Rows(ENERGY, Form.SCALARS, stamps, self._energies.at(position, velocity))
-        if self._flow:
-            flow = self._flow.follow(position[:, 0], velocity[:, 0], position[:, -1])
-            yield Rows(FLOW, Form.SCALARS, stamps, flow[:, np.newaxis])
         frames = stamps // _DRAWING_NS
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
         if due.any():
             yield from self._draw(stamps[due], links[due])
-            if self._axes:
-                slider = np.stack([position[due, -1], velocity[due, -1]], axis=-1)
-                yield from self._trace(self._axes, stamps[due], slider)
 
     def _draw(self, stamps: Stamps, links: Array) -> Iterator[Rows]:
         points = self.drawing.place(links)
         yield Rows(f'{LINKAGE}/pins', Form.POINTS, stamps, points)
-        yield Rows(f'{LINKAGE}/pins/names', Form.POINTS, stamps, self.drawing.beside(points))
+        yield Rows(f'{LINKAGE}/pins/names', Form.POINTS, stamps, self.drawing.labels(points))
         for link, lines in self.drawing.links(points).items():
             yield Rows(f'{LINKAGE}/{link}', Form.LINES, stamps, lines)
-
-    def _trace(self, axes: GrowingAxes, stamps: Stamps, points: Array) -> Iterator[Rows]:
-        shown = (np.abs(points) < _SHOWN).all(axis=1)  # nan is not
-        stamps, points = stamps[shown], points[shown]
-        for i, (x, y) in axes.follow(points):
-            now = stamps[i : i + 1]
-            yield Rows(f'{PHASE_PLANE}/curve', Form.SCALE, now, _into_square(x, y))
-            for name, one in (('x', x), ('y', y)):
-                yield Rows(f'{PHASE_PLANE}/{name}', Form.LABELS, now, np.array([one.labels]))
-        if points.size:
-            start = points[:1] if self._last_point is None else self._last_point
-            strips = np.stack([np.concatenate([start, points[:-1]]), points], axis=1)
-            self._last_point = points[-1:]
-            yield Rows(f'{PHASE_PLANE}/curve/trail', Form.LINES, stamps, strips)
-            yield Rows(f'{PHASE_PLANE}/curve/now', Form.POINTS, stamps, points[:, np.newaxis])
-
-
-def _into_square(x: Axis, y: Axis) -> Array:
-    """Factors and shifts that bring two axes to 0 ... 1."""
-    ends = np.array([x.ends, y.ends])
-    length = ends[:, 1] - ends[:, 0]
-    return np.array([[1 / length, -ends[:, 0] / length]])

@@ -1,54 +1,54 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rerun's viewer as a program that is started here: a window, or a page for a browser."""
+"""Rerun's viewer as a process started here: a window, or a page for a browser; and addresses."""
 
 from __future__ import annotations
 
 import importlib.util
+import ipaddress
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import tempfile
 import urllib.parse
 from pathlib import Path
 
 from linkage_ros.errors import ViewerError, missing_library
-from linkage_ros.view.targets import free_address, reachable
+from linkage_ros.quantities import shown
 
 _LOOPBACK = '127.0.0.1'
-_MEMORY = '1GB'  # beyond which the window forgets the oldest
-_PATIENCE = 1.0  # s for a page's host to end
-# How a user ends a window: by closing it, or by one of these signals.
+_MEMORY = '1GB'  # beyond which a window drops its oldest data
+_TIMEOUT = 1.0  # s for a page's server to end
+# Exit codes of a window that the user has closed, or ended with a signal.
 _CLOSED = (0, *(-number for number in (
     signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGKILL,
 )))  # fmt: skip
 
 
-class Program:
-    """Rerun's viewer as a process of its own, which shows what is served at an address."""
+class ViewerProcess:
+    """Rerun's viewer as a process of its own, which shows data served at an address."""
 
     def __init__(self, command: list[str | Path], *, outlives: bool) -> None:
         """Starts it.
 
         Args:
-            command: The binary, where it gets its data, and options.
+            command: The binary, the source of its data, and options.
             outlives: Whether it stays when this process ends, even by a signal of the terminal.
 
         Raises:
             ViewerError: The program cannot be run.
         """
-        # `CI` is all that keeps the viewer from reporting its use without changing the user's
-        # settings.
+        # With `CI` set, the viewer sends no usage statistics, and the user's settings stay.
         environment = {'RUST_LOG': 'error', **os.environ, 'CI': '1'}
-        with_us = [] if outlives or not (found := shutil.which('setpriv')) else [
-            found, '--pdeathsig', 'TERM',
-        ]  # fmt: skip
+        setpriv = None if outlives else shutil.which('setpriv')
+        prefix = [setpriv, '--pdeathsig', 'TERM'] if setpriv else []
         self._outlives = outlives
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115, let_go closes it
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115, release closes it
         try:
             self.process = subprocess.Popen(  # noqa: S603, the program is Rerun's own
-                [*with_us, *command],
+                [*prefix, *command],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=self._errors,
@@ -60,10 +60,10 @@ class Program:
             raise ViewerError(f'{command[0]} cannot be run: {error.strerror or error}') from error
 
     def check(self) -> None:
-        """Passes if it runs, or is a window that was closed.
+        """Passes while it runs, and after the user has closed a window.
 
         Raises:
-            ViewerError: It ended by itself, or what is to last as long as this process has ended.
+            ViewerError: It has failed, or a page's server has ended.
         """
         code = self.process.poll()
         if code is None or (self._outlives and code in _CLOSED):
@@ -76,29 +76,24 @@ class Program:
         how = f'signal {-code}, {signal.strsignal(-code)}' if code else 'exit code 0'
         raise ViewerError(f'the viewer has ended ({how}): start the run again to have another')
 
-    @property
-    def runs(self) -> bool:
-        """Whether it has not ended."""
-        return self.process.poll() is None
-
-    def let_go(self) -> None:
-        """Leaves it to itself, or ends it if it is not to outlive us."""
+    def release(self) -> None:
+        """Ends it, unless it outlives this process."""
         if not self._outlives:
             self.process.terminate()
             try:
-                self.process.wait(_PATIENCE)
-            except subprocess.TimeoutExpired:  # it is stopped
+                self.process.wait(_TIMEOUT)
+            except subprocess.TimeoutExpired:  # it is stopped, by SIGSTOP say
                 self.process.kill()
                 self.process.wait()
         self._errors.close()
 
 
-def open_window(binary: Path, data: str) -> Program:
-    """Opens a window that stays, with what it shows, when this process ends.
+def open_window(binary: Path, data: str) -> ViewerProcess:
+    """Opens a window, which stays with its contents when this process ends.
 
     Args:
         binary: Of the viewer.
-        data: URL where it gets its data.
+        data: URL of its data.
 
     Returns:
         The process.
@@ -106,18 +101,18 @@ def open_window(binary: Path, data: str) -> Program:
     Raises:
         ViewerError: The program cannot be run.
     """
-    # Its port, on which it would take data itself, must not be open to others.
+    # It also accepts data itself, at a port that must not be open to other machines.
     options = ['--bind', _LOOPBACK, '--port', 'auto', '--hide-welcome-screen']
-    return Program([binary, data, *options, '--memory-limit', _MEMORY], outlives=True)
+    return ViewerProcess([binary, data, *options, '--memory-limit', _MEMORY], outlives=True)
 
 
-def host_page(binary: Path, data: str, bind: str) -> tuple[Program, str]:
-    """Hosts Rerun's page, for a browser, as long as this process runs.
+def serve_page(binary: Path, data: str, bind: str) -> tuple[ViewerProcess, str]:
+    """Serves Rerun's page to browsers while this process runs.
 
     Args:
         binary: Of the viewer.
-        data: URL where the page gets its data.
-        bind: Address to host it on, as in `free_address`.
+        data: URL of its data.
+        bind: Address to serve it on, as for `free_address`.
 
     Returns:
         The process, and the page's URL.
@@ -127,12 +122,12 @@ def host_page(binary: Path, data: str, bind: str) -> tuple[Program, str]:
     """
     host, port, _ = free_address(bind)
     options = ['--serve-web', '--bind', bind, '--web-viewer-port', str(port), '--port', 'auto']
-    page = f'http://{reachable(host)}:{port}/?url={urllib.parse.quote(data, safe="")}'
-    return Program([binary, data, *options], outlives=False), page
+    page = f'http://{public_host(host)}:{port}/?url={urllib.parse.quote(data, safe="")}'
+    return ViewerProcess([binary, data, *options], outlives=False), page
 
 
 def require_screen() -> None:
-    """Passes where a window can be opened.
+    """Passes if a window can be opened.
 
     Raises:
         ViewerError: There is no screen.
@@ -154,12 +149,42 @@ def find_viewer() -> Path:
     Raises:
         ViewerError: It is not installed.
     """
-    named = os.environ.get('RERUN_CLI_PATH')
-    package = importlib.util.find_spec('rerun_cli')
-    if not (named or package):
+    named, package = os.environ.get('RERUN_CLI_PATH'), importlib.util.find_spec('rerun_cli')
+    if not (named or (package and package.origin)):
         raise ViewerError(missing_library('rerun'))
-    folder = Path(package.origin).parent if package and package.origin else Path()
-    path = Path(named) if named else folder / 'rerun'
+    path = Path(named or Path(str(package and package.origin)).with_name('rerun'))
     if not path.is_file():
         raise ViewerError(f'no viewer program at {path}: pip install --force-reinstall rerun-sdk')
     return path
+
+
+def free_address(bind: str) -> tuple[str, int, bool]:
+    """Finds a free port.
+
+    Args:
+        bind: An IP address of this machine.
+
+    Returns:
+        The address as written in URLs, a free port, and whether other machines can reach it.
+
+    Raises:
+        ViewerError: It is not an address of this machine.
+    """
+    try:
+        address = ipaddress.ip_address(bind)
+        family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
+        with socket.socket(family) as probe:
+            probe.bind((bind, 0))
+            port: int = probe.getsockname()[1]
+    except (ValueError, OSError) as error:
+        raise ViewerError(
+            f'viewer_bind = {shown(bind)} is not an address of this machine: 127.0.0.1 serves '
+            'this machine alone, 0.0.0.0 every network it is in'
+        ) from error
+    host = f'[{address}]' if address.version == 6 else str(address)
+    return host, port, not address.is_loopback
+
+
+def public_host(host: str) -> str:
+    """The host to write in a URL: this machine's name if `host` stands for all its addresses."""
+    return socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
