@@ -66,11 +66,11 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
     import rerun.blueprint as rrb
 
     usual = layout(configuration, Drawing(configuration.mechanism))
-    linkage, curves = usual.root_container.contents
-    torque = curves.contents[-1]
+    linkage, first, _ = usual.root_container.contents
+    torque = first.contents[0]
     start, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in _SHOWN)
     turn = rr.TimeRange(start=start, end=end)
-    # The usual axis ends at the cursor: there the curve moves, and the cursor stands.
+    # The usual axis ends at the cursor, which moves.
     torque.properties['TimeAxis'] = rrb.archetypes.TimeAxis(view_range=turn)
     del torque.properties['VisibleTimeRanges']
     return rrb.Blueprint(

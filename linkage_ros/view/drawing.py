@@ -23,8 +23,8 @@ from linkage_ros.view.reach import reach
 # length of the scale.
 _MARK, _SCALE = 0.04, 0.25
 # In marks: height of a pivot with its ground; distance of a name from its pin, and from that of a
-# slider's block; height of a name.
-_FOOT, _DISTANCE, _BEYOND, _NAME = 1.4, 1.5, 1.9, 1.4
+# slider's block, and from a pivot, beside it; height of a name.
+_FOOT, _DISTANCE, _BEYOND, _ASIDE, _NAME = 1.4, 1.5, 1.9, 2.5, 1.4
 
 _Complex: TypeAlias = npt.NDArray[np.complex128]
 
@@ -74,11 +74,16 @@ class Drawing:
         self.owners = self._find_owners(moving)
         self.output = self.joints[-1]
         pin_of = {link: pin for pin, link in self.owners.items()}
-        self._output_pin = self.pins.index(pin_of[self.output])
+        self._output_pin = pin_of[self.output]
+        self._corners = {link: self._corners_of(link) for link in self.turning}
+        sides = [side for corners in self._corners.values() for side in pairwise(corners)]
+        self._neighbours = {
+            pin: sorted({end for side in sides if pin in side for end in side} - {pin})
+            for pin in self.pins
+        }
 
-        positions, is_path = reach(mechanism, crank_angle)
-        swept = self.place(positions)
-        traced = self.owners.items() if is_path else ()
+        swept = self.place(reach(mechanism, crank_angle))
+        traced = self.owners.items() if mechanism.reach() else ()
         self.paths = {link: swept[:, self.pins.index(pin)] for pin, link in traced}
         everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         self._mark = mark = _MARK * np.ptp(everything, axis=0).max()
@@ -89,7 +94,7 @@ class Drawing:
             axis = cmath.rect(1.0, structure.links[-1].angle)
             self._block = mark * axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j])
             self._walls = axis, -axis, -1j * axis
-            self.ground += _rail(swept[:, self._output_pin], axis, mark)
+            self.ground += _rail(swept[:, self.pins.index(self._output_pin)], axis, mark)
         middle = swept.reshape(-1, 2).mean(axis=0)
         self.pivot_labels = np.array([_beside(pivot, middle, mark) for pivot in self.pivots])
         everything = np.concatenate([everything, *self.ground, self.pivot_labels])
@@ -152,11 +157,14 @@ class Drawing:
             slider a block, (n, 5, 2).
         """
         at = self._by_name(points)
-        lines = {link: [at[pin] for pin in self._corners(link)] for link in self.turning}
+        lines = {
+            link: _plane(np.stack([at[pin] for pin in pins], axis=1))
+            for link, pins in self._corners.items()
+        }
         if self._block is not None:
-            corners = _plane(self._block)
-            lines[self.output] = [points[:, self._output_pin] + corners[i % 4] for i in range(5)]
-        return {name: np.stack(line, axis=1) for name, line in lines.items()}
+            middle = at[self._output_pin][:, np.newaxis]
+            lines[self.output] = _plane(middle + self._block[[0, 1, 2, 3, 0]])
+        return lines
 
     def labels(self, points: Array) -> Array:
         """Places from which the names of the pins hang: in the widest gap between the links.
@@ -168,35 +176,31 @@ class Drawing:
             Likewise, m.
         """
         at = self._by_name(points)
-        return np.stack([_plane(self._label(at, pin)) for pin in self.pins], axis=1)
+        return _plane(np.stack([self._label(at, pin) for pin in self.pins], axis=1))
 
-    def _label(self, at: dict[str, Array], pin: str) -> _Complex:
-        corners = [self._corners(link) for link in self.turning]
-        sides = {side for line in corners for side in pairwise(line) if pin in side}
-        others = {end for side in sides for end in side} - {pin}
-        pin_at = at[pin] @ (1, 1j)
-        ways = [at[end] @ (1, 1j) - pin_at for end in sorted(others)]
-        walls = self._walls if pin == self.pins[self._output_pin] else ()
-        ways += [np.full_like(pin_at, wall) for wall in walls]
-        distance = _BEYOND if walls else _DISTANCE
+    def _label(self, at: dict[str, _Complex], pin: str) -> _Complex:
+        ways = [at[other] - at[pin] for other in self._neighbours[pin]]
+        walls = self._walls if pin == self._output_pin else ()
+        ways += [np.full_like(at[pin], wall) for wall in walls]
         angles = np.sort(np.angle(ways), axis=0)
         gaps = np.diff(angles, axis=0, append=angles[:1] + 2 * math.pi)
         widest, column = gaps.argmax(axis=0), np.arange(gaps.shape[1])
         middle = angles[widest, column] + 0.5 * gaps[widest, column]
         # A name hangs: its middle is below its place.
-        place: _Complex = pin_at + self._mark * (distance * np.exp(1j * middle) + 0.5j * _NAME)
+        way = (_BEYOND if walls else _DISTANCE) * np.exp(1j * middle) + 0.5j * _NAME
+        place: _Complex = at[pin] + self._mark * way
         return place
 
-    def _corners(self, link: str) -> tuple[str, ...]:
+    def _corners_of(self, link: str) -> tuple[str, ...]:
         """The points on the line of a link that turns."""
         ends = self.ends[link]
         aside = [pin for pin, owner in self.owners.items() if owner == link and pin not in ends]
         return (*ends, *aside, *(ends[:1] if aside else ()))
 
-    def _by_name(self, points: Array) -> dict[str, Array]:
-        at = {name: points[:, i] for i, name in enumerate(self.pins)}
-        for name, pivot in zip(self.pivot_names, self.pivots, strict=True):
-            at[name] = np.broadcast_to(pivot, (len(points), 2))
+    def _by_name(self, points: Array) -> dict[str, _Complex]:
+        at = dict(zip(self.pins, (points @ (1, 1j)).T, strict=True))
+        for name, pivot in zip(self.pivot_names, self.pivots @ (1, 1j), strict=True):
+            at[name] = np.full(len(points), pivot)
         return at
 
 
@@ -224,11 +228,11 @@ def _plane(points: _Complex) -> Array:
 
 
 def _beside(pivot: Array, middle: Array, mark: float) -> Array:
-    """Where a fixed pivot's name hangs: below, left or right, away from the moving points."""
-    sides = mark * np.array([(0.0, -_FOOT - 0.5 * _NAME), (-_DISTANCE, -0.4), (_DISTANCE, -0.4)])
-    side = sides[np.argmin(sides @ (middle - pivot))]
-    place: Array = pivot + side + [0.0, 0.5 * _NAME * mark]
-    return place
+    """Where a fixed pivot's name hangs: below it, or beside it if the links are below."""
+    if middle[1] >= pivot[1]:
+        return np.array([pivot[0], pivot[1] - _FOOT * mark])
+    aside = math.copysign(_ASIDE, pivot[0] - middle[0])
+    return np.array([pivot[0] + aside * mark, pivot[1] + 0.5 * _NAME * mark])
 
 
 def _pivot(pivot: Array, size: float) -> list[Array]:

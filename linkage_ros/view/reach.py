@@ -5,13 +5,11 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import UnreachableError
-from linkage_ros.model.reach import Arc
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 
@@ -21,20 +19,7 @@ _BEFORE_END = 1e-9  # of half an arc
 _ANGLES, _PLACES = 72, 121
 
 
-class Reach(NamedTuple):
-    """Positions of the links.
-
-    Attributes:
-        positions: rad and m, shape (n, links).
-        is_path: Whether the links move along these positions in this order; otherwise the
-            positions fill an area.
-    """
-
-    positions: Array
-    is_path: bool
-
-
-def reach(mechanism: Mechanism, crank_angle: float) -> Reach:
+def reach(mechanism: Mechanism, crank_angle: float) -> Array:
     """Samples the positions that the links can take.
 
     Args:
@@ -43,33 +28,29 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Reach:
             arc that contains this angle.
 
     Returns:
-        The positions.
+        Positions of the links, rad and m, shape (n, links); in the order in which they are passed
+        if the crank angle determines them.
     """
     solver = Solver(mechanism)
     if solver.mobility is None:
         (place,), _ = mechanism.start()
-        return Reach(_area(solver, place), is_path=False)
-    return Reach(_path(solver, crank_angle), is_path=True)
+        return _area(solver, place)
+    return _path(solver, crank_angle)
 
 
 def _path(solver: Solver, crank_angle: float) -> Array:
     if solver.reach.turns_fully:
         crank = solver.reach.samples(_STEPS_PER_TURN)
     else:
-        start, end = _own_arc(solver.reach.arcs, crank_angle)
+        arcs = solver.reach.arcs
+        beyond = [(crank_angle - low) % (2 * math.pi) - (high - low) for low, high in arcs]
+        start, end = arcs[int(np.argmin(beyond))]
         # Near an end, the links move with the square root of the distance to it: even steps of
         # the crank would cut off the ends of the paths. At the end itself no rates exist.
         even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)
         way = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
         crank = 0.5 * (start + end) + 0.5 * (end - start) * way
     return np.stack(solver.state(crank).position, axis=-1)
-
-
-def _own_arc(arcs: tuple[Arc, ...], crank_angle: float) -> Arc:
-    def beyond(arc: Arc) -> float:
-        return (crank_angle - arc[0]) % (2 * math.pi) - (arc[1] - arc[0])
-
-    return min(arcs, key=beyond)
 
 
 def _area(solver: Solver, start: float) -> Array:
