@@ -49,7 +49,8 @@ class Drawing:
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
         scale: A bar below everything, a line of shape (4, 2), m.
         scale_length: Its length, m.
-        bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m.
+        bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m; if
+            the slider is free, while it is where it can be at every crank angle.
     """
 
     def __init__(self, mechanism: Mechanism, crank_angle: float = 0.0) -> None:

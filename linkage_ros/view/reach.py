@@ -54,13 +54,19 @@ def _path(solver: Solver, crank_angle: float) -> Array:
 
 
 def _area(solver: Solver, start: float) -> Array:
-    """Positions at all crank angles, with every place that the slider can reach from the start."""
+    """Positions at all crank angles, with every place of the slider from the start onwards.
+
+    The places are those at which the loop closes at every crank angle; if the start is not one
+    of these, those at which it closes at some crank angle.
+    """
     longest = sum(abs(weight) for weight in solver.structure.closure.weights)
     places = np.linspace(-longest, longest, _PLACES)
     angles = np.linspace(0, 2 * math.pi, _ANGLES, endpoint=False).tolist()
     rows = [[_position(solver, angle, place) for angle in angles] for place in places.tolist()]
+    closes = np.array([[bool(position) for position in row] for row in rows])
     middle = int(abs(places - start).argmin())
-    gaps = np.array([i for i, row in enumerate(rows) if not any(row)])
+    possible = closes.all(axis=1) if closes[middle].all() else closes.any(axis=1)
+    gaps = np.flatnonzero(~possible)
     first = gaps[gaps < middle].max(initial=-1) + 1
     last = gaps[gaps > middle].min(initial=_PLACES)
     return np.array([position for row in rows[first:last] for position in row if position])
