@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
@@ -30,11 +30,11 @@ _NAME = 'linkage_log'
 _COUNTED: dict[str, Any] = {'unit_scale': True, 'delay': 2}
 # Stamps below are times since the start of a record, not dates (s).
 _EPOCH_OF_DATES = 10**9
-_WIDEST = 60  # column of topics, characters
+_WIDEST = 60  # characters of the column of topics
 
 
 def info(log: LogReader) -> Iterator[str]:
-    """What a log holds.
+    """Describes a log.
 
     Args:
         log: The log.
@@ -49,9 +49,8 @@ def info(log: LogReader) -> Iterator[str]:
     yield f'start:      {_moment(log.start)}'
     yield f'duration:   {duration:.6f} s'
     yield f'mechanism:  {summary(log.configuration, solver)}'
-    yield from (
-        f'            {words}' for words in (solver.mobility.equalities if solver.mobility else ())
-    )
+    if solver.mobility:
+        yield from (f'            {words}' for words in solver.mobility.equalities)
     yield 'topics:'
     width = min(max((len(topic.name) for topic in log.topics), default=0), _WIDEST)
     for topic in log.topics:
@@ -88,7 +87,7 @@ def _moment(stamp: int) -> str:
 
 
 def verdict(log: LogReader, report: Report) -> Iterator[str]:
-    """What came of a verification.
+    """Describes the outcome of a verification.
 
     Args:
         log: The log.
@@ -122,13 +121,12 @@ def _verify(options: argparse.Namespace) -> int:
             report = verify(log, bar.update)
         if not report.states and not report.difference:
             raise LogError(f'{options.log} has no states: there is nothing to verify')
-        for line in verdict(log, report):
-            print(printable(line))
+        _print(verdict(log, report))
     return 1 if report.difference else 0
 
 
 def saved(path: Path, done: Recovered) -> str:
-    """What came of a recovery, in one line."""
+    """Describes the outcome of a recovery in one line."""
     losses, lost = done.losses, []
     if losses.places:
         known = f' with {losses.messages} messages' if losses.messages else ''
@@ -151,15 +149,33 @@ def _recover(options: argparse.Namespace) -> int:
         size = options.log.stat().st_size
     with progress_bar(total=size, unit='B', **_COUNTED) as bar:
         done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
-    print(printable(saved(options.out, done)))
+    _print([saved(options.out, done)])
     return 0
 
 
 def _info(options: argparse.Namespace) -> int:
     with LogReader(options.log) as log:
-        for line in info(log):
-            print(printable(line))
+        _print(info(log))
     return 0
+
+
+def _print(lines: Iterable[str]) -> None:
+    print('\n'.join(map(printable, lines)))
+
+
+_VERIFY = (
+    'recompute every state from the logged configuration and motions; exit code 0: all are equal '
+    'to the bit, 1: one differs, 2: the log cannot be read'
+)
+# Name, function, log, example and purpose.
+_COMMANDS = (
+    ('info', _info, 'LOG.mcap', 'run.mcap', 'topics, counts, times, configuration, mechanism'),
+    ('verify', _verify, 'LOG.mcap', 'run.mcap', _VERIFY),
+    (
+        'recover', _recover, 'BROKEN.mcap', 'run.mcap saved.mcap',
+        'save what a killed run or a damaged disk left',
+    ),
+)  # fmt: skip
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -169,38 +185,22 @@ def _parser() -> argparse.ArgumentParser:
         ('info run.mcap', 'verify run.mcap', 'recover run.mcap saved.mcap'),
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-
-    def add(
-        name: str, log: str, purpose: str, run: Callable[[argparse.Namespace], int], example: str
-    ) -> argparse.ArgumentParser:
+    for name, run, log, example, purpose in _COMMANDS:
         command = cli.add_command(commands, _NAME, name, purpose, (example,))
         command.add_argument('log', metavar=log, type=cli.path, help='log of linkage_ros')
         command.set_defaults(run=run)
-        return command
-
-    words = 'topics, counts, times, configuration, mechanism'
-    add('info', 'LOG.mcap', words, _info, 'run.mcap')
-    words = (
-        'recompute every state from the logged configuration and motions; exit code 0: all are '
-        'equal to the bit, 1: one differs, 2: the log cannot be read'
+    # The last command, recover, writes a log as well.
+    command.add_argument(
+        'out', metavar='OUT.mcap', type=cli.path, help='the complete log to write'
     )
-    add('verify', 'LOG.mcap', words, _verify, 'run.mcap')
-    words = 'save what a killed run or a damaged disk left'
-    save = add('recover', 'BROKEN.mcap', words, _recover, 'run.mcap saved.mcap')
-    save.add_argument('out', metavar='OUT.mcap', type=cli.path, help='the complete log to write')
-    save.add_argument('--overwrite', action='store_true', help='replace an existing file')
+    command.add_argument('--overwrite', action='store_true', help='replace an existing file')
     return parser
-
-
-def _run() -> int:
-    options = _parser().parse_args()
-    code: int = options.run(options)
-    return code
 
 
 def main() -> int:
     """Entry point."""
-    return cli.run(_NAME, _run)
+    options = _parser().parse_args()
+    return cli.run(_NAME, lambda: options.run(options))
 
 
 if __name__ == '__main__':
