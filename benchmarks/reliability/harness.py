@@ -208,10 +208,23 @@ def quantiles(values: Any) -> dict[str, float]:
     return {'p50': float(p50), 'p99': float(p99), 'max': float(values.max())}
 
 
-def finish(name: str, out: Path, figures: object) -> None:
-    """Leaves the figures of one benchmark as DIR/NAME.json."""
+def finish(name: str, out: Path, figures: object, promises: dict[str, bool] | None = None) -> int:
+    """Leaves the figures of one benchmark as DIR/NAME.json, and prints promises that are broken.
+
+    Args:
+        name: Of the benchmark.
+        out: The folder.
+        figures: For the file.
+        promises: Whether each is kept.
+
+    Returns:
+        The exit code: 1 where a promise is broken.
+    """
     out.mkdir(parents=True, exist_ok=True)
     (out / f'{name}.json').write_text(json.dumps(figures, indent=1) + '\n')
+    broken = [words for words, kept in (promises or {}).items() if not kept]
+    print(*(f'NOT KEPT: {words}' for words in broken), sep='\n', end='\n' * bool(broken))
+    return 1 if broken else 0
 
 
 def options(doc: str, **numbers: tuple[float, str]) -> argparse.Namespace:

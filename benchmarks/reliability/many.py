@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many nodes this machine carries: ever more of them at 100 Hz, until ticks are missed.
 
-Each is a process in a namespace of its own; all are in one ROS domain, and at the last number once
-more in domains of ten. They start together; once all are heard, ticks missed, processor time and
-memory are those of some seconds. A subscriber to the first one's states tells how late they come.
+Each is a process in a namespace of its own; all are in one ROS domain. They start together; once
+all are heard, ticks missed, processor time and memory are those of some seconds. A subscriber to
+the first one's states measures how late they come.
 
     python benchmarks/reliability/many.py --out DIR    in six minutes, on a machine at rest
 """
@@ -20,12 +20,13 @@ import tempfile
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from harness import (
+    DOMAIN,
     LISTENER,
     Process,
     environment,
@@ -36,35 +37,31 @@ from harness import (
     wait_for,
     words,
 )
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
 NUMBERS = (1, 10, 20, 40, 60, 100)
 RATE, SETTLED, PATIENCE = 100.0, 4.0, 90.0
 # A share of missed ticks up to which nodes are carried; another, and MiB in all, where it ends.
 CARRIED, ENOUGH, MEMORY = 1e-3, 0.05, 10_000.0
-FIRST_DOMAIN = 20 + os.getpid() % 60
 FIGURES = ('states', 'ticks missed', 'lateness p99, ms', 'lateness max, ms')
 
 
 class Monitor:
-    """Hears the diagnostics of all nodes of a domain.
+    """Hears the diagnostics of all nodes of the domain.
 
     Attributes:
         counts: Of each node that was heard: ticks kept and missed, and how late they began since
             the start, p99 and most, ms.
-        executor: Calls what hears.
     """
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self) -> None:
         self.counts: dict[str, tuple[float, ...]] = {}
-        os.environ.update(environment(domain))
-        self._context = Context()
-        rclpy.init(context=self._context)
-        node = rclpy.create_node(f'monitor_{domain}', context=self._context)
+        os.environ.update(environment(DOMAIN))
+        rclpy.init()
+        node = rclpy.create_node('monitor')
         node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 1000)
-        self.executor = SingleThreadedExecutor(context=self._context)
-        self.executor.add_node(node)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
 
     def _hear(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -72,41 +69,21 @@ class Monitor:
             if 'ticks missed' in values:
                 self.counts[status.name] = tuple(float(values[name]) for name in FIGURES)
 
-
-class Monitors:
-    """One for each domain."""
-
-    # Kept to the end: Fast DDS may hang where a participant goes while others do.
-    _all: ClassVar[dict[int, Monitor]] = {}
-
-    def __init__(self, domains: list[int]) -> None:
-        for domain in set(domains) - set(self._all):
-            self._all[domain] = Monitor(domain)
-        self._monitors = [self._all[domain] for domain in domains]
-        self.counts(1.0)  # the last words of nodes that ended
-        for monitor in self._monitors:
-            monitor.counts.clear()
-
-    def counts(self, seconds: float) -> np.ndarray:
-        """Listens for a while; a row for each node that was heard."""
+    def listen(self, seconds: float) -> np.ndarray:
+        """Listens for a while; a row for each node that was heard since it was cleared."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            for monitor in self._monitors:
-                monitor.executor.spin_once(timeout_sec=0.02 / len(self._monitors))
-        rows = [count for monitor in self._monitors for count in monitor.counts.values()]
-        return np.array(rows).reshape(-1, len(FIGURES))
+            self._executor.spin_once(timeout_sec=0.02)
+        return np.array(list(self.counts.values())).reshape(-1, len(FIGURES))
 
 
-def start(stack: ExitStack, number: int, domains: list[int]) -> list[Process]:
-    """Starts nodes, spread over domains."""
-    given = words({'rate_hz': RATE})
+def start(stack: ExitStack, number: int) -> list[Process]:
+    """Starts nodes."""
+    command = ('-m', 'linkage_ros.node', *words({'rate_hz': RATE}), '-r')
     return [
-        stack.enter_context(
-            running('-m', 'linkage_ros.node', *given, '-r', f'__ns:=/m{index}',
-                    domain=domains[index % len(domains)])
-        )
+        stack.enter_context(running(*command, f'__ns:=/m{index}', domain=DOMAIN))
         for index in range(number)
-    ]  # fmt: skip
+    ]
 
 
 def held(process: Process) -> float:
@@ -136,23 +113,22 @@ def end(nodes: list[Process]) -> int:
     return len(hung)
 
 
-def measure(number: int, domains: list[int], seconds: float) -> dict[str, Any]:
+def measure(number: int, monitor: Monitor, seconds: float) -> dict[str, Any]:
     """Figures of some nodes that run together."""
     with ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
         times = Path(folder, 'times.npy')
-        monitors = Monitors(domains)
+        monitor.listen(1.0)  # the last words of nodes that ended
+        monitor.counts.clear()
         begin = time.monotonic()
-        nodes = start(stack, number, domains)
-        listener = stack.enter_context(
-            running(LISTENER, times, '/m0/joint_states', domain=domains[0])
-        )
+        nodes = start(stack, number)
+        listener = stack.enter_context(running(LISTENER, times, '/m0/joint_states', domain=DOMAIN))
         found = 0
         while found < number and time.monotonic() < begin + PATIENCE:
-            found = len(monitors.counts(0.2))
+            found = len(monitor.listen(0.2))
         started = time.monotonic() - begin
-        before = monitors.counts(SETTLED)
+        before = monitor.listen(SETTLED)
         computed, since, at = total(nodes), time.monotonic(), time.time_ns()
-        after = monitors.counts(seconds)
+        after = monitor.listen(seconds)
         computed, elapsed = total(nodes) - computed, time.monotonic() - since
         alive = [n for n in nodes if n.alive]
         memory = [held(n) for n in alive]
@@ -163,7 +139,7 @@ def measure(number: int, domains: list[int], seconds: float) -> dict[str, Any]:
     late = (arrival - stamp)[arrival > at] * 1e-6
     kept, missed = (after[:, :2].sum(axis=0) - before[:, :2].sum(axis=0)).tolist()
     return {
-        'nodes': number, 'domains': len(domains), 'found': found, 'started': started,
+        'nodes': number, 'found': found, 'started': started,
         'missed': int(missed), 'missed_share': missed / (kept + missed),
         'missed_at_start': int(before[:, 1].sum()), 'died': number - len(alive),
         'hung': hung,
@@ -179,7 +155,7 @@ def show(one: dict[str, Any]) -> None:
     """Prints the figures of a number."""
     late = one['heard_late_ms'] or {'p99': float('nan')}
     print(
-        f'{one["nodes"]:3} nodes in {one["domains"]} domains: {one["found"]} found in '
+        f'{one["nodes"]:3} nodes: {one["found"]} found in '
         f'{one["started"]:.1f} s; {one["missed"]} ticks missed ({one["missed_share"]:.2%}), '
         f'{one["missed_at_start"]} at the start; ticks {one["tick_late_p99_ms"]:.1f} ms late (p99 '
         f'of the worst), heard {late["p99"]:.1f} ms late (p99); '
@@ -192,22 +168,19 @@ def main() -> None:
     given = options(
         __doc__, seconds=(8.0, 's for each number of nodes'), most=(max(NUMBERS), 'nodes at most')
     )
-    rows = []
+    rows, monitor = [], Monitor()
     for number in (n for n in NUMBERS if n <= given.most):
-        rows.append(measure(number, [FIRST_DOMAIN], given.seconds))
+        rows.append(measure(number, monitor, given.seconds))
         show(rows[-1])
         if rows[-1]['missed_share'] > ENOUGH or rows[-1]['mib'] > MEMORY:
             break
-    domains = [FIRST_DOMAIN + index for index in range(-(-rows[-1]['nodes'] // 10))]
-    apart = measure(rows[-1]['nodes'], domains, given.seconds)
-    show(apart)
     carried = max((r['nodes'] for r in rows if r['missed_share'] <= CARRIED), default=0)
     figures = {'cores': os.cpu_count(), 'rate_hz': RATE, 'carried': carried}
-    finish('many', given.out, {**figures, 'one_domain': rows, 'domains_of_ten': apart})
+    finish('many', given.out, {**figures, 'one_domain': rows})
     print(f'{carried} nodes at {RATE:g} Hz miss no more than {CARRIED:.1%} of their ticks')
 
 
 if __name__ == '__main__':
     main()
     sys.stdout.flush()
-    os._exit(0)  # see Monitors
+    os._exit(0)  # Fast DDS may hang where a participant ends while others do
