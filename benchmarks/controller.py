@@ -25,7 +25,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
+import rclpy
 from reliability.harness import DOMAIN, environment, node, running, words
+from sensor_msgs.msg import JointState
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.palette import FIRST, SECOND, fractions
@@ -62,47 +64,38 @@ def heavier(factor: float, folder: Path) -> Path:
     return path
 
 
-class Relay:
+class Relay(threading.Thread):
     """Hands commands on after a while, as a slow network would."""
 
     def __init__(self, delay: float) -> None:
-        import rclpy
-        from sensor_msgs.msg import JointState
+        """Starts it.
 
-        self._delay, self._queue, self._stop = delay, deque(), threading.Event()
+        Args:
+            delay: s.
+        """
+        super().__init__()
         rclpy.init()
+        self._delay, self._queue, self._stop_asked = delay, deque(), threading.Event()
         self._node = rclpy.create_node('relay')
         self._publisher = self._node.create_publisher(JointState, 'joint_commands', 10)
         self._node.create_subscription(JointState, 'slow_commands', self._hear, 10, raw=True)
-        self._threads = [threading.Thread(target=self._spin), threading.Thread(target=self._send)]
-        for thread in self._threads:
-            thread.start()
+        self.start()
 
     def _hear(self, data: bytes) -> None:
         self._queue.append((time.monotonic() + self._delay, data))
 
-    def _spin(self) -> None:
-        import rclpy
-
-        while not self._stop.is_set():
-            rclpy.spin_once(self._node, timeout_sec=0.05)
-
-    def _send(self) -> None:
-        while not self._stop.is_set():
-            if self._queue:
-                due, data = self._queue.popleft()
-                time.sleep(max(0.0, due - time.monotonic()))
-                self._publisher.publish(data)
-            else:
-                time.sleep(1e-4)
+    def run(self) -> None:
+        """Publishes each command when it is due."""
+        while not self._stop_asked.is_set():
+            left = self._queue[0][0] - time.monotonic() if self._queue else 0.05
+            rclpy.spin_once(self._node, timeout_sec=max(0.0, left))
+            while self._queue and self._queue[0][0] <= time.monotonic():
+                self._publisher.publish(self._queue.popleft()[1])
 
     def close(self) -> None:
         """Ends it."""
-        import rclpy
-
-        self._stop.set()
-        for thread in self._threads:
-            thread.join()
+        self._stop_asked.set()
+        self.join()
         self._node.destroy_node()
         rclpy.shutdown()
 

@@ -88,8 +88,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--out', type=Path, metavar='DIR', help='where to write picture and JSON')
     options = parser.parse_args()
-    if options.out:
-        options.out.mkdir(parents=True, exist_ok=True)
     records = [
         {'delay_ticks': delay, 'largest_deviation': wander(delay)}
         for delay in progress_bar(DELAYS, desc='delays', unit=' runs')
@@ -97,6 +95,7 @@ def main() -> None:
     for record in records:
         print(f'{record["delay_ticks"]:5.2f} ticks  {100 * record["largest_deviation"]:8.4f} %')
     if options.out:
+        options.out.mkdir(parents=True, exist_ok=True)
         (options.out / 'delay.json').write_text(json.dumps(records, indent=1) + '\n')
         draw(records, options.out / 'delay.png')
 

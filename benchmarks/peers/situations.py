@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each peer makes of situations that are hard. Started by run.py.
 
-Each peer has a process of its own, which may hang or crash; it is then started again for the
-situations that are left. Run by itself:
+Each peer has a process of its own, which may hang or crash. Run by itself:
 PYTHONPATH=.:test python benchmarks/peers/situations.py OUT.json
 """
 
@@ -112,52 +111,42 @@ def references():
     return both
 
 
-def worker(index, first, known):
+def worker(index, known):
     """Prints a line for each situation of one peer."""
     warnings.simplefilter('ignore')
     make = registry.adapter(index)
     known = json.loads(known.read_text())
-    for number, case in enumerate(cases()[first:], first):
-        right, other = (
-            [None if x is None else np.array(x) for x in states] for states in known[number]
-        )
+    for case, both in zip(cases(), known, strict=True):
+        right, other = ([None if x is None else np.array(x) for x in states] for states in both)
         # What a peer prints must not get between the results.
         with contextlib.redirect_stdout(sys.stderr):
             found = tried(make, case, right, other)
         record = {'peer': make.name, 'situation': case.name, **found}
-        print(json.dumps({'number': number, 'record': record}), flush=True)
+        print(json.dumps(record), flush=True)
 
 
 def run_peer(index, names, known):
-    """All situations of one peer."""
-    records, first = [], 0
-    while first < len(names):
-        command = [sys.executable, __file__, known, '--worker', str(index), str(first)]
-        end = 'crashed'
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
-            lines, said = done.stdout, done.stderr.decode().strip().splitlines()[-1:]
-        except subprocess.TimeoutExpired as late:
-            lines, said, end = late.stdout or b'', [], 'hung'
-        for line in lines.decode().splitlines():
-            entry = json.loads(line)
-            records.append(entry['record'])
-            first = entry['number'] + 1
-        if first < len(names):
-            record = {'peer': registry.adapter(index).name, 'situation': names[first]}
-            records.append({**record, 'outcome': end, 'said': ''.join(said)})
-            first += 1
-    return records
+    """All situations of one peer; where its process ends early, the rest is lost."""
+    command = [sys.executable, __file__, known, '--worker', str(index)]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
+        lines, end = done.stdout, 'crashed'
+    except subprocess.TimeoutExpired as late:
+        lines, end = late.stdout or b'', 'hung'
+    records = [json.loads(line) for line in lines.decode().splitlines()]
+    peer = registry.adapter(index).name
+    lost = names[len(records) :]
+    return records + [{'peer': peer, 'situation': name, 'outcome': end} for name in lost]
 
 
 def main():
     """Writes the outcomes, and what the situations are."""
     parser = argparse.ArgumentParser()
     parser.add_argument('out', type=Path)
-    parser.add_argument('--worker', nargs=2, type=int)
+    parser.add_argument('--worker', type=int)
     options = parser.parse_args()
-    if options.worker:
-        worker(*options.worker, options.out)
+    if options.worker is not None:
+        worker(options.worker, options.out)
         return
     described = {case.name: case.sentence for case in cases()}
     records = []

@@ -74,21 +74,6 @@ def disk(path: Path) -> Iterator[Path]:
         path.rmdir()
 
 
-def fill(path: Path) -> None:
-    """Waits until the log has filled the disk."""
-    wait_for(lambda: shutil.disk_usage(path.parent).free == 0, 60.0)
-
-
-def remove(path: Path) -> None:
-    """Removes the log."""
-    path.unlink()
-
-
-def remove_folder(path: Path) -> None:
-    """Removes the log and the folder it is in."""
-    shutil.rmtree(path.parent)
-
-
 def replace(path: Path) -> None:
     """Puts another file in the log's place."""
     path.unlink()
@@ -96,9 +81,9 @@ def replace(path: Path) -> None:
 
 
 CASES = {
-    'full disk': fill,
-    'file removed': remove,
-    'folder removed': remove_folder,
+    'full disk': lambda path: wait_for(lambda: shutil.disk_usage(path.parent).free == 0, 60.0),
+    'file removed': Path.unlink,
+    'folder removed': lambda path: shutil.rmtree(path.parent),
     'file replaced': replace,
 }
 

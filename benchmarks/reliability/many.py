@@ -101,8 +101,6 @@ def total(nodes: list[Process]) -> float:
 def end(nodes: list[Process]) -> int:
     """Stops all; returns how many of them do not end."""
     for one in nodes:
-        if not one.alive:
-            print(f'process {one.pid} died: {one.output[-300:]}')
         one.send(signal.SIGINT)
     with suppress(TimeoutError):
         wait_for(lambda: not any(one.alive for one in nodes), 20.0)

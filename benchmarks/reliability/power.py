@@ -49,12 +49,8 @@ def mounted(image: Path, folder: Path) -> Iterator[None]:
         yield
     finally:
         # Not lazily: mounted anew while a process still holds it, it would be the stopped disk.
-        wait_for(lambda: _is_unmounted(folder), 30.0)
-
-
-def _is_unmounted(folder: Path) -> bool:
-    """Unmounts a disk that nobody uses any more."""
-    return subprocess.run(['umount', folder], check=False, capture_output=True).returncode == 0
+        unmount = ['umount', folder]
+        wait_for(lambda: not subprocess.run(unmount, check=False, capture_output=True).returncode)
 
 
 def stop_disk(folder: Path) -> None:

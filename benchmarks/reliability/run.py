@@ -17,7 +17,6 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 from harness import NOT_HERE
@@ -49,23 +48,19 @@ def main() -> int:
     options = parser.parse_args()
     if unknown := set(options.names) - set(SCRIPTS):
         parser.error(f'{", ".join(sorted(unknown))}: choose from {", ".join(SCRIPTS)}')
-    fallen, left_out = [], []
+    codes = {}
     for name in options.names or SCRIPTS:
         print(f'--- {name}', flush=True)
-        begin = time.monotonic()
         command = [sys.executable, SCRIPTS[name], '--out', options.out]
-        code = subprocess.run(command, check=False).returncode
-        if code == NOT_HERE:
-            left_out.append(name)
-        elif code != 0:
-            fallen.append(name)
-        print(f'--- {name}: {time.monotonic() - begin:.0f} s', flush=True)
+        codes[name] = subprocess.run(command, check=False).returncode
         gather(options.out)
-    if left_out:
+    if left_out := [name for name, code in codes.items() if code == NOT_HERE]:
         print(f'cannot be tried here: {", ".join(left_out)}')
-    kept = 'every promise that was tried holds'
-    print(f'a promise does not hold: {", ".join(fallen)}' if fallen else kept)
-    return 1 if fallen else 0
+    if broken := [name for name, code in codes.items() if code not in (0, NOT_HERE)]:
+        print(f'a promise does not hold: {", ".join(broken)}')
+        return 1
+    print('every promise that was tried holds')
+    return 0
 
 
 if __name__ == '__main__':

@@ -27,8 +27,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rclpy
 from harness import DOMAIN, Process, environment, finish, listening, node, options, wait_for
 from mpmath import mp, mpf
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.run.machine import Machine
@@ -52,26 +55,17 @@ class Speeds:
     """Sets rpm from outside, as `ros2 param set` does."""
 
     def __init__(self) -> None:
-        import rclpy
-        from rcl_interfaces.srv import SetParameters
-
         rclpy.init()
-        self._rclpy = rclpy
         self._node = rclpy.create_node('operator')
-        self._client = self._node.create_client(SetParameters, '/linkage_node/set_parameters')
+        self._client = AsyncParameterClient(self._node, 'linkage_node')
         self._random = random.Random(1)
 
     def change(self) -> None:
-        """Another speed."""
-        from rcl_interfaces.msg import Parameter, ParameterValue
-        from rcl_interfaces.srv import SetParameters
-
-        assert self._client.wait_for_service(30.0)
+        """Sets another speed."""
+        assert self._client.wait_for_services(30.0)
         rpm = self._random.uniform(-600.0, 600.0)
-        value = ParameterValue(type=3, double_value=rpm)  # a double
-        request = SetParameters.Request(parameters=[Parameter(name='rpm', value=value)])
-        future = self._client.call_async(request)
-        self._rclpy.spin_until_future_complete(self._node, future, timeout_sec=10.0)
+        future = self._client.set_parameters([Parameter('rpm', value=rpm)])
+        rclpy.spin_until_future_complete(self._node, future, timeout_sec=10.0)
         assert future.result().results[0].successful
 
 
