@@ -15,14 +15,11 @@ import numpy as np
 from hypothesis import strategies as st
 from mpmath import mp
 from oracle import Oracle, wrap
-from oracle_forces import PumpOracle
-from oracle_slider import SliderOracle
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Piston, Slider, SliderCrank, WindPump
 
 TURN = 2 * math.pi
 ASSEMBLIES = 'open', 'crossed'
-ORACLES = {FourBar: Oracle, SliderCrank: SliderOracle, WindPump: PumpOracle}
 
 
 def four_bar(lengths, angle=0.3, assembly='open', unit=1.0, gravity=(1.3, -9.7), point=(0.4, 0.7)):
@@ -145,7 +142,7 @@ ALL = {
     'double_crank': four_bar(FULL['double_crank'], -2.0, 'crossed'),
     'parallelogram': four_bar(CHANGE_POINTS['parallelogram']),
     'antiparallelogram': four_bar(CHANGE_POINTS['parallelogram'], 0.3, 'crossed'),
-    'kite': four_bar(CHANGE_POINTS['kite_r_d'], 5.5),
+    'kite': four_bar(CHANGE_POINTS['kite_r_d'], 1.2),
     'p0': four_bar(CHANGE_POINTS['p0']),
     'q0': four_bar(CHANGE_POINTS['q0_rocker_longest'], 0.3, 'crossed'),
     'centric': slider_crank(FULL['centric']),
@@ -163,10 +160,6 @@ ALL = {
     ),
     **PUMPS,
 }
-
-
-def oracle_of(mechanism, *lengths):
-    return ORACLES[type(mechanism)](mechanism, *lengths)
 
 
 def turning_parts(mechanism):
@@ -228,23 +221,6 @@ def asked_of_oracle(mechanism, crank, speed=2.0, acceleration=1.5):
     return q, u, acceleration
 
 
-def path(oracle, *motion):
-    """The reference's state at times around this one."""
-    if not is_free(oracle.mechanism):
-        crank, speed, acceleration = motion
-        return lambda t: oracle.state(
-            crank + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration
-        )
-    q, u, torque = motion
-    found = oracle.state(*motion).acceleration
-    a = found[0], found[3]
-    return lambda t: oracle.state(
-        tuple(x + v * t + e * t**2 / 2 for x, v, e in zip(q, u, a, strict=True)),
-        tuple(v + e * t for v, e in zip(u, a, strict=True)),
-        torque,
-    )
-
-
 def vector(pair):
     """x and y, floats or arrays, as a complex number."""
     return np.asarray(pair[0]) + 1j * np.asarray(pair[1])
@@ -277,52 +253,115 @@ def is_close(got, expected, ulps, mechanism):
     return bool(np.all(difference <= ulps * np.spacing(largest)))
 
 
-def worst_errors(
-    solver, angles, speed=1.0, acceleration=0.0, lengths=None, period=24, floor=1e-20
-):
-    """Errors of position, velocity, acceleration and torque, over each quantity's largest value.
+def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, period=8, floor=1e-20):
+    """Errors of position, velocity, acceleration, torque and points, over their largest values.
 
     Angles count in rad. The largest values are those over these angles and `period` more,
     spread over two turns. A quantity below `floor` of its natural size, such as the spin of a
     parallelogram's coupler or the place of a slider that stays at 0, is held to that.
 
     Args:
-        solver: The solver under test, of a four-bar or slider-crank.
+        solver: The solver under test.
         angles: Crank angles, rad; each is asked for alone and as one array.
         speed: Crank speed, rad/s.
-        acceleration: Crank acceleration, rad/s^2.
+        acceleration: Crank acceleration, rad/s^2; of a wind pump the torque, N m.
         lengths: As for Oracle.
         period: Number of angles added for the largest values only; 0 for a limited crank.
         floor: See above.
 
     Returns:
-        The four largest errors, whichever the link and the way of asking.
+        The five largest errors, whichever the link or point and the way of asking.
     """
-    oracle = oracle_of(solver.mechanism, lengths)
-    expected = [_row(oracle.state(x, speed, acceleration)) for x in angles]
-    start = float(mp.mpf(angles[0]) - oracle.angle(angles[0])) + 0.1
+    oracle = Oracle(solver.mechanism, lengths)
+    start = 0.1 if oracle.is_free else float(mp.mpf(angles[0]) - oracle.angle(angles[0])) + 0.1
     spread = [start + 4 * math.pi * i / period for i in range(period)]
-    around = [_row(oracle.state(x, speed, acceleration)) for x in spread]
-    largest = [max(abs(row[i]) for row in expected + around) for i in range(10)]
+    asked = [asked_of_oracle(solver.mechanism, x, speed, acceleration) for x in (*angles, *spread)]
+    states = [oracle.state(*x) for x in asked]
+    rows = [_row(state) for state in states]
+    largest = [max(map(abs, column)) for column in zip(*rows, strict=True)]
+    count = len(oracle.turning)
     for i, turns in enumerate(oracle.turning):
         largest[i] = mp.mpf(1) if turns else largest[i]
     natural = oracle.natural(speed, acceleration)
     scales = [x if x > floor * n else mp.mpf(n) for x, n in zip(largest, natural, strict=True)]
-    one_by_one = [_row(solver.state(x, speed, acceleration)) for x in angles]
-    together = solver.state(np.array(angles), speed, acceleration)
-    worst = [0.0] * 10
-    for got in (one_by_one, np.array(_row(together)).T.tolist()):
-        for row, right in zip(got, expected, strict=True):
-            for i in range(10):
-                error = mp.mpf(row[i]) - right[i]
-                if i < 3 and oracle.turning[i]:
+    if oracle.is_free:  # there the torque is given, and goes through the accelerations
+        fastest = [float(max(largest[i * count : (i + 1) * count])) for i in (1, 2)]
+        scales[-1] = mp.mpf(oracle.natural(*fastest)[-1])
+    alone = [moving(solver, x, speed, acceleration) for x in angles]
+    together = moving(solver, np.array(angles), speed, acceleration)
+    worst = [0.0] * len(rows[0])
+    for got in (map(_row, alone), np.array(_row(together)).T.tolist()):
+        for row, right in zip(got, rows, strict=False):
+            for i, (x, y) in enumerate(zip(row, right, strict=True)):
+                error = mp.mpf(x) - y
+                if i < count and oracle.turning[i]:
                     error = wrap(error)
                 worst[i] = max(worst[i], float(abs(error) / scales[i]) if scales[i] else 0.0)
-    return max(worst[:3]), max(worst[3:6]), max(worst[6:9]), worst[9]
+    square = speed**2 + abs(acceleration)
+    units = [solver.mechanism.crank.length * x for x in (1, abs(speed) or 1, square)]
+    traced = [oracle.trace(state) for state in states]
+    of_points = _point_errors(solver, traced, (alone, together), units)
+    return *(max(worst[i * count : (i + 1) * count]) for i in range(3)), worst[-1], of_points
 
 
 def _row(state):
     return *state.position, *state.velocity, *state.acceleration, state.torque
+
+
+def _point_errors(solver, traced, asked, units):
+    """The largest error of any point, relative to the largest length of its vector."""
+    (alone, together), worst = asked, 0.0
+    for name in traced[0]:
+        arrays = [vector(x) for x in solver.point(together, name)]
+        for order, array in enumerate(arrays):
+            right = [each[name][order] for each in traced]
+            size = max(map(abs, right))
+            # B of a folded slider-crank rests at A0.
+            size = size if size > 1e-20 * units[order] else units[order]
+            one_by_one = [complex(*solver.point(state, name)[order]) for state in alone]
+            for got in (one_by_one, np.atleast_1d(array).tolist()):
+                errors = [abs(mp.mpc(x) - y) for x, y in zip(got, right, strict=False)]
+                worst = max(worst, float(max(errors) / size))
+    return worst
+
+
+def force_errors(solver, angles, speed=2.0, acceleration=1.5):
+    """Errors of the pin forces, the guide's, the shaking force, its moment, and the torque.
+
+    Forces count relative to the largest in any joint at the same crank angle, moments to that
+    times the largest length. Each angle is asked for alone and as one array.
+    """
+    mechanism = solver.mechanism
+    oracle, worst = Oracle(mechanism), [0.0] * 5
+    together = solver.reactions(moving(solver, np.array(angles), speed, acceleration))
+    for i, crank in enumerate(angles):
+        right = oracle.state(*asked_of_oracle(mechanism, crank, speed, acceleration))
+        with mp.workdps(100):
+            shaking = oracle.shaking(right)
+        alone = solver.reactions(moving(solver, crank, speed, acceleration))
+        for got in (alone, at(together, i)):
+            pins = [abs(mp.mpc(*force) - right.joints[pin]) for pin, force in got.pins.items()]
+            guide = mp.mpf(got.guide_force or 0) - right.joints.get('guide', 0)
+            force = max(map(abs, right.joints.values()))
+            moment = force * longest(mechanism)
+            errors = (
+                max(pins) / force, abs(guide) / force,
+                abs(mp.mpc(*got.shaking_force) - shaking[0]) / force,
+                abs(mp.mpf(got.shaking_moment) - shaking[1]) / moment,
+                abs(mp.mpf(got.torque) - right.torque) / moment,
+            )  # fmt: skip
+            worst = [max(x, float(y)) for x, y in zip(worst, errors, strict=True)]
+    return worst
+
+
+def at(forces, i):
+    """The forces at one of many crank angles."""
+    pins = {pin: (float(x[i]), float(y[i])) for pin, (x, y) in forces.pins.items()}
+    guide, (x, y) = forces.guide_force, forces.shaking_force
+    return type(forces)(
+        pins, None if guide is None else float(guide[i]), (float(x[i]), float(y[i])),
+        float(forces.shaking_moment[i]), float(forces.torque[i]),
+    )  # fmt: skip
 
 
 # What the laws do to a mechanism.
@@ -337,6 +376,9 @@ def mirrored(mechanism):
     changes = _bodies(
         mechanism, lambda body: replace(body, center=(body.center[0], -body.center[1]))
     )
+    if mechanism.coupler.point is not None:
+        along, across = mechanism.coupler.point
+        changes['coupler'] = replace(changes['coupler'], point=(along, -across))
     changes['gravity'] = mechanism.gravity[0], -mechanism.gravity[1]
     if not isinstance(mechanism, WindPump):
         changes['frame'] = replace(mechanism.frame, angle=-mechanism.frame.angle)

@@ -1,10 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The four-bar again, in 50 digits and by other routes than the package's.
+"""All mechanisms again, in 50 digits and by other routes than the package's.
 
-Position: the circles about A and B0 are intersected as textbooks do it; the cancellation that
-spoils this in double precision is paid for with digits. Rates and accelerations: the 2x2 systems
-of the differentiated loop equation. Torque: Newton-Euler for each body, through the pin forces.
+Position: circles, or a circle and the guide, are intersected as textbooks do it; the cancellation
+that spoils this in double precision is paid for with digits. Rates: the 2x2 system of the
+differentiated loop. Everything else: each body is cut free, and Newton's and Euler's equations
+about the centres of mass, together with the loop's second derivative, make one linear system for
+all accelerations, all forces in the joints and the torque.
+
 All of this is singular at a change point, but the motion is analytic there: the mean of two
 positions 1e-60 rad to either side is the limit.
 """
@@ -22,182 +25,376 @@ ASIDE = '1e-60'
 
 
 class Reference(NamedTuple):
-    """As linkage_ros.State, in mpf."""
+    """As linkage_ros.State and linkage_ros.Reactions, in mpf and mpc.
+
+    Attributes:
+        position: Of the links; angles in (-pi, pi] but for the crank's.
+        velocity: Of the links.
+        acceleration: Of the links.
+        torque: On the crank.
+        joints: Forces in the pins by name, and of the guide along its left; empty at a change
+            point, where they have no finite value.
+    """
 
     position: tuple
     velocity: tuple
     acceleration: tuple
     torque: mpmath.mpf
+    joints: dict
+
+
+class Point(NamedTuple):
+    """A fixed place plus one vector for each link that carries the point.
+
+    Attributes:
+        fixed: m.
+        carried: By index of the link; of a slider, the unit vector of its guide.
+    """
+
+    fixed: mpmath.mpc
+    carried: dict
 
 
 class Oracle:
-    """States of one four-bar.
+    """States of one mechanism.
 
-    lengths (crank, coupler, rocker, frame), as fractions or decimal text, replace the doubles
-    of the mechanism where those only stand for rounded decimals.
+    lengths (crank, coupler, then rocker and frame, offset, or rod), as fractions or decimal text,
+    replace the doubles of the mechanism where those only stand for rounded decimals.
     """
-
-    turning = True, True, True
 
     def __init__(self, mechanism, lengths=None):
         self.mechanism = mechanism
-        links = mechanism.crank, mechanism.coupler, mechanism.rocker, mechanism.frame
-        self.lengths = tuple(Fraction(x) for x in lengths or [link.length for link in links])
-        r, b, c, d = self.lengths
-        # A change point at theta = pi, and one at theta = 0.
-        self.stretched = b + c == d + r
-        self.folded = abs(d - r) == abs(b - c)
+        names = 'crank', 'coupler', 'rod', 'rocker', 'slider'
+        self.bodies = [getattr(mechanism, name) for name in names if hasattr(mechanism, name)]
+        self.slides, self.is_free = hasattr(mechanism, 'slider'), hasattr(mechanism, 'rod')
+        self.turning = [hasattr(body, 'length') for body in self.bodies]
+        doubles = [body.length for body in self.bodies if hasattr(body, 'length')]
+        if not self.slides:
+            doubles.append(mechanism.frame.length)
+        elif not self.is_free:
+            doubles.append(mechanism.slider.offset)
+        self.lengths = tuple(Fraction(x) for x in lengths or doubles)
+        # Change points: where theta is an even, and where it is an odd multiple of pi.
+        self.folded = self.stretched = False
+        if not self.slides:
+            r, b, c, d = self.lengths
+            self.folded, self.stretched = abs(d - r) == abs(b - c), b + c == d + r
+        elif not self.is_free:
+            r, b, e = self.lengths
+            self.folded, self.stretched = r - e == b, r + e == b
         self.passes_change_point = self.stretched or self.folded
 
     def angle(self, crank):
-        """Crank angle counted from the frame, whose own angle is taken nearest to zero."""
-        delta = mp.mpf(self.mechanism.frame.angle)
-        return mp.mpf(crank) - (delta - 2 * mp.pi * mp.nint(delta / (2 * mp.pi)))
+        """Theta: the crank's angle from the frame, or from the normal of the guide.
+
+        The angle of frame or guide is taken nearest to zero.
+        """
+        quarter = mp.pi / 2 if self.slides else 0
+        return mp.mpf(crank) - wrap(mp.mpf(self.mechanism.frame.angle)) - quarter
 
     def closes(self, crank):
-        """Whether the circles about A and B0 meet."""
+        """Whether the circles, or circle and guide, meet."""
         with mp.workdps(100):
-            r, b, c, d = (mpf(x) for x in self.lengths)
+            if self.slides:
+                r, b, e = map(mpf, self.lengths)
+                return bool(abs(e - r * mp.cos(self.angle(crank))) <= b)
+            r, b, c, d = map(mpf, self.lengths)
             distance = abs(d - r * mp.expj(self.angle(crank)))
             return bool(abs(b - c) <= distance <= b + c)
 
-    def state(self, crank, speed=0.0, acceleration=0.0):
-        """The state at exactly these doubles, to 50 digits or more."""
+    def state(self, q, u=0.0, a=0.0):
+        """The state at exactly these doubles, to 50 digits or more.
+
+        Args:
+            q: Crank angle, or both coordinates of a wind pump.
+            u: Their rates.
+            a: Acceleration of the crank; of a wind pump, the torque on it.
+        """
+        if self.is_free:
+            with mp.workdps(100):
+                return self.solve(q, u, a)
         with mp.workdps(400):
-            theta = self.angle(crank)
-            nearest = abs(theta - mp.pi * mp.nint(theta / mp.pi))
+            theta = self.angle(q) / mp.pi
+            nearest = abs(theta - mp.nint(theta))
             # Nearer than any difference of doubles: only the rounding of these 400 digits.
             hit = nearest < mp.mpf('1e-350')
-        singular = hit and (self.folded or self.stretched)
+            passes = self.stretched if int(mp.nint(theta)) % 2 else self.folded
         nearness = 60 if hit else int(-mp.log10(nearest))
-        # Twice the nearness is lost in the height of the triangle, as much again in the systems.
+        # Twice the nearness is lost in the height of the triangle, as much again in the system.
         with mp.workdps(60 + 6 * max(nearness, 16)):
-            motion = mp.mpf(crank), mp.mpf(speed), mp.mpf(acceleration)
-            if not singular:
-                return self._state(*motion)
-            aside = mp.mpf(ASIDE)
-            before = self._state(motion[0] - aside, *motion[1:])
-            after = self._state(motion[0] + aside, *motion[1:])
-            return Reference(
-                tuple(
-                    wrap(x + wrap(y - x) / 2)
-                    for x, y in zip(before.position, after.position, strict=True)
-                ),
-                mean(before.velocity, after.velocity),
-                mean(before.acceleration, after.acceleration),
-                (before.torque + after.torque) / 2,
+            if not (hit and passes):
+                return self.solve(q, u, a)
+            sides = [self.solve(mp.mpf(q) + x, u, a) for x in (-mp.mpf(ASIDE), mp.mpf(ASIDE))]
+            position, *others = (
+                [(x + y) / 2 for x, y in zip(*rows, strict=True)]
+                for rows in list(zip(*sides, strict=True))[:3]
             )
+            for i, (x, y) in enumerate(zip(*(side.position for side in sides), strict=True)):
+                if self.turning[i]:
+                    position[i] = wrap(x + wrap(y - x) / 2)
+            torque = (sides[0].torque + sides[1].torque) / 2
+            return Reference(tuple(position), *map(tuple, others), torque, {})
 
-    def energy(self, crank, speed):
-        """Kinetic plus potential energy, J, in the caller's precision; not at change points."""
-        poses = self._pose(mp.mpf(crank))
-        rates = self._rates(poses, speed)
-        total = mp.mpf(0)
-        for _, mass, _, center, velocity, _ in self._bodies(poses, rates, (0, 0, 0)):
-            weight = mass * dot(complex_of(self.mechanism.gravity), center)
-            total += mass * abs(velocity) ** 2 / 2 - weight
-        for body, rate in zip(self._links(), rates, strict=True):
-            total += mp.mpf(body.inertia) * rate**2 / 2
-        return total
+    def solve(self, q, u, a):
+        """The state in the caller's precision; not at change points."""
+        vectors, rates = self.motion(q, u)
+        accelerations, torque, joints = self._cut_free(vectors, rates, a)
+        links = zip(vectors, self.turning, strict=True)
+        position = [mp.arg(x) if turns else x for x, turns in links]
+        position[0] = mp.mpf(_first(q))
+        return Reference(tuple(position), tuple(rates), tuple(accelerations), torque, joints)
 
-    def natural(self, speed, acceleration):
-        """What each quantity is like in a linkage of this size at this speed."""
-        square, longest = speed**2 + abs(acceleration), float(max(self.lengths))
-        gravity = math.hypot(*self.mechanism.gravity)
-        torque = sum(
-            body.inertia * square + body.mass * longest * (longest * square + gravity)
-            for body in self._links()
-        )
-        return *[1.0] * 3, *[abs(speed)] * 3, *[square] * 3, torque
+    # Kinematics.
 
-    def _links(self):
-        return self.mechanism.crank, self.mechanism.coupler, self.mechanism.rocker
+    def guide(self):
+        """Direction of the guide; a wind pump's is the x axis."""
+        return mp.mpc(1) if self.is_free else mp.expj(mp.mpf(self.mechanism.frame.angle))
 
-    def _state(self, crank, speed, acceleration):
-        poses = self._pose(crank)
-        rates = self._rates(poses, speed)
-        accelerations = self._accelerations(poses, rates, acceleration)
-        torque = self._torque(poses, rates, accelerations)
-        angles = tuple(mp.arg(pose) for pose in poses[1:])
-        return Reference((crank, *angles), rates, accelerations, torque)
+    def pivot(self):
+        """Where the rocker's pivot is."""
+        return mpf(self.lengths[3]) * mp.expj(mp.mpf(self.mechanism.frame.angle))
 
-    def _pose(self, crank):
-        """The links as vectors from first to second pin."""
-        r, b, c, d = (mpf(x) for x in self.lengths)
-        A = r * mp.expj(crank)
-        B0 = d * mp.expj(mp.mpf(self.mechanism.frame.angle))
-        distance = abs(B0 - A)
+    def motion(self, q, u):
+        """The links as vectors between their pins, a slider as its place; and their rates."""
+        A = mpf(self.lengths[0]) * mp.expj(mp.mpf(_first(q)))
+        b, c = mpf(self.lengths[1]), mpf(self.lengths[2])
+        if self.is_free:
+            side = 1 if self.mechanism.assembly == 'open' else -1
+            end = mp.mpf(q[1])
+            B = self._meet(A, b, end, c, side)
+            vectors = [A, B - A, end - B, end]
+        elif self.slides:
+            along = mp.conj(self.guide()) * A
+            half_chord = mp.sqrt(b**2 - (c - along.imag) ** 2)
+            place = along.real + self._side(q) * half_chord
+            vectors = [A, self.guide() * mp.mpc(place, c) - A, place]
+        else:
+            B = self._meet(A, b, self.pivot(), c, self._side(q))
+            vectors = [A, B - A, B - self.pivot()]
+        slopes = self.loop_slopes(vectors)
+        given = [mp.mpf(x) for x in (u if self.is_free else (u,))]
+        known = [0, 3][: len(given)]
+        moved = sum(slopes[j] * x for j, x in zip(known, given, strict=True))
+        first, second = solve(slopes[1], slopes[2], -moved)
+        return vectors, [given[0], first, second, *given[1:]]
+
+    def _meet(self, A, b, end, c, side):
+        """Where the circles about A and `end` meet, to the left of the line from A for side 1."""
+        distance = abs(end - A)
         along = (b**2 - c**2 + distance**2) / (2 * distance)
-        across = mp.sqrt(b**2 - along**2)
-        B = A + (B0 - A) / distance * mp.mpc(along, self._side(crank) * across)
-        return A, B - A, B - B0
+        return A + (end - A) / distance * mp.mpc(along, side * mp.sqrt(b**2 - along**2))
 
     def _side(self, crank):
-        """+1 where B lies left of the line from A to B0, -1 where right of it.
+        """+1 for the open assembly, -1 for the crossed one.
 
-        The assembly names the side at theta in (0, pi). Each change point between there and
-        theta is passed straight through: B changes sides.
+        The assembly names the side at theta in (0, pi), on a guide in (-pi, 0). Each change point
+        between there and theta is passed straight through: the side changes.
         """
-        interval = int(mp.floor(self.angle(crank) / mp.pi))
-        passed = range(1, interval + 1) if interval > 0 else range(interval + 1, 1)
+        home, interval = -int(self.slides), int(mp.floor(self.angle(crank) / mp.pi))
+        passed = range(min(home, interval) + 1, max(home, interval) + 1)
         changes = sum(self.stretched if j % 2 else self.folded for j in passed)
         return (1 if self.mechanism.assembly == 'open' else -1) * (-1) ** changes
 
-    def _rates(self, poses, speed):
-        crank, coupler, rocker = poses
-        return speed, *solve(1j * coupler, -1j * rocker, -1j * crank * speed)
+    def loop_slopes(self, vectors):
+        """Derivatives of the loop's gap by the positions of the links."""
+        slopes = [1j * x for x in vectors]
+        if self.slides:
+            slopes[-1] = -self.guide()
+        else:
+            slopes[2] = -slopes[2]
+        return slopes
 
-    def _accelerations(self, poses, rates, acceleration):
-        crank, coupler, rocker = poses
-        rest = crank * mp.mpc(-(rates[0] ** 2), acceleration)
-        rest += rocker * rates[2] ** 2 - coupler * rates[1] ** 2
-        return acceleration, *solve(1j * coupler, -1j * rocker, -rest)
+    def points(self, vectors):
+        """The pins and, if it is traced, the coupler point."""
+        carried = {j: x for j, x in enumerate(vectors) if self.turning[j]}
+        if self.slides:
+            carried[len(vectors) - 1] = self.guide()
+        found = {'A0': Point(0, {}), 'A': Point(0, {0: carried[0]})}
+        if self.mechanism.coupler.point is not None:
+            lever = complex_of(self.mechanism.coupler.point) * unit(carried[1])
+            found['C'] = Point(0, {0: carried[0], 1: lever})
+        if self.is_free:
+            found['B'] = Point(0, {0: carried[0], 1: carried[1]})
+            found['D'] = Point(0, {3: carried[3]})
+        elif self.slides:
+            found['B'] = Point(1j * mpf(self.lengths[2]) * self.guide(), {2: carried[2]})
+        else:
+            found['B'] = Point(self.pivot(), {2: carried[2]})
+            found['B0'] = Point(self.pivot(), {})
+        return found
 
-    def _bodies(self, poses, rates, accelerations):
-        """For each body: mass, inertia, and its centre's position, velocity, acceleration.
+    def centers(self, vectors):
+        """The centres of mass."""
+        points = self.points(vectors)
+        firsts = [points[name] for name in ('A0', 'A', 'B' if self.is_free else 'B0', 'D')
+                  if name in points]  # fmt: skip
+        found = []
+        for j, body in enumerate(self.bodies):
+            if self.turning[j]:
+                lever = complex_of(body.center) * unit(vectors[j])
+                found.append(Point(firsts[j].fixed, {**firsts[j].carried, j: lever}))
+            else:
+                found.append(points['D' if self.is_free else 'B'])
+        return found
 
-        First comes the centre's lever about the body's first pin.
-        """
-        pins = (
-            (mp.mpc(0), mp.mpc(0), mp.mpc(0)),
-            (
-                poses[0],
-                1j * rates[0] * poses[0],
-                mp.mpc(-(rates[0] ** 2), accelerations[0]) * poses[0],
-            ),
-            (mpf(self.lengths[3]) * mp.expj(mp.mpf(self.mechanism.frame.angle)), 0, 0),
+    def follow(self, point, vectors, rates, accelerations):
+        """Position, velocity and acceleration of a point."""
+        place, velocity, acceleration = point.fixed, mp.mpc(0), mp.mpc(0)
+        for j, x in point.carried.items():
+            if self.turning[j]:
+                place, velocity = place + x, velocity + 1j * rates[j] * x
+                acceleration += mp.mpc(-(rates[j] ** 2), accelerations[j]) * x
+            else:
+                place, velocity = place + vectors[j] * x, velocity + rates[j] * x
+                acceleration += accelerations[j] * x
+        return place, velocity, acceleration
+
+    def trace(self, state):
+        """Position, velocity and acceleration of all points in a state, change points too."""
+        with mp.workdps(150):
+            vectors = list(state.position)
+            for j, turns in enumerate(self.turning):
+                if turns:
+                    vectors[j] = mpf(self.lengths[j]) * mp.expj(state.position[j])
+            points = self.points(vectors)
+            motion = vectors, state.velocity, state.acceleration
+            return {name: self.follow(point, *motion) for name, point in points.items()}
+
+    # Dynamics.
+
+    def _cut_free(self, vectors, rates, driven):
+        """Newton-Euler for all bodies at once."""
+        points, rest = self.points(vectors), [mp.mpf(0)] * len(vectors)
+        place = {x: self.follow(p, vectors, rates, rest)[0] for x, p in points.items()}
+        centers = self.centers(vectors)
+        # Unknown forces: name, direction, on which body, from which body.
+        pins = [('A0', 0, None), ('A', 1, 0), ('B', 2, 1)]
+        if self.is_free:
+            pins.append(('D', 3, 2))
+        elif not self.slides:
+            pins.append(('B0', 2, None))
+        unknown = [(*pin, axis) for pin in pins for axis in (mp.mpc(1), mp.mpc(0, 1))]
+        if self.slides:
+            last = len(self.bodies) - 1
+            unknown.append(('guide', last, None, 1j * self.guide()))
+            place['guide'] = place['D' if self.is_free else 'B']
+        # Columns: accelerations of the links, forces, torque; last the right-hand side.
+        count = len(vectors)
+        rows = []
+        for k, body in enumerate(self.bodies):
+            at, _, bias = self.follow(centers[k], vectors, rates, rest)
+            mass = mp.mpf(body.mass)
+            needed = mass * (complex_of(self.mechanism.gravity) - bias) + self.push(k, rates)
+            inertial = [mass * self._slope(centers[k], j) for j in range(count)]
+            acts = [((k == on) - (k == of), x, name) for name, on, of, x in unknown]
+            for part in ('real', 'imag'):
+                forces = [-sign * getattr(x, part) for sign, x, _ in acts]
+                rows.append([*(getattr(x, part) for x in inertial), *forces, 0,
+                             getattr(needed, part)])  # fmt: skip
+            if self.turning[k]:
+                moments = [-sign * cross(place[name] - at, x) for sign, x, name in acts]
+                spins = [mp.mpf(body.inertia) * (j == k) for j in range(count)]
+                rows.append([*spins, *moments, -(k == 0), 0])
+        slopes, none = self.loop_slopes(vectors), [0] * (len(unknown) + 1)
+        turned = zip(slopes, rates, self.turning, strict=True)
+        bias = sum(1j * slope * rate**2 for slope, rate, turns in turned if turns)
+        rows += [[*(getattr(x, part) for x in slopes), *none, -getattr(bias, part)]
+                 for part in ('real', 'imag')]  # fmt: skip
+        # What is given: the torque of a wind pump, else the acceleration of the crank.
+        last = [0] * (count + len(unknown) + 1)
+        last[-1 if self.is_free else 0] = 1
+        found = eliminate([*rows, [*last, mp.mpf(driven)]])
+        joints = {}
+        for value, (name, _, _, axis) in zip(found[count:-1], unknown, strict=True):
+            joints[name] = joints.get(name, 0) + (value if name == 'guide' else value * axis)
+        return found[:count], found[-1], joints
+
+    def _slope(self, point, j):
+        """The derivative of a point's place by the position of a link."""
+        return point.carried.get(j, 0) * (1j if self.turning[j] else 1)
+
+    def push(self, body, rates):
+        """What acts on a body besides its weight: the load on the slider."""
+        if self.turning[body]:
+            return mp.mpc(0)
+        slider = self.mechanism.slider
+        force = mp.mpf(getattr(slider, 'force', 0)) - mp.mpf(slider.damping) * rates[-1]
+        return force * self.guide()
+
+    def shaking(self, state):
+        """Force on the frame, and moment about A0 with the drive's own reaction."""
+        place = {name: motion[0] for name, motion in self.trace(state).items()}
+        force, moment = mp.mpc(0), -state.torque
+        for name in ('A0', 'B0'):
+            if name in state.joints:
+                force -= state.joints[name]
+                moment -= cross(place[name], state.joints[name])
+        if self.slides:
+            resistance = -mp.mpf(self.mechanism.slider.damping) * state.velocity[-1]
+            of_guide = mp.mpc(resistance, state.joints['guide']) * self.guide()
+            force -= of_guide
+            moment -= cross(place['D' if self.is_free else 'B'], of_guide)
+        return force, moment
+
+    def momenta(self, q, u):
+        """Linear momentum, and angular momentum about A0; in the caller's precision."""
+        linear, angular = mp.mpc(0), mp.mpf(0)
+        vectors, rates = self.motion(q, u)
+        for body, center, rate in zip(self.bodies, self.centers(vectors), rates, strict=True):
+            place, velocity, _ = self.follow(center, vectors, rates, rates)
+            linear += mp.mpf(body.mass) * velocity
+            angular += mp.mpf(body.mass) * cross(place, velocity)
+            angular += mp.mpf(getattr(body, 'inertia', 0)) * rate
+        return linear, angular
+
+    def energy(self, q, u):
+        """Kinetic plus potential energy, J, in the caller's precision; not at change points."""
+        total = mp.mpf(0)
+        vectors, rates = self.motion(q, u)
+        for body, center, rate in zip(self.bodies, self.centers(vectors), rates, strict=True):
+            place, velocity, _ = self.follow(center, vectors, rates, rates)
+            height = dot(complex_of(self.mechanism.gravity), place)
+            total += mp.mpf(body.mass) * (abs(velocity) ** 2 / 2 - height)
+            total += mp.mpf(getattr(body, 'inertia', 0)) * rate**2 / 2
+        return total
+
+    def natural(self, speed, acceleration):
+        """What each quantity is like in a mechanism of this size at this speed."""
+        size, square = float(max(map(abs, self.lengths))), speed**2 + abs(acceleration)
+        gravity = math.hypot(*self.mechanism.gravity)
+        torque = sum(
+            getattr(body, 'inertia', 0) * square + body.mass * size * (size * square + gravity)
+            for body in self.bodies
         )
-        for body, pose, rate, spin, (place, velocity, acceleration) in zip(
-            self._links(), poses, rates, accelerations, pins, strict=True
-        ):
-            lever = complex_of(body.center) * pose / abs(pose)
-            yield (
-                lever,
-                mp.mpf(body.mass),
-                mp.mpf(body.inertia),
-                place + lever,
-                velocity + 1j * rate * lever,
-                acceleration + mp.mpc(-(rate**2), spin) * lever,
-            )
+        if self.slides:
+            slider = self.mechanism.slider
+            force = abs(getattr(slider, 'force', 0)) + slider.damping * size * abs(speed)
+            torque += size * force
+        units = [1.0 if turns else size for turns in self.turning]
+        return *units, *(abs(speed) * x for x in units), *(square * x for x in units), torque
 
-    def _torque(self, poses, rates, accelerations):
-        gravity = complex_of(self.mechanism.gravity)
-        moments, forces = [], []
-        for (lever, mass, inertia, _, _, acceleration), spin in zip(
-            self._bodies(poses, rates, accelerations), accelerations, strict=True
-        ):
-            force = mass * (acceleration - gravity)
-            moments.append(inertia * spin + cross(lever, force))
-            forces.append(force)
-        # The pin force at B on the rocker, from the moments about A (coupler) and B0 (rocker).
-        coupler, rocker = poses[1], poses[2]
-        x, y = solve(
-            mp.mpc(coupler.imag, -rocker.imag),
-            mp.mpc(-coupler.real, rocker.real),
-            mp.mpc(moments[1], moments[2]),
-        )
-        on_coupler_at_A = forces[1] + mp.mpc(x, y)
-        return moments[0] + cross(poses[0], on_coupler_at_A)
+
+def _first(q):
+    return q[0] if isinstance(q, tuple) else q
+
+
+def eliminate(rows):
+    """The solution of linear equations, by Gauss with the largest pivots."""
+    rows, size = [list(row) for row in rows], len(rows)
+    for i in range(size):
+        pivot = max(range(i, size), key=lambda k: abs(rows[k][i]))
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        for k in range(i + 1, size):
+            if rows[k][i]:
+                factor = rows[k][i] / rows[i][i]
+                for j in range(i, size + 1):
+                    if rows[i][j]:
+                        rows[k][j] -= factor * rows[i][j]
+    found = [mp.mpf(0)] * size
+    for i in reversed(range(size)):
+        rest = sum(rows[i][j] * found[j] for j in range(i + 1, size) if rows[i][j])
+        found[i] = (rows[i][size] - rest) / rows[i][i]
+    return found
 
 
 def wrap(angle):
@@ -213,6 +410,10 @@ def complex_of(pair):
     return mp.mpc(mp.mpf(pair[0]), mp.mpf(pair[1]))
 
 
+def unit(vector):
+    return vector / abs(vector)
+
+
 def dot(u, v):
     return (mp.conj(u) * v).real
 
@@ -225,7 +426,3 @@ def solve(u, v, w):
     """Real x, y with x u + y v = w, all three complex."""
     determinant = cross(u, v)
     return cross(w, v) / determinant, cross(u, w) / determinant
-
-
-def mean(first, second):
-    return tuple((x + y) / 2 for x, y in zip(first, second, strict=True))

@@ -1,14 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The wind pump again, by other routes than the package's.
+"""The motion of the wind pump again, in absolute coordinates.
 
-The motion: every body has its own absolute coordinates, and pins are constraints with Lagrange
-multipliers. There is no dyad in that, so it also runs on where (phi1, xD) no longer says where
-B is. Accelerations at one state: Newton-Euler for every body with all pin forces, in 50 digits.
-oracle_pump_symbolic.py has a third way. The three share the data below and nothing else.
+Every body has its own coordinates, and pins are constraints with Lagrange multipliers. There is
+no dyad in that, so it also runs on where (phi1, xD) no longer says where B is.
 
-Everywhere: q = (phi1, xD), u = (phi1', xD'), a state is (phi1, xD, phi1', xD'). Torques of the
-motor are functions of time, phi1 and phi1'.
+Everywhere: a state is (phi1, xD, phi1', xD'). Torques of the motor are functions of time, phi1
+and phi1'.
 """
 
 from __future__ import annotations
@@ -17,14 +15,10 @@ import cmath
 import itertools
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
-import mpmath
 import numpy as np
-from mpmath import mp
 from scipy.integrate import DOP853
 
-_DIGITS = 50
 _PROJECTIONS = 3
 
 
@@ -62,29 +56,13 @@ def motor(time, angle, speed):
     return 8.4 - 1.2 * speed
 
 
-def still(time, angle, speed):
-    """No torque."""
-    return 0.0
-
-
 # Absolute coordinates: x, y of the centre and the angle of each link, then x of the slider.
 
 
-def multipliers(pump, start, times, tau=motor, unstabilised=False, tolerance=1e-13):
-    """States at the times, one per row; `start` is the state at the first."""
-    return reduced(absolute(pump, start, times, tau, unstabilised, tolerance))
+def multipliers(pump, start, times, tau=motor, tolerance=1e-13):
+    """States at the times, one per row; `start` is the state at the first.
 
-
-def reduced(states):
-    """phi1, xD and their rates out of absolute states (..., 20)."""
-    return states[..., [2, 9, 12, 19]]
-
-
-def absolute(pump, start, times, tau=motor, unstabilised=False, tolerance=1e-13):
-    """As multipliers(), but all ten coordinates and their rates, one state per row.
-
-    Each step is put back onto the constraints, unless `unstabilised`: then only the constraints'
-    second derivatives are held, and errors in the constraints themselves grow.
+    Each step is put back onto the constraints.
 
     Raises:
         ArithmeticError: No step is short enough.
@@ -105,12 +83,11 @@ def absolute(pump, start, times, tau=motor, unstabilised=False, tolerance=1e-13)
             message = solver.step()
             if solver.status == 'failed':
                 raise ArithmeticError(message)
-            if not unstabilised:
-                solver.y = projected(pump, solver.y)
-                solver.f = derivative(solver.t, solver.y)
+            solver.y = projected(pump, solver.y)
+            solver.f = derivative(solver.t, solver.y)
         step = solver.h_abs
         states.append(solver.y)
-    return np.array(states)
+    return np.array(states)[:, [2, 9, 12, 19]]
 
 
 def assembled(pump, start):
@@ -153,18 +130,6 @@ def projected(pump, state):
     return state
 
 
-def violation(pump, state):
-    """Largest gap, m, and largest speed of separation, m/s, in any pin of an absolute state."""
-    residual, jacobian, _ = _constraints(pump, state)
-    rates = jacobian @ state[10:]
-    return tuple(max(np.hypot(x[::2], x[1::2])) for x in (residual, rates))
-
-
-def multiplier_accelerations(pump, q, u, torque):
-    """phi1'' and xD'' at one state, in double precision."""
-    return _kkt(pump, assembled(pump, (*q, *u)), torque)[[2, 9]]
-
-
 def _constraints(pump, state):
     """What the pins O, A, B and D lack to closing, its derivatives by the coordinates, and what
     these times the accelerations have to be.
@@ -202,97 +167,3 @@ def _kkt(pump, state, torque):
     force[2] = torque
     matrix = np.block([[np.diag(inertia), jacobian.T], [jacobian, np.zeros((8, 8))]])
     return np.linalg.solve(matrix, np.append(force, needed))[:10]
-
-
-# One state, in many digits.
-
-
-class Exact(NamedTuple):
-    """phi1, phi2, phi3 and xD with their derivatives, and the forces in the pins O, A, B and D
-    as complex numbers: on the crank, the coupler, the rod and the slider, all in mpf.
-    """
-
-    position: tuple
-    velocity: tuple
-    acceleration: tuple
-    forces: tuple
-
-
-def exact_accelerations(pump, q, u, tau):
-    """The state at exactly these doubles and this torque (a number), to nearly 50 digits."""
-    with mp.workdps(max(_DIGITS, mp.dps)):
-        links, spins = _motion(pump, q, u)
-        # Unknown: three angular accelerations, xD'', x and y of the forces in O, A, B and D, and
-        # the guide's force on the slider. Rows: x, y and moment about the centre for each link,
-        # x and y for the slider, x and y of the closed loop's acceleration.
-        matrix, right = mp.matrix(13, 13), mp.matrix(13, 1)
-        gravity = _complex(pump.gravity)
-        bias = mp.mpc(0)  # of the link's first pin, then of its second
-        for body, (link, spin) in enumerate(zip(links, spins, strict=True)):
-            mass, row, ahead = mp.mpf(pump.masses[body]), 3 * body, 4 + 2 * body
-            arm = _complex(pump.centers[body]) * link / abs(link)
-            # Acceleration of the centre: of all links before, and of this link's own part.
-            for other, vector in [*enumerate(links[:body]), (body, arm)]:
-                matrix[row, other] = -mass * vector.imag
-                matrix[row + 1, other] = mass * vector.real
-            weight = mass * (gravity - (bias - spin**2 * arm))
-            right[row], right[row + 1] = weight.real, weight.imag
-            matrix[row + 2, body] = mp.mpf(pump.inertias[body])
-            # The force in the first pin acts on this link, that in the second on the next.
-            for column, lever, sign in ((ahead, -arm, 1), (ahead + 2, link - arm, -1)):
-                matrix[row, column] = matrix[row + 1, column + 1] = -sign
-                matrix[row + 2, column] = sign * lever.imag
-                matrix[row + 2, column + 1] = -sign * lever.real
-            bias -= spin**2 * link
-            matrix[11, body], matrix[12, body] = -link.imag, link.real
-        right[2] = mp.mpf(tau)
-        weight = mp.mpf(pump.slider_mass) * gravity
-        matrix[9, 3], matrix[9, 10] = mp.mpf(pump.slider_mass), -1
-        right[9] = weight.real - mp.mpf(pump.damping) * mp.mpf(u[1])
-        matrix[10, 11] = matrix[10, 12] = -1
-        right[10] = weight.imag
-        matrix[11, 3] = -1
-        right[11], right[12] = -bias.real, -bias.imag
-        solved = mp.lu_solve(matrix, right)
-        angles = mp.mpf(q[0]), mp.arg(links[1]), mp.arg(links[2])
-        forces = tuple(mp.mpc(solved[i], solved[i + 1]) for i in (4, 6, 8, 10))
-        position, velocity = (*angles, mp.mpf(q[1])), (*spins, mp.mpf(u[1]))
-        return Exact(position, velocity, tuple(solved[:4]), forces)
-
-
-def exact_energy(pump, q, u):
-    """Kinetic and potential energy, J; the latter is 0 with all centres of mass in O."""
-    with mp.workdps(max(_DIGITS, mp.dps)):
-        links, spins = _motion(pump, q, u)
-        gravity, slide = _complex(pump.gravity), mp.mpf(u[1])
-        kinetic = mp.mpf(pump.slider_mass) * slide**2 / 2
-        potential = -mp.mpf(pump.slider_mass) * gravity.real * mp.mpf(q[1])
-        pin = velocity = mp.mpc(0)
-        for body, (link, spin) in enumerate(zip(links, spins, strict=True)):
-            arm = _complex(pump.centers[body]) * link / abs(link)
-            mass, inertia = mp.mpf(pump.masses[body]), mp.mpf(pump.inertias[body])
-            kinetic += (mass * abs(velocity + 1j * spin * arm) ** 2 + inertia * spin**2) / 2
-            potential -= mass * (mp.conj(gravity) * (pin + arm)).real
-            pin, velocity = pin + link, velocity + 1j * spin * link
-        return kinetic, potential
-
-
-def _motion(pump, q, u):
-    """The links as vectors from first to second pin, and their rates of turning."""
-    l1, l2, l3 = (mpmath.mpf(x) for x in pump.lengths)
-    crank, speed = l1 * mp.expj(mp.mpf(q[0])), mp.mpf(u[0])
-    chord = mp.mpf(q[1]) - crank
-    # Two circles, about A and D, meet in B.
-    along = (l2**2 - l3**2 + abs(chord) ** 2) / (2 * abs(chord))
-    across = pump.side * mp.sqrt(l2**2 - along**2)
-    coupler = chord / abs(chord) * mp.mpc(along, across)
-    rod = chord - coupler
-    # i (spin2 coupler + spin3 rod) = xD' - i speed crank: crossed with either, the other is left.
-    rest = -1j * mp.mpf(u[1]) - speed * crank
-    area = (mp.conj(coupler) * rod).imag
-    spins = (mp.conj(rest) * rod).imag / area, (mp.conj(coupler) * rest).imag / area
-    return (crank, coupler, rod), (speed, *spins)
-
-
-def _complex(pair):
-    return mp.mpc(mp.mpf(pair[0]), mp.mpf(pair[1]))

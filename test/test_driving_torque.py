@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mechanisms import ALL, TURN, four_bar, oracle_of
-from mpmath import mp
+from mechanisms import TURN
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Solver
 from linkage_ros.formulas import Vector, cos, sin
@@ -25,62 +24,9 @@ from linkage_ros.model.loads import LinkLoad
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.structure import Link, Mechanism, Point, Structure
 
-cranks = st.floats(-TURN, TURN)
-of_one_coordinate = pytest.mark.parametrize(
-    'name', [name for name, mechanism in ALL.items() if len(mechanism.coordinates) == 1]
-)
-
-
-# The terms of the equation of motion, one at a time.
-
-
-@of_one_coordinate
-def test_torque_at_rest_is_mass_matrix_times_acceleration_less_weights_and_force(name):
-    """The reference's energy gives both: no force is involved."""
-    mechanism = ALL[name]
-    oracle, solver = oracle_of(mechanism), Solver(mechanism)
-    push = mp.mpf(getattr(getattr(mechanism, 'slider', None), 'force', 0.0))
-    for crank in (0.1, 2.2, -3.0):
-        with mp.workdps(60):
-            inertia = 2 * (oracle.energy(crank, 1) - oracle.energy(crank, 0))
-            held = mp.diff(lambda x: oracle.energy(x, 0), crank)
-            held = float(held - push * oracle.state(crank, 1.0).velocity[2])
-            inertia = float(inertia)
-        assert inertia > 0
-        assert solver.matrix(crank)[0][0] == pytest.approx(inertia, rel=1e-13)
-        for form in (lambda x: x, lambda x: [x]):
-            torque = solver.state(form(crank), 0.0, 0.0).torque
-            assert torque == pytest.approx(held, rel=1e-13, abs=1e-13)
-            torque = solver.state(form(crank), 0.0, 1.5).torque
-            expected = 1.5 * inertia + held
-            assert torque == pytest.approx(expected, rel=1e-13, abs=1e-13 * 1.5 * inertia)
-
-
-def test_work_between_two_angles_is_the_gain_of_energy():
-    linkage, speed = ALL['crank_rocker'], 3.0
-    oracle = oracle_of(linkage)
-    nodes, weights = np.polynomial.legendre.leggauss(60)
-    start, end = 0.4, 2.9
-    crank = (start + end) / 2 + (end - start) / 2 * nodes
-    work = np.sum(weights * Solver(linkage).state(crank, speed).torque) * (end - start) / 2
-    with mp.workdps(40):
-        gain = float(oracle.energy(end, speed) - oracle.energy(start, speed))
-    assert abs(gain) > 1.0
-    assert work == pytest.approx(gain, rel=1e-12)
-
-
-def test_gravity_at_any_angle_is_the_sum_of_its_components():
-    def held(gravity):
-        return Solver(four_bar((1, 3, 2.5, 2.2), gravity=gravity)).state(0.8).torque
-
-    assert held((0.0, 0.0)) == 0.0
-    assert held((2.0, -3.0)) == pytest.approx(
-        2 * held((1.0, 0.0)) - 3 * held((0.0, 1.0)), rel=1e-14
-    )
-
 
 @settings(max_examples=15)
-@given(cranks, st.floats(-20, 20), st.floats(-20, 20))
+@given(st.floats(-TURN, TURN), st.floats(-20, 20), st.floats(-20, 20))
 def test_lone_crank_is_a_pendulum(crank, speed, acceleration):
     """With massless coupler and rocker the equation of motion is known in closed form."""
     along, across = 0.05, -0.03
@@ -91,11 +37,6 @@ def test_lone_crank_is_a_pendulum(crank, speed, acceleration):
     expected = (0.01 + 2.0 * abs(lever) ** 2) * acceleration + 2.0 * 9.81 * lever.real
     torque = Solver(linkage).state(crank, speed, acceleration).torque
     assert torque == pytest.approx(expected, rel=1e-14, abs=1e-15)
-
-
-def test_massless_linkage_takes_no_torque():
-    linkage = FourBar(Frame(2.2), Body(1), Coupler(3), Body(2.5))
-    assert Solver(linkage).state(0.7, 3.0, 2.0).torque == 0.0
 
 
 def test_crank_inertia_alone_takes_torque_only_while_it_accelerates():
@@ -270,7 +211,7 @@ def test_equations_of_motion_are_the_sum_over_the_bodies(seed, count):
 
 
 @pytest.mark.parametrize('count', [1, 2, 3])
-@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('seed', range(1))
 def test_arrays_of_coordinates_give_what_floats_give(seed, count):
     solver = Solver(Made(seed, count))
     q, u, a = np.random.default_rng(seed).uniform(-2, 2, (3, count, 5))

@@ -1,54 +1,33 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Angles, rates, accelerations and torque of four-bars against 50 digits, and their laws."""
+"""Four-bars: values that documents and textbooks print, and places where doubles are coarse."""
 
 from __future__ import annotations
 
 import cmath
 import itertools
 import math
-from fractions import Fraction
+import random
+from dataclasses import replace
 
 import mechanisms
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from mechanisms import ASSEMBLIES, DOCUMENT_1, TURN, four_bar, rows, worst_errors
-from oracle import Oracle, wrap
+from mechanisms import ASSEMBLIES, DOCUMENT_1, TURN, four_bar, worst_errors
 
 from linkage_ros import Body, ConfigurationError, Coupler, FourBar, Frame, Solver, UnreachableError
 
 DOCUMENT_SPEED = 150 * TURN / 60
-EVERYWHERE_OFF_CENTRE = FourBar(
-    Frame(0.425, 5.497787143782138),
-    Body(0.1, 1.3, 0.0245, (0.03, -0.02)),
-    Coupler(0.315, 2.0, 0.016, (0.1575, 0.04)),
-    Body(0.5, 3.5, 0.066, (0.25, -0.07)),
-    gravity=(1.7, -9.5),
-)
-CHANGE_POINTS = [name for name, lengths in mechanisms.CHANGE_POINTS.items() if len(lengths) == 4]
-# Document 1.
+
+
+# Document 1, and a textbook.
 
 
 @pytest.mark.parametrize('assembly', ASSEMBLIES)
-@pytest.mark.parametrize(
-    ('mechanism', 'acceleration'),
-    [(DOCUMENT_1, 0.0), (DOCUMENT_1, -40.0), (EVERYWHERE_OFF_CENTRE, 25.0)],
-    ids=['document', 'accelerated', 'off_centre'],
-)
-def test_document_quadrilateral_is_right_over_the_turn(mechanism, acceleration, assembly):
-    solver = Solver(with_assembly(mechanism, assembly))
+def test_document_quadrilateral_is_right_over_the_turn(assembly):
+    solver = Solver(replace(DOCUMENT_1, assembly=assembly))
     angles = [math.radians(degrees) for degrees in range(0, 360, 5)]
-    errors = worst_errors(solver, angles, DOCUMENT_SPEED, acceleration, period=0)
-    assert max(errors) < 1e-13
-
-
-def with_assembly(mechanism, assembly):
-    return FourBar(
-        mechanism.frame, mechanism.crank, mechanism.coupler, mechanism.rocker, assembly,
-        mechanism.gravity,
-    )  # fmt: skip
+    assert max(worst_errors(solver, angles, DOCUMENT_SPEED, -40.0, period=0)) < 1e-13
 
 
 @pytest.mark.parametrize(
@@ -58,44 +37,6 @@ def with_assembly(mechanism, assembly):
 def test_document_torque_has_its_known_values(degrees, torque):
     state = Solver(DOCUMENT_1).state(math.radians(degrees), DOCUMENT_SPEED)
     assert state.torque == pytest.approx(torque, rel=0, abs=1e-14 * 8.55)
-
-
-def test_document_newton_method_agrees_to_its_tolerance_and_no_further():
-    """Document 1's listing from its equations (1) to (18), 100 steps, tolerance 1e-3.
-
-    Two slips of the listing are mended: eq. (10) has c in the Jacobian's second column, and
-    the real part belongs there. The squared rates of eq. (18) take the listing's signs.
-    """
-    r, b, c, d, delta = 0.1, 0.315, 0.5, 0.425, 7 / 4 * math.pi
-    w, tolerance = DOCUMENT_SPEED, 0.001
-    unknown = np.array([math.radians(15), math.radians(100)])
-    differences = []
-    for alpha in np.arange(0, TURN, TURN / 100):
-        change = residual = np.array([1.0, 1.0])
-        while np.any(np.abs(change) > tolerance) or np.any(np.abs(residual) > tolerance):
-            beta, gamma = (cmath.exp(1j * x) for x in unknown)
-            f = r * cmath.exp(1j * alpha) + b * beta - c * gamma - d * cmath.exp(1j * delta)
-            residual = np.array([f.real, f.imag])
-            change = -np.linalg.solve(columns(1j * b * beta, -1j * c * gamma), residual)
-            unknown = unknown + change
-        crank, beta, gamma = (cmath.exp(1j * x) for x in (alpha, *unknown))
-        system = columns(-1j * b * beta, 1j * c * gamma)
-        right = 1j * r * w * crank
-        beta1, gamma1 = np.linalg.solve(system, [right.real, right.imag])
-        right = r * w**2 * crank + b * beta1**2 * beta - c * gamma1**2 * gamma
-        beta2, gamma2 = -np.linalg.solve(system, [right.real, right.imag])
-        v2 = 1j * w * r * crank + 1j * beta1 * b / 2 * beta
-        v3 = 1j * gamma1 * c / 2 * gamma
-        a2 = -(w**2) * r * crank + (1j * beta2 - beta1**2) * b / 2 * beta
-        a3 = (1j * gamma2 - gamma1**2) * c / 2 * gamma
-        power = 2.0 * (v2.conjugate() * (a2 + 9.81j)).real + 0.016 * beta1 * beta2
-        power += 3.5 * (v3.conjugate() * (a3 + 9.81j)).real + 0.066 * gamma1 * gamma2
-        differences.append(abs(Solver(DOCUMENT_1).state(float(alpha), w).torque - power / w))
-    assert 1e-9 < max(differences) < 1.15e-6
-
-
-def columns(first, second):
-    return np.array([[first.real, second.real], [first.imag, second.imag]])
 
 
 @pytest.mark.parametrize(
@@ -108,168 +49,74 @@ def test_norton_example_is_met_to_its_printed_digits(assembly, coupler, rocker):
     assert math.degrees(angle[2]) == pytest.approx(rocker, abs=0.005)
 
 
-# Ways of asking.
+# Document 2: half-angle substitution.
 
 
-def test_angle_speed_and_acceleration_broadcast():
-    solver = Solver(DOCUMENT_1)
-    angles, speeds = np.array([[0.5], [1.0], [4.0]]), np.array([1.0, -2.0])
-    state = solver.state(angles, speeds, 3.0)
-    assert state.torque.shape == (3, 2)
-    assert state.torque[2, 1] == pytest.approx(solver.state(4.0, -2.0, 3.0).torque, rel=1e-14)
-    assert solver.state(0.5, speeds).velocity[2].shape == (2,)
-    assert solver.state(0.5, 1.0, speeds).acceleration[0].tolist() == [1.0, -2.0]
-
-
-@pytest.mark.parametrize('kind', [int, np.int64, np.float64, np.array])
-def test_whole_numbers_and_zero_dimensions_give_the_same_floats(kind):
-    solver = Solver(DOCUMENT_1)
-    state = solver.state(kind(2), kind(3), kind(1))
-    assert state == solver.state(2.0, 3.0, 1.0)
-    assert {type(x) for x in rows(state).tolist()} == {float}
-    assert type(state.torque) is float
-
-
-# Bad places on purpose.
+def half_angles(lengths, crank, assembly):
+    """theta_3 and theta_4 by eq. 10 to 26, omega_3 and omega_4 for omega_2 = 1 by eq. 32, 33."""
+    r2, r3, r4, r1 = lengths
+    h1, h2, h3 = r1 / r2, r1 / r3, r1 / r4
+    h4 = (-(r1**2) - r2**2 - r3**2 + r4**2) / (2 * r2 * r3)
+    h5 = (r1**2 + r2**2 - r3**2 + r4**2) / (2 * r2 * r4)
+    cos = math.cos(crank)
+    a, b = -h1 + (1 + h2) * cos + h4, -2 * math.sin(crank)
+    c = h1 - (1 - h2) * cos + h4
+    d, e = -h1 + (1 - h3) * cos + h5, h1 - (1 + h3) * cos + h5
+    side = -1 if assembly == 'open' else 1
+    theta3 = 2 * math.atan((-b + side * math.sqrt(b * b - 4 * a * c)) / (2 * a))
+    theta4 = 2 * math.atan((-b + side * math.sqrt(b * b - 4 * d * e)) / (2 * d))
+    omega3 = r2 / r3 * math.sin(crank - theta4) / math.sin(theta4 - theta3)
+    omega4 = r2 / r4 * math.sin(crank - theta3) / math.sin(theta4 - theta3)
+    return theta3, theta4, omega3, omega4
 
 
 @pytest.mark.parametrize('assembly', ASSEMBLIES)
-@pytest.mark.parametrize('name', CHANGE_POINTS)
-def test_change_points_are_neared_to_1e_300_rad(name, assembly):
-    solver = Solver(four_bar(mechanisms.CHANGE_POINTS[name], 0.0, assembly))
-    near = [0.0, 1e-20, -1e-50, 1e-100, -1e-150, 1e-160, -1e-200, -1e-300, 1e-300]
-    assert max(worst_errors(solver, near, 2.0, 1.5)) < 1e-13
+@pytest.mark.parametrize('seed', range(3))
+def test_half_angle_solution_agrees_where_it_is_defined(seed, assembly):
+    rng = random.Random(seed)
+    middle = sorted(rng.uniform(1.6, 3) for _ in range(3))
+    crank = rng.uniform(0.2, 0.9) * (middle[0] + middle[1] - middle[2])
+    r, b, c, d = lengths = (min(crank, 1.4), *rng.sample(middle, 3))
+    coupler = Coupler(b, point=(0.7, -0.4))
+    solver = Solver(FourBar(Frame(d), Body(r), coupler, Body(c), assembly))
+    for alpha in np.arange(0.12, TURN, 0.19).tolist():
+        theta3, theta4, omega3, omega4 = half_angles(lengths, alpha, assembly)
+        state = solver.state(alpha, 1.0)
+        # A tangent of 89.9 deg or a small determinant costs the document digits, not us.
+        for angle, theta in zip(state.position[1:], (theta3, theta4), strict=True):
+            assert abs(math.remainder(angle - theta, TURN)) < 1e-9
+        assert state.velocity[1:] == pytest.approx((omega3, omega4), abs=1e-8)
+        # The coupler point: eq. a2, a3, 34, 35.
+        arm, lever = cmath.rect(r, alpha), complex(0.7, -0.4) * cmath.exp(1j * theta3)
+        point = solver.point(state, 'C')
+        assert complex(*point.position) == pytest.approx(arm + lever, abs=1e-8)
+        velocity = 1j * arm + 1j * omega3 * lever
+        assert complex(*point.velocity) == pytest.approx(velocity, abs=1e-7)
 
 
-@pytest.mark.parametrize('odd', [1, -1, 3, -7, 315])
-@pytest.mark.parametrize('name', ['p0', 'q0_rocker_longest', 'kite_r_d'])
-def test_frame_angle_of_half_turns_counts_as_the_nearer_to_zero(name, odd):
-    """The double nearest to 3 pi lies below it: it stands for almost pi, not for -pi."""
-    solver = Solver(four_bar(mechanisms.CHANGE_POINTS[name], odd * math.pi))
-    assert max(worst_errors(solver, [-2.0, 0.3, 1.0, 3.0, 5.0, 9.0], 2.0, 1.5)) < 1e-13
+def test_half_angle_solution_fails_where_its_denominator_vanishes_and_ours_does_not():
+    with pytest.raises(ZeroDivisionError):
+        half_angles((1.0, 1.0, 1.0, 1.0), 0.0, 'open')
+    state = Solver(four_bar((1.0, 1.0, 1.0, 1.0), 0.0)).state(0.0, 1.0)
+    assert state.velocity == pytest.approx((1.0, 0.0, 1.0), abs=1e-14)
 
 
-GAPS = 0.0, 2.0**-7, 2.0**-33, 2.0**-46
-
-
-@pytest.mark.parametrize('assembly', ASSEMBLIES)
-@pytest.mark.parametrize('first', GAPS)
-@pytest.mark.parametrize('second', GAPS)
-def test_nearly_concentric_linkages_keep_all_digits(first, second, assembly):
-    """Crank nearly as long as the frame, coupler as the rocker: A passes B0 closely."""
-    for frame, coupler in ((1.3, 2.7), (2.7, 1.3)):
-        for signs in itertools.product((1, -1), repeat=2):
-            lengths = frame + signs[0] * first, coupler, coupler + signs[1] * second, frame
-            assert Fraction(lengths[0]) - Fraction(frame) == signs[0] * Fraction(first)
-            solver = Solver(four_bar(lengths, 0.3, assembly))
-            if solver.mobility.turns_fully:
-                close = [x * gap for gap in {first, second} for x in (0.1, -0.7, 1.0, 4.0)]
-                angles = [0.3, 0.3 + 1e-9, 2.0, *(0.3 + x for x in close)]
-                assert max(worst_errors(solver, angles, 2.0, 1.5, period=6)) < 1e-13
-
-
-@pytest.mark.parametrize('assembly', ASSEMBLIES)
-@pytest.mark.parametrize('gap', ['1e-6', '1e-14'])
-def test_nearly_concentric_linkage_in_decimals_loses_only_what_its_doubles_lose(gap, assembly):
-    """Typing 1.000001 m moves r - d by half an ulp of 1 m; the motion depends on (r - d)/gap."""
-    meant = 1 + Fraction(gap), 2, 2 + Fraction(gap), 1
-    solver = Solver(four_bar(meant, 0.3, assembly))
-    angles = [0.3 + x * float(gap) for x in (0.0, 0.1, -0.5, 1.0, 5.0)] + [1.0, 3.0]
-    errors = worst_errors(solver, angles, 2.0, 1.5, meant)
-    assert max(errors) < max(1e-13, 4 * math.ulp(1.0) / float(gap))
+# Where doubles are coarse.
 
 
 @pytest.mark.parametrize('assembly', ASSEMBLIES)
-@pytest.mark.parametrize('power', [10, 30, 44, 46])
+@pytest.mark.parametrize('power', [10, 30, 46])
 def test_loop_closes_where_doubles_miss_an_equality_by_an_ulp_or_two(power, assembly):
     """Below 4 ulp the equality counts as met, also where d - r itself is not much more."""
     gap = 2.0**-power
-    for signs in itertools.product((1, -1), repeat=2):
-        for ulps in (-1, 1):
-            lengths = 1 + signs[0] * gap, 2, 2 + signs[1] * gap + ulps * math.ulp(1.0) * 2, 1
-            solver = Solver(four_bar(lengths, 0.3, assembly))
-            assert solver.mobility.grashof == 'change-point'
-            for part in (0.0, 0.1, -0.4, 1.0, 3.0, 100.0):
-                crank = 0.3 + part * gap
-                vectors = zip(solver.state(crank).position, lengths, strict=False)
-                A, coupler, rocker = (cmath.rect(length, angle) for angle, length in vectors)
-                assert abs(A + coupler - rocker - cmath.exp(0.3j)) <= 8 * math.ulp(2.0)
-
-
-@pytest.mark.parametrize('ratio', [1e-2, 1e-8])
-@pytest.mark.parametrize('place', ['crank', 'frame'])
-def test_short_cranks_and_frames_keep_all_digits(place, ratio):
-    lengths = (ratio, 1, 1.2, 0.9) if place == 'crank' else (0.9, 1, 1.2, ratio)
-    solver = Solver(four_bar(lengths))
-    angles = [-3.0, -1.5, 0.3, 1.0, 2.0, 3.4, 5.0]
-    assert max(worst_errors(solver, angles, 2.0, 1.5)) < 1e-13
-
-
-# Cranks that do not turn fully.
-
-
-def effect_of_one_ulp(linkage, crank):
-    """How far the exact state moves when each length moves by one ulp."""
-    oracle = Oracle(linkage)
-    base = reference_row(oracle, crank)
-    moved = [0] * 10
-    for link in range(4):
-        lengths = list(oracle.lengths)
-        lengths[link] += Fraction(math.ulp(float(lengths[link])))
-        after = reference_row(Oracle(linkage, lengths), crank)
-        after = [x - y for x, y in zip(after, base, strict=True)]
-        after[:3] = [wrap(x) for x in after[:3]]
-        moved = [total + abs(x) for total, x in zip(moved, after, strict=True)]
-    return base, moved
-
-
-def reference_row(oracle, crank):
-    state = oracle.state(crank, 2.0, 1.5)
-    return *state.position, *state.velocity, *state.acceleration, state.torque
-
-
-@settings(max_examples=15)
-@given(
-    st.tuples(*[st.integers(20, 1000)] * 4), st.floats(0, 1), st.sampled_from([1e-2, 1e-4, 1e-6])
-)
-def test_limited_crank_is_as_right_as_its_lengths(lengths, where, distance):
-    """Close to a limit all is 1/sqrt(distance): the rounding of the lengths is seen, no more."""
-    if max(lengths) * 2 >= sum(lengths):
-        return
-    solver = Solver(four_bar([x / 1000 for x in lengths]))
-    if solver.mobility.turns_fully or solver.mobility.equalities:
-        return  # doubles that miss an equality by rounding stand for other lengths
-    start, end = solver.mobility.arcs[0]
-    for crank in (start + where * (end - start), start + distance, end - distance):
-        if start + 0.9 * distance < crank < end - 0.9 * distance:
-            got = rows(solver.state(crank, 2.0, 1.5))
-            base, moved = effect_of_one_ulp(solver.mechanism, crank)
-            for i, (x, right, effect) in enumerate(zip(got.tolist(), base, moved, strict=True)):
-                error = abs(wrap(x - right)) if i < 3 else abs(x - right)
-                assert error <= 4 * effect + 1e-14 * (1 + abs(right))
-
-
-@pytest.mark.parametrize('gap', [-1e-5, 1e-12, 0.0])
-@pytest.mark.parametrize('coupler_rocker', [(2, 1.4), (1.4, 2), (0.7, 0.6), (0.3, 0.2)])
-def test_limited_crank_as_long_as_the_frame_keeps_its_digits(coupler_rocker, gap):
-    for assembly in ASSEMBLIES:
-        solver = Solver(four_bar((1 + gap, *coupler_rocker, 1), 0.3, assembly))
-        assert not solver.mobility.turns_fully
-        for start, end in solver.mobility.arcs:
-            for part in (0.1, 0.51):
-                crank = start + part * (end - start)
-                errors = worst_errors(solver, [crank], 2.0, 1.5, period=0, floor=1)
-                assert max(errors) < 1e-13
-
-
-@pytest.mark.parametrize('assembly', ASSEMBLIES)
-@pytest.mark.parametrize('lengths', [(2, 2, 1, 3), (2, 1, 2, 3), (3, 1, 2, 2)])
-@pytest.mark.parametrize('angle', [0.0, 0.3])
-def test_limited_crank_passes_the_change_point_inside_its_arc(lengths, angle, assembly):
-    solver = Solver(four_bar(lengths, angle, assembly))
-    assert not solver.mobility.turns_fully
-    near = [angle + x for x in (-0.1, -1e-9, 0.0, 1e-200, 1e-12, 0.1)]
-    assert max(worst_errors(solver, near, 2.0, 1.5, period=0)) < 1e-13
+    for sign, other, ulps in itertools.product((1, -1), repeat=3):
+        lengths = 1 + sign * gap, 2, 2 + other * gap + ulps * math.ulp(1.0) * 2, 1
+        solver = Solver(four_bar(lengths, 0.3, assembly))
+        assert solver.mobility.grashof == 'change-point'
+        for part in (0.0, 0.1, -0.4, 1.0, 3.0, 100.0):
+            position = solver.state(0.3 + part * gap).position
+            A, coupler, rocker = (cmath.rect(*x) for x in zip(lengths, position, strict=False))
+            assert abs(A + coupler - rocker - cmath.exp(0.3j)) <= 8 * math.ulp(2.0)
 
 
 def test_first_angle_out_of_reach_of_an_array_is_named():
@@ -283,23 +130,9 @@ def test_first_angle_out_of_reach_of_an_array_is_named():
 
 def test_crank_is_refused_exactly_at_its_limit():
     """Frame = crank + coupler + rocker: one single position, stretched straight."""
-    for crank in (0.0, np.zeros(2), np.float64(0)):
+    for crank in (0.0, np.zeros(2)):
         with pytest.raises(UnreachableError, match='cannot move at 0 deg'):
             Solver(FourBar(Frame(6.0), Body(1.0), Coupler(2.0), Body(3.0))).state(crank)
-
-
-@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize('lengths', [(1, 2.5, 2, 3), (1, 2, 1, 2), (2, 1, 1.5, 2)])
-@pytest.mark.parametrize(
-    ('place', 'name'), [(0, 'crank angle'), (1, 'speed'), (2, 'acceleration')]
-)
-def test_numbers_that_are_not_finite_are_refused(place, name, lengths, bad):
-    solver = Solver(four_bar(lengths))
-    for form in (float, np.array, lambda x: np.array([1.2, x]), lambda x: [[x], [1.2]]):
-        motion = [1.2, 1.0, 0.5]
-        motion[place] = form(bad)
-        with pytest.raises(ConfigurationError, match=f'{name} = {bad}: must be a finite number'):
-            solver.state(*motion)
 
 
 @pytest.mark.parametrize('form', [float, lambda x: np.array([x, x])])

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from mpmath import mp
 from oracle import Oracle
-from oracle_slider import SliderOracle
 
-from linkage_ros import FourBar, Solver, UnreachableError
+from linkage_ros import Solver, UnreachableError
 from linkage_ros.lab.methods import linkages, reference, registry
 from linkage_ros.lab.methods.accuracy import Measurement, mark_fronts, tasks
 from linkage_ros.lab.methods.bench import Bench, time_pass
@@ -44,16 +43,12 @@ def benches():
     return {name: Bench(found[name], 60) for name in PRESETS}
 
 
-def oracle_of(mechanism, lengths=None):
-    return (Oracle if isinstance(mechanism, FourBar) else SliderOracle)(mechanism, lengths)
-
-
 # ---------------------------------------------------------------- the reference
 
 
 def assert_same(task, crank, lengths=None):
     mine = Reference(task, lengths).state(crank)
-    other = oracle_of(task.mechanism, lengths).state(crank, task.speed, task.acceleration)
+    other = Oracle(task.mechanism, lengths).state(crank, task.speed, task.acceleration)
     with mp.workdps(60):
         for name, theirs in (
             ('position', other.position[1:]), ('rate', other.velocity[1:]),
