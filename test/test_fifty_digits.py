@@ -107,12 +107,12 @@ def sum_of_loop(oracle, asked):
     return vectors[0] + vectors[1] - place
 
 
-@each_assembly
 @pytest.mark.parametrize('name', ['parallelogram', 'kite_r_b', 'p0', 'q0_double_crank', 'upper'])
-def test_reference_moves_smoothly_through_change_points(name, assembly):
-    oracle, step = Oracle(of(CHANGE_POINTS[name], 5.5, assembly)), TURN / 48
-    states = [oracle.state(0.4 + i * step, 1.0) for i in range(2 * 48)]
-    for before, after in itertools.pairwise(states):
+def test_reference_moves_smoothly_through_change_points(name):
+    oracle, step = Oracle(of(CHANGE_POINTS[name], 5.5)), TURN / 48
+    for k, part in itertools.product(range(-3, 2), (-1.5, -0.5, 0.5)):
+        crank = line(CHANGE_POINTS[name], 5.5) + k * math.pi + part * step
+        before, after = (oracle.state(x, 1.0) for x in (crank, crank + step))
         for link in (1, 2):
             moved = after.position[link] - before.position[link]
             if oracle.turning[link]:
@@ -157,10 +157,10 @@ class Slipped:
 @pytest.mark.parametrize('field', ['position', 'velocity', 'acceleration', 'torque'])
 def test_comparison_of_states_catches_a_slip_of_a_part_in_1e12(field, name):
     """Negative control of worst_errors."""
-    angles, at = np.linspace(-6.0, 6.5, 8).tolist(), ('position', 'velocity', 'acceleration')
-    assert max(worst_errors(Solver(ALL[name]), angles)) < 1e-13
+    angles, at = np.linspace(-6.0, 6.5, 4).tolist(), ('position', 'velocity', 'acceleration')
+    assert max(worst_errors(Solver(ALL[name]), angles, period=0)) < 1e-13
     for link in range(3 if field in at else 1):
-        errors = worst_errors(Slipped(ALL[name], field, link), angles)
+        errors = worst_errors(Slipped(ALL[name], field, link), angles, period=0)
         assert errors[[*at, 'torque'].index(field)] > 3e-13
 
 
@@ -190,7 +190,7 @@ def test_comparison_of_forces_catches_a_slip(field, index, place):
 def test_comparison_catches_the_other_branch(name):
     right, other = (Solver(of(CHANGE_POINTS[name], 0.3, assembly)) for assembly in ASSEMBLIES)
     confused = SimpleNamespace(mechanism=right.mechanism, state=other.state, point=right.point)
-    assert min(worst_errors(confused, [1.0])[:4]) > 0.01
+    assert min(worst_errors(confused, [1.0], period=2)[:4]) > 0.01
 
 
 # Cranks that turn fully, and wind pumps.
@@ -200,7 +200,7 @@ def test_comparison_catches_the_other_branch(name):
 @pytest.mark.parametrize('motion', [(2.0, 1.5), (-150.0, 1e3)])
 def test_states_points_and_forces_are_right_around_two_turns(name, motion):
     solver, angles = Solver(ALL[name]), np.linspace(-6.0, 6.5, 5).tolist()
-    assert max(worst_errors(solver, angles, *motion)) < 1e-13
+    assert max(worst_errors(solver, angles, *motion, period=4)) < 1e-13
     assert max(force_errors(solver, angles, *motion)) < 1e-12
 
 
@@ -219,18 +219,17 @@ def test_any_mechanism_is_right(kind, data, angles):
 
 def around(lengths, angle, exponents):
     """Angles at, and on both sides of, change points of two turns."""
-    near = [0.0, *(sign * 10.0**-n for n in exponents for sign in (1, -1))]
+    near = [0.0, *((-1) ** n * 10.0**-n for n in exponents)]
     points = [line(lengths, angle) + k * math.pi for k in (-2, -1, 0, 1)]
     return [point + x for point in points for x in near] + [1.9]
 
 
-@each_assembly
-@pytest.mark.parametrize('angle', [0.3, -2.0])
+@pytest.mark.parametrize(('angle', 'assembly'), [(0.3, 'open'), (-2.0, 'crossed')])
 @through_change_points
 def test_change_points_are_hit_neared_and_passed(name, angle, assembly):
     lengths = CHANGE_POINTS[name]
     solver = Solver(of(lengths, angle, assembly))
-    assert max(worst_errors(solver, around(lengths, angle, (3, 9, 15)))) < 1e-13
+    assert max(worst_errors(solver, around(lengths, angle, (3, 8, 9, 15)))) < 1e-13
 
 
 @pytest.mark.parametrize('name', CHANGE_POINTS)
@@ -269,11 +268,13 @@ def test_lengths_typed_in_decimals_meet_the_change_point_that_was_meant(text):
     assert Oracle(mechanism, meant).passes_change_point
     solver = Solver(mechanism)
     assert solver.reach.grashof == 'change-point'
-    assert max(worst_errors(solver, around(meant, 0.3, (3, 15)), lengths=meant)) < 1e-13
+    assert max(worst_errors(solver, around(meant, 0.3, (8, 15)), lengths=meant)) < 1e-13
 
 
 @pytest.mark.parametrize('gap', [1e-14, 1e-8])
-@through_change_points
+@pytest.mark.parametrize(
+    'name', ['rhombus', 'p0', 'p0_double_crank', 'q0_rocker_longest', 'kite_r_d', 'upper', 'lower']
+)
 def test_lengths_a_little_off_a_change_point_keep_all_digits(name, gap):
     tried = 0
     for link, sign in itertools.product(range(len(CHANGE_POINTS[name])), (1, -1)):
@@ -283,9 +284,9 @@ def test_lengths_a_little_off_a_change_point_keep_all_digits(name, gap):
         if solver.reach.turns_fully and not solver.reach.has_change_point:
             width, first = math.sqrt(gap), line(lengths, 0.3)
             angles = [first + x for x in (0.0, -width / 3, math.pi, math.pi + gap)]
-            assert max(worst_errors(solver, angles)) < 1e-13
+            assert max(worst_errors(solver, angles, period=4)) < 1e-13
             tried += 1
-    assert tried or name in {'parallelogram', 'kite_r_b', 'kite_r_b_long_crank', 'both'}
+    assert tried
 
 
 GAPS = 0.0, 2.0**-7, 2.0**-33
@@ -295,9 +296,9 @@ GAPS = 0.0, 2.0**-7, 2.0**-33
 @pytest.mark.parametrize(('first', 'second'), list(itertools.product(GAPS, repeat=2)))
 def test_nearly_concentric_linkages_keep_all_digits(first, second, assembly):
     """A passes B0 closely, or B passes A0 closely: links in pairs of nearly equal lengths."""
+    frame, coupler = (1.3, 2.7) if assembly == 'open' else (2.7, 1.3)
     cases = [
         (frame + sign * first, coupler, coupler + other * second, frame)
-        for frame, coupler in ((1.3, 2.7), (2.7, 1.3))
         for sign, other in itertools.product((1, -1), repeat=2)
     ]
     cases += [(1.3, 1.3 + first, second), (1.3, 1.3 + first, -second)]
@@ -332,7 +333,7 @@ def test_tiny_huge_and_odd_proportions_keep_all_digits(lengths):
 def test_an_offset_of_rounding_size_counts_as_none(offset):
     solver = Solver(of((1, 1, offset), 0.3))
     assert (solver.reach.grashof, solver.reach.period_turns) == ('change-point', 1)
-    around_both = around((1, 1, 0), 0.3, (3, 15))
+    around_both = around((1, 1, 0), 0.3, (8, 15))
     assert max(worst_errors(solver, around_both, lengths=(1, 1, 0))) < 1e-13
 
 
