@@ -71,52 +71,28 @@ LISTED = 'linkage_node --help, or docs/reference.md, lists all'
 BAD_VALUES = [
     # Lengths.
     (FOUR, 'crank.length', 0, f'crank.length = 0: {A_LENGTH}'),
-    (FOUR, 'coupler.length', -0.3, f'coupler.length = -0.3: {A_LENGTH}'),
     (FOUR, 'rocker.length', NAN, f'rocker.length = nan: {A_LENGTH}'),
-    (FOUR, 'frame.length', INF, f'frame.length = inf: {A_LENGTH}'),
-    (FOUR, 'frame.length', 1e10, f'frame.length = 10000000000.0: {A_LENGTH}'),
     (FOUR, 'crank.length', 1e-10, f'crank.length = 1e-10: {A_LENGTH}'),
-    (FOUR, 'crank.length', '0.1', f"crank.length = '0.1': {A_LENGTH}"),
     (FOUR, 'rocker.length', [0.5], f'rocker.length = [0.5]: {A_LENGTH}'),
     (FOUR, 'coupler.length', True, f'coupler.length = True: {A_LENGTH}'),
-    (FOUR, 'frame.length', None, f'frame.length = None: {A_LENGTH}'),
-    (SLIDER, 'crank.length', -0.0, f'crank.length = -0.0: {A_LENGTH}'),
-    (SLIDER, 'coupler.length', -INF, f'coupler.length = -inf: {A_LENGTH}'),
-    (SLIDER, 'coupler.length', 5e-324, f'coupler.length = 5e-324: {A_LENGTH}'),
     (SLIDER, 'crank.length', 10**400, f'crank.length = 10000000…: {A_LENGTH}'),
-    (SLIDER, 'crank.length', '10 cm', f"crank.length = '10 cm': {A_LENGTH}"),
     (SLIDER, 'crank.length', 'a\nb', rf"crank.length = 'a\nb': {A_LENGTH}"),
     (SLIDER, 'slider.offset', NAN, f'slider.offset = nan: {AN_OFFSET}'),
-    (SLIDER, 'slider.offset', -1e10, f'slider.offset = -10000000000.0: {AN_OFFSET}'),
-    (SLIDER, 'slider.offset', 'left', f"slider.offset = 'left': {AN_OFFSET}"),
-    (SLIDER, 'slider.offset', [0.1], f'slider.offset = [0.1]: {AN_OFFSET}'),
-    (SLIDER, 'slider.offset', False, f'slider.offset = False: {AN_OFFSET}'),
     # Masses, forces, centres, the traced point, gravity.
     (FOUR, 'crank.mass', -1, f'crank.mass = -1: {A_MASS}'),
-    (FOUR, 'rocker.mass', NAN, f'rocker.mass = nan: {A_MASS}'),
-    (FOUR, 'coupler.mass', 1e13, f'coupler.mass = 10000000000000.0: {A_MASS}'),
     (FOUR, 'rocker.inertia', -1e-9, f'rocker.inertia = -1e-09: {AN_INERTIA}'),
-    (SLIDER, 'coupler.inertia', 'light', f"coupler.inertia = 'light': {AN_INERTIA}"),
-    (SLIDER, 'slider.mass', -0.5, f'slider.mass = -0.5: {A_MASS}'),
     (SLIDER, 'slider.damping', -0.1, 'slider.damping = -0.1: must be a number from 0 … N s/m'),
     (SLIDER, 'slider.force', INF, 'slider.force = inf: must be a number from -1e+12 to 1e+12 N'),
     (FOUR, 'coupler.center', [0.1], f'coupler.center = [0.1]: {A_PAIR}'),
     (FOUR, 'rocker.center', [1, 2, 3], f'rocker.center = [1, 2, 3]: {A_PAIR}'),
-    (FOUR, 'crank.center', 0.1, f'crank.center = 0.1: {A_PAIR}'),
-    (SLIDER, 'coupler.center', '0.1 0.2', f"coupler.center = '0.1 0.2': {A_PAIR}"),
     (SLIDER, 'crank.center', [NAN, 0], f'crank.center = [nan, 0]: {A_PAIR}'),
-    (FOUR, 'coupler.point', [0.1], f'coupler.point = [0.1]: {A_PAIR}'),
     (SLIDER, 'coupler.point', [0, 1e10], f'coupler.point = [0, 10000000000.0]: {A_PAIR}'),
-    (SLIDER, 'coupler.point', 'tip', f"coupler.point = 'tip': {A_PAIR}"),
     (FOUR, 'gravity', 9.81, 'gravity = 9.81: must be two numbers, each from …'),
-    (SLIDER, 'gravity', [0, -9.81, 0], 'gravity = [0, -9.81, 0]: must be two numbers, …'),
     (FOUR, 'gravity', [0, -1e7], 'gravity = [0, -10000000.0]: … from -1e+06 to 1e+06 m/s^2'),
     # Angles and motion.
     (FOUR, 'frame.angle', '30 deg', f"frame.angle = '30 deg': {AN_ANGLE}"),
-    (SLIDER, 'frame.angle', 1e4, f'frame.angle = 10000.0: {AN_ANGLE}'),
     (FOUR, 'crank_angle', INF, 'crank_angle = inf: must be a number from -1e+06 to 1e+06 rad'),
     (FOUR, 'rpm', 1e7, f'rpm = 10000000.0: {AN_RPM}'),
-    (SLIDER, 'rpm', 'fast', f"rpm = 'fast': {AN_RPM}"),
     (FOUR, 'start_rpm', -1e7, f'start_rpm = -10000000.0: {AN_RPM}'),
     (SLIDER, 'crank_acceleration', -1, 'crank_acceleration = -1: must be a number from 0 …'),
     (
@@ -126,29 +102,18 @@ BAD_VALUES = [
         'lead_time = 0.1: … on effort_command_topic … or leave lead_time out',
     ),
     (FOUR, 'rate_hz', 0, f'rate_hz = 0: {A_RATE}'),
-    (SLIDER, 'rate_hz', 1e6, f'rate_hz = 1000000.0: {A_RATE}'),
-    (SLIDER, 'rate_hz', NAN, f'rate_hz = nan: {A_RATE}'),
     # Words and switches.
     (FOUR, 'mechanism', 'five_bar', "mechanism = 'five_bar': must be one of four_bar, slider_…"),
-    (SLIDER, 'mechanism', 'SliderCrank', "mechanism = 'SliderCrank': must be one of four_bar, …"),
-    (FOUR, 'mechanism', 4, 'mechanism = 4: must be one of four_bar, slider_crank…'),
     (FOUR, 'drive', 'hand', "drive = 'hand': must be one of speed…"),
     (FOUR, 'assembly', 'Open', "assembly = 'Open': must be one of open, crossed"),
-    (SLIDER, 'assembly', 'left', "assembly = 'left': must be one of open, crossed"),
     (SLIDER, 'assembly', -1, 'assembly = -1: must be one of open, crossed'),
     (FOUR, 'log', 5, 'log = 5: must be text'),
     (SLIDER, 'log_overwrite', 'yes', "log_overwrite = 'yes': must be true or false"),
-    (SLIDER, 'viewer', True, 'viewer = True: must be text'),
-    (FOUR, 'viewer_bind', ['a', 'b'], "viewer_bind = ['a', 'b']: must be text"),
     # Names: misspelt, another mechanism's, of no mechanism.
     (FOUR, 'crank.lenght', 1, f"'crank.lenght' is … did you mean crank.length? {LISTED}"),
-    (SLIDER, 'slider.ofset', 1, f"'slider.ofset' is … mean slider.offset? {LISTED}"),
-    (SLIDER, 'coupler.centre', [0, 0], "'coupler.centre' is … mean coupler.center? …"),
     (FOUR, 'coupler.point.x', 1, "'coupler.point.x' is … mean coupler.point? …"),
     (SLIDER, 'rmp', 1, "'rmp' is not a parameter of a slider_crank; did you mean rpm? …"),
     (SLIDER, 'rocker.length', 1, '… of a slider_crank, but of a four_bar: leave it out'),
-    (SLIDER, 'frame.length', 1, "'frame.length' is … of a slider_crank, but of a four_bar…"),
-    (SLIDER, 'rocker.mass', 1, "'rocker.mass' is … of a slider_crank, but of a four_bar…"),
     (FOUR, 'slider.offset', 0, '… of a four_bar, but of a slider_crank: leave it out'),
     (FOUR, 'slider.damping', 1, '… a four_bar, but of a slider_crank or a wind_pump: leave …'),
     (FOUR, 'frame.mass', 1, f"'frame.mass' is … of a four_bar…{LISTED}"),
@@ -156,8 +121,6 @@ BAD_VALUES = [
     (SLIDER, 'a\nb', 1, rf"'a\nb' is not a parameter of a slider_crank…{LISTED}"),
     # Words that are spelt differently, groups, and groups of other mechanisms or drives.
     (FOUR, 'rocker.weight', 1, "'rocker.weight' is … did you mean rocker.mass? …"),
-    (SLIDER, 'slider.weight', 1, "'slider.weight' is … did you mean slider.mass? …"),
-    (FOUR, 'crank.radius', 1, "'crank.radius' is … did you mean crank.length? …"),
     (FOUR, 'crank_length', 1, "'crank_length' is … did you mean crank.length? …"),
     (FOUR, 'crank_speed', 1, "'crank_speed' is … did you mean rpm? …"),
     (FOUR, 'crnk.weight', 1, "'crnk.weight' is … did you mean crank.mass? …"),
@@ -166,17 +129,11 @@ BAD_VALUES = [
     (FOUR, 'crank', 0.1, "'crank' is … crank has length, mass, inertia, center: … lists all"),
     (FOUR, 'length', 1, f"'length' is not a parameter of a four_bar: {LISTED}"),
     (FOUR, 'slider.length', 1, "'slider.length' is … of a four_bar, which has no slider: leave …"),
-    (FOUR, 'slider.weight', 1, "'slider.weight' is … which has no slider: leave it out"),
     (SLIDER, 'rocker.weight', 1, "'rocker.weight' is … which has no rocker: leave it out"),
     (FOUR, 'motor.force', 1, "'motor.force' is … of a four_bar, which has no motor: leave it out"),
     # What is required.
     (FOUR, 'frame.length', LEFT_OUT, f'frame.length is missing: {A_LENGTH}'),
-    (FOUR, 'crank.length', LEFT_OUT, f'crank.length is missing: {A_LENGTH}'),
-    (FOUR, 'rocker.length', LEFT_OUT, f'rocker.length is missing: {A_LENGTH}'),
     (FOUR, 'rpm', LEFT_OUT, f'rpm is missing: {AN_RPM}'),
-    (SLIDER, 'crank.length', LEFT_OUT, f'crank.length is missing: {A_LENGTH}'),
-    (SLIDER, 'coupler.length', LEFT_OUT, f'coupler.length is missing: {A_LENGTH}'),
-    (SLIDER, 'rpm', LEFT_OUT, f'rpm is missing: {AN_RPM}'),
 ]
 
 # Crank, coupler, rocker and frame, or crank, coupler and offset: no position at all.
@@ -250,16 +207,6 @@ def described(kind, lengths):
     return SliderCrank(Body(r), Coupler(b), Slider(e), Guide(DIRECTION))
 
 
-def closes(kind, lengths, crank):
-    """Whether the loop closes at a crank angle, by the triangle of coupler and output link."""
-    if kind == FOUR:
-        r, b, c, d = lengths
-        diagonal = abs(d - r * np.exp(1j * (crank - DIRECTION)))
-        return abs(b - c) <= diagonal <= b + c
-    r, b, e = lengths
-    return abs(e - r * math.sin(crank - DIRECTION)) <= b
-
-
 # ---------------------------------------------------------------- asked of a mechanism in Python
 
 CRANK_ROCKER = FourBar(Frame(2.0), Body(1.0), Coupler(3.0), Body(2.5))
@@ -275,18 +222,10 @@ OVERFLOW = 'the torque or an acceleration overflows at … crank speed = 1e+200�
 BAD_CALLS = [
     # Parts and mechanisms.
     (lambda: Body(-1.0), f'length = -1.0: {A_LENGTH}'),
-    (lambda: Body(1.0, mass=-2.0), f'mass = -2.0: {A_MASS}'),
     (lambda: Body(1.0, inertia=NAN), f'inertia = nan: {AN_INERTIA}'),
     (lambda: Body(1.0, center=(1.0,)), f'center = (1.0,): {A_PAIR}'),
-    (lambda: Body(1.0, center=(1.0, 2.0, 3.0)), f'center = (1.0, 2.0, 3.0): {A_PAIR}'),
-    (lambda: Coupler(1.0, point='tip'), f"point = 'tip': {A_PAIR}"),
-    (lambda: Frame(0.0), f'length = 0.0: {A_LENGTH}'),
     (lambda: Frame(1.0, angle=2e3), f'angle = 2000.0: {AN_ANGLE}'),
-    (lambda: Guide('level'), f"angle = 'level': {AN_ANGLE}"),
-    (lambda: Slider(offset=NAN), f'offset = nan: {AN_OFFSET}'),
-    (lambda: Slider(damping=-1.0), 'damping = -1.0: must be a number from 0 … N s/m'),
     (lambda: replace(CRANK_ROCKER, assembly='up'), "assembly = 'up': … one of open, crossed"),
-    (lambda: replace(CENTRIC, assembly=None), 'assembly = None: must be one of open, crossed'),
     (lambda: replace(CENTRIC, gravity=-9.81), 'gravity = -9.81: must be two numbers, …'),
     (
         lambda: replace(CRANK_ROCKER, rocker=Body(7.0)),
@@ -294,20 +233,15 @@ BAD_CALLS = [
     ),
     (lambda: replace(CENTRIC, slider=Slider(4.0)), 'the offset of the slider, 4 m, … by 0.5 m: …'),
     (lambda: SpeedDrive(2e6), f'rpm = 2000000.0: {AN_RPM}'),
-    (lambda: SpeedDrive(60.0, start_rpm=NAN), f'start_rpm = nan: {AN_RPM}'),
     (lambda: SpeedDrive(60.0, crank_acceleration=-1.0), 'crank_acceleration = -1.0: must be …'),
     # States.
     (lambda: state(STRETCHED, math.pi), f'{CANNOT_MOVE} 180 deg: … it reaches … deg'),
     (lambda: state(STRETCHED, [0.1, 3.0, 3.1]), f'{CANNOT_MOVE} 171.887339 deg: … reaches …'),
-    (lambda: state(OFFSET, -math.pi / 2), '… cannot move at -90 deg: … it reaches … deg'),
-    (lambda: state(OFFSET, np.full((2, 2), 5.0)), '… cannot move at 286.478898 deg: … reaches …'),
     (
         lambda: Solver(STRETCHED).reach.require_full_turn(),
         '… cannot turn fully: … it reaches … deg',
     ),
     (lambda: state(CRANK_ROCKER, NAN), 'crank angle = nan: must be a finite number'),
-    (lambda: state(CRANK_ROCKER, [0.0, -INF]), 'crank angle = -inf: must be a finite number'),
-    (lambda: state(CENTRIC, 0.0, INF), 'crank speed = inf: must be a finite number'),
     (lambda: state(CENTRIC, [0.0, 1.0], [1.0, NAN]), 'crank speed = nan: must be a finite number'),
     (
         lambda: state(CRANK_ROCKER, 0.0, 1.0, NAN),
@@ -327,12 +261,9 @@ BAD_CALLS = [
     (lambda: Coupler(1.0, point=np.eye(2)), f'point = array([[1., 0.], [0., 1.]]): {A_PAIR}'),
     # Points and reactions.
     (lambda: point(CRANK_ROCKER, 'C'), "point 'C': must be one of A0, A, B, B0"),
-    (lambda: point(TRACED, 'D'), "point 'D': must be one of A0, A, B, B0, C"),
-    (lambda: point(CENTRIC, 'B0'), "point 'B0': must be one of A0, A, B"),
     (lambda: point(CENTRIC, 'a0'), "point 'a0': must be one of A0, A, B"),
     (lambda: forces(PARALLELOGRAM, 0.25), 'at 14.3239449 deg … change point; ask for angles …'),
     (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 90 deg … change point; ask for angles beside it'),
-    (lambda: forces(PARALLELOGRAM, [0.2, 0.25, 0.3]), 'at 14.3239449 deg all links lie in one …'),
 ]
 
 
@@ -370,7 +301,6 @@ def test_what_is_changed_in_the_table_was_good():
     for mechanism in (CRANK_ROCKER, TRACED, PARALLELOGRAM, CENTRIC):
         assert np.isfinite(state(mechanism, [0.1, 2.0], 3.0, -4.0).torque).all()
         assert all(map(math.isfinite, forces(mechanism, 0.2).shaking_force))
-    assert len(BAD_VALUES) >= 45
 
 
 @pytest.mark.parametrize(('kind', 'name', 'value', 'expected'), BAD_VALUES)
@@ -400,17 +330,11 @@ def limits(words):
     return found, cures
 
 
-def reach(words):
-    """The arcs in a message, rad."""
-    arcs = words.rpartition('it reaches ')[2].split(' and ')
-    ends = [re.fullmatch(r'(\S+) to (\S+) deg', arc).groups() for arc in arcs]
-    return [tuple(math.radians(float(end)) for end in pair) for pair in ends]
-
-
 @pytest.mark.parametrize(('kind', 'grashof', 'lengths', 'stops', 'cure'), LIMITED)
-def test_crank_that_cannot_turn_is_refused_with_class_and_reach(
+def test_crank_that_cannot_turn_is_refused_with_class_limits_and_cure(
     kind, grashof, lengths, stops, cure
 ):
+    """A state out of reach has the same words; test_mobility.py follows reach and cures."""
     words = refused(
         lambda: configure(parameters(kind, lengths)),
         f'the crank of this {grashof} linkage cannot turn fully: … it reaches … deg',
@@ -419,35 +343,11 @@ def test_crank_that_cannot_turn_is_refused_with_class_and_reach(
     found, cures = limits(words)
     assert found == stops
     assert re.fullmatch('.*'.join(map(re.escape, re.split(' ?… ?', cure))), cures), cures
-    arcs, hair = reach(words), math.radians(0.01)
-    for start, end in arcs:
-        # The loop closes between the ends, and not beside them.
-        for inside in np.linspace(start + hair, end - hair, 9):
-            assert closes(kind, lengths, inside)
-        assert not closes(kind, lengths, start - hair)
-        assert not closes(kind, lengths, end + hair)
-    whole = np.linspace(0, 2 * math.pi, 1000)
-    share = np.mean([closes(kind, lengths, crank) for crank in whole])
-    assert share * 2 * math.pi == pytest.approx(sum(end - start for start, end in arcs), abs=0.02)
-
-
-@pytest.mark.parametrize(('kind', 'grashof', 'lengths', 'stops', 'cure'), LIMITED)
-def test_state_out_of_reach_is_refused_with_the_same_words(kind, grashof, lengths, stops, cure):
     solver = Solver(described(kind, lengths))
-    full = refused(solver.reach.require_full_turn, '…', MechanismError)
-    crank = reach(full)[0][1] + 0.02
-    words = refused(lambda: solver.state(crank, 1.0), '…', UnreachableError)
-    assert words == full.replace('turn fully', f'move at {math.degrees(crank):.9g} deg')
+    crank = solver.reach.arcs[0][1] + 0.02
+    moved = refused(lambda: solver.state(crank, 1.0), '…', UnreachableError)
+    assert moved == words.replace('turn fully', f'move at {math.degrees(crank):.9g} deg')
     assert np.isfinite(solver.state(crank - 0.04, 1.0).torque)
-
-
-def test_every_class_of_limited_crank_is_in_the_table():
-    kinds = {(kind, grashof) for kind, grashof, *_ in LIMITED}
-    assert kinds == {
-        *((FOUR, grashof) for grashof in ('triple-rocker', 'double-rocker', 'rocker-crank')),
-        *((SLIDER, grashof) for grashof in ('non-Grashof', 'rotating-coupler')),
-        *((kind, 'change-point') for kind in (FOUR, SLIDER)),
-    }
 
 
 @pytest.mark.parametrize(('call', 'expected'), BAD_CALLS)

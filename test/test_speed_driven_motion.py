@@ -17,7 +17,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp
 
-from linkage_ros import ConfigurationError
 from linkage_ros.log.metadata import decode_motion, encode_motion
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.motion.speed_driven import SpeedMotion
@@ -84,34 +83,18 @@ def ulps(value, exact):
 
 
 @pytest.mark.parametrize('rpm', RPMS)
-@pytest.mark.parametrize('start', [0, NOW, -NOW])
-def test_phase_is_the_exact_fraction_of_turns(rpm, start):
-    motion = begin(rpm, start)
+@pytest.mark.parametrize(('crank_angle', 'start'), [(0.0, 0), (-2.5, NOW), (1e6, -NOW)])
+def test_phase_is_exact_and_angles_are_correctly_rounded(rpm, crank_angle, start):
+    motion = begin(rpm, start, crank_angle=crank_angle)
     for elapsed in ELAPSED:
-        assert motion.phase(start + elapsed) == Fraction(rpm) * elapsed / MINUTE
-        assert motion.speed(start + elapsed) == Fraction(rpm)
-
-
-@pytest.mark.parametrize('rpm', RPMS)
-@pytest.mark.parametrize('crank_angle', [0.0, 0.1, -2.5, 1e6, -1e-6, math.pi])
-def test_angle_unwrapped_angle_and_speed_are_correctly_rounded(rpm, crank_angle):
-    motion = begin(rpm, NOW, crank_angle=crank_angle)
-    for elapsed in ELAPSED:
-        crank = motion.at(NOW + elapsed)
-        turned = Fraction(crank_angle) + TWO_PI * Fraction(rpm) * elapsed / MINUTE
+        crank, turns = motion.at(start + elapsed), Fraction(rpm) * elapsed / MINUTE
+        turned = Fraction(crank_angle) + TWO_PI * turns
         assert is_nearest(crank.unwrapped, turned), elapsed
         assert is_nearest(crank.q[0], turned % (2 * TWO_PI)), elapsed
         assert is_nearest(crank.u[0], TWO_PI * Fraction(rpm) / 60)
         assert crank.a[0] == 0.0
-
-
-@pytest.mark.parametrize('rpm', RPMS)
-def test_unwrapped_angle_agrees_with_sixty_digits(rpm):
-    motion = begin(rpm)
-    with mp.workdps(60):
-        for elapsed in ELAPSED[1:]:
-            exact = 2 * mp.pi * mp.mpf(rpm) * elapsed / MINUTE
-            assert ulps(motion.at(elapsed).unwrapped, exact) <= 0.5
+        assert motion.speed(start + elapsed) == Fraction(rpm)
+        assert abs(motion.phase(start + elapsed) - turned / TWO_PI) < GRID
 
 
 def test_is_nearest_sees_a_last_place_and_a_naive_phase_fails_it():
@@ -120,18 +103,6 @@ def test_is_nearest_sees_a_last_place_and_a_naive_phase_fails_it():
     assert not is_nearest(math.nextafter(float(exact), 0), exact)
     naive = (2 * math.pi * 0.1 / 60 * (10**18 + 1) * 1e-9) % (4 * math.pi)
     assert not is_nearest(naive, exact % (2 * TWO_PI))
-
-
-@pytest.mark.parametrize('rpm', RPMS)
-@pytest.mark.parametrize('acceleration', [0.0, 3.7])
-def test_angle_is_the_unwrapped_angle_less_whole_double_turns(rpm, acceleration):
-    motion = begin(rpm, start_rpm=-7.0, crank_acceleration=acceleration, crank_angle=-1.0)
-    for elapsed in ELAPSED:
-        crank = motion.at(elapsed)
-        assert 0 <= crank.q[0] <= 4 * math.pi  # the double 4 pi lies below 4 pi
-        rest = float(Fraction(crank.unwrapped) % (2 * TWO_PI))
-        ulp = max(math.ulp(crank.unwrapped), math.ulp(4 * math.pi))
-        assert seam_distance(crank.q[0], rest) <= ulp
 
 
 def test_a_billion_turns_later_every_angle_has_the_same_bits():
@@ -149,12 +120,6 @@ def test_a_billion_turns_later_every_angle_has_the_same_bits():
 def test_a_crank_angle_comes_back_with_its_own_bits():
     for angle in (0.1, 1.0, -math.pi, 12.5, 1e6, -1e6, 1e-9):
         assert begin(0.0, crank_angle=angle).at(10**15).unwrapped == angle
-
-
-def test_a_tiny_speed_and_angle_err_by_less_than_the_grid():
-    motion = begin(1e-25, crank_angle=1e-30)
-    exact = Fraction(1e-30) + TWO_PI * Fraction(1e-25) * 10**12 / MINUTE
-    assert abs(Fraction(motion.at(10**12).unwrapped) - exact) < Fraction(1e-37)
 
 
 # ---------------------------------------------------------------- ramps
@@ -234,12 +199,6 @@ def test_a_ramp_stops_at_the_moment_it_reaches_its_speed():
     assert motion.at(10**9 + 1).u[0] == 2 * math.pi
 
 
-def test_equal_start_speed_makes_no_ramp():
-    motion = begin(75.0, start_rpm=75.0, crank_acceleration=4.0)
-    assert motion.at(0) == ((0.0,), (75.0 * math.pi / 30,), (0.0,), 0.0)
-    assert motion.phase(MINUTE) == 75
-
-
 def test_without_acceleration_the_speed_moves_at_once_and_start_rpm_counts_for_nothing():
     plain, other = begin(150.0), begin(150.0, start_rpm=-40.0)
     for elapsed in ELAPSED:
@@ -248,12 +207,6 @@ def test_without_acceleration_the_speed_moves_at_once_and_start_rpm_counts_for_n
     assert other.time_to_turn(1) == 4 * 10**8
     # With an acceleration it does count.
     assert begin(150.0, start_rpm=-40.0, crank_acceleration=1.0).speed(0) == -40
-
-
-def test_start_rpm_defaults_to_rpm():
-    motion = begin(-33.3, crank_acceleration=5.0)
-    assert motion.at(0).a[0] == 0.0
-    assert motion.phase(MINUTE) == Fraction(-33.3)
 
 
 @pytest.mark.parametrize('acceleration', [1e-30, 1e-39, 1e-41, 5e-324])
@@ -280,12 +233,6 @@ def test_a_change_continues_phase_and_speed():
         assert (segment.stamp, segment.rpm, segment.acceleration) == (stamp, -60.0, 7.0)
 
 
-def test_a_change_without_acceleration_continues_the_phase_and_takes_the_new_speed():
-    motion = begin(150.0).change(10**9 + 1, -33.3)
-    assert abs(motion.phase(10**9 + 1) - Fraction(150) * (10**9 + 1) / MINUTE) <= GRID / 2
-    assert motion.speed(10**9 + 1) == Fraction(-33.3)
-
-
 def test_thousands_of_changes_lose_nothing():
     speeds = [150.0, 0.1, -33.3, 1e6, 1e-6, 0.0, 1 / 3]
     motion, exact, stamp = begin(speeds[-1], NOW), Fraction(0), NOW
@@ -296,24 +243,6 @@ def test_thousands_of_changes_lose_nothing():
         motion = motion.change(stamp, speeds[count % len(speeds)])
         assert abs(motion.phase(stamp) - exact) <= count * GRID / 2
     assert is_nearest(motion.at(stamp).unwrapped, TWO_PI * exact)
-
-
-def test_many_changes_on_ramps_stay_on_the_closed_form():
-    motion, stamp = begin(100.0, start_rpm=0.0, crank_acceleration=12.0), 0
-    with mp.workdps(60):
-        speed, angle = mp.mpf(0), mp.mpf(0)
-        for count in range(400):
-            step = 10**7 + 104_729 * count
-            ramp = Ramp(motion.segment.rpm, 0.0, 12.0)
-            ramp.start, ramp.angle = speed, angle
-            ramp.acceleration = 12 * mp.sign(ramp.end - speed)
-            ramp.time = abs(ramp.end - speed) / 12
-            angle, speed, _ = ramp.at(step)
-            stamp += step
-            motion = motion.change(stamp, (-1) ** count * 37.5 * (count % 5))
-            crank = motion.at(stamp)
-            assert abs(crank.unwrapped - angle) <= 1e-12 * max(1, abs(angle))
-            assert abs(crank.u[0] - speed) <= 1e-12 * max(1, abs(speed))
 
 
 @pytest.mark.parametrize('step', [-(10**15), -50_000_001, 0, 3_600 * 10**9, 10**18])
@@ -352,28 +281,6 @@ def test_changing_to_the_same_speed_changes_nothing(drive, stamps, later):
     assert got._replace(q=expected.q) == expected
     # Within 2^-128 of the seam, 0 and 4 pi are the same angle.
     assert seam_distance(got.q[0], expected.q[0]) <= math.ulp(4 * math.pi)
-
-
-@settings(max_examples=30, deadline=None)
-@given(drives, times)
-def test_a_mirrored_drive_gives_the_mirrored_motion(drive, elapsed):
-    start = None if drive.start_rpm is None else -drive.start_rpm
-    mirrored = SpeedDrive(-drive.rpm, start, drive.crank_acceleration, -drive.crank_angle)
-    crank = SpeedMotion.begin(drive, 0).at(elapsed)
-    other = SpeedMotion.begin(mirrored, 0).at(elapsed)
-    assert other.unwrapped == -crank.unwrapped
-    assert (other.u[0], other.a[0]) == (-crank.u[0], -crank.a[0])
-    assert seam_distance(other.q[0], 4 * math.pi - crank.q[0]) <= math.ulp(4 * math.pi)
-
-
-@settings(max_examples=30, deadline=None)
-@given(drives, times, st.integers(1, 10**9))
-def test_the_angle_turned_between_two_stamps_is_what_the_speeds_there_allow(drive, elapsed, step):
-    motion = SpeedMotion.begin(drive, 0)
-    turned = motion.phase(elapsed + step) - motion.phase(elapsed)
-    seen = [motion.speed(elapsed), motion.speed(elapsed + step)]
-    slack = 3 * GRID * (1 + Fraction(step, MINUTE))
-    assert min(seen) * step / MINUTE - slack <= turned <= max(seen) * step / MINUTE + slack
 
 
 # ---------------------------------------------------------------- time to turn
@@ -431,13 +338,6 @@ def test_time_to_turn_is_the_first_nanosecond(rpm, start_rpm, acceleration, turn
     assert got == brute_time_to_turn(motion, turns, 2 * got)
 
 
-@pytest.mark.parametrize('rpm', RPMS)
-@pytest.mark.parametrize('turns', [1, 2, 7, 100, 10**9])
-def test_time_to_turn_at_constant_speed_is_the_quotient_rounded_up(rpm, turns):
-    exact = turns * MINUTE / abs(Fraction(rpm))
-    assert begin(rpm, NOW, crank_angle=0.4).time_to_turn(turns) == math.ceil(exact)
-
-
 @pytest.mark.parametrize(
     ('rpm', 'start_rpm', 'acceleration', 'turns'),
     [(0.0, None, 0.0, 1), (0.0, 150.0, 0.0, 1), (0.0, 150.0, 3.0, 7), (0.0, -150.0, 3.0, 7)],
@@ -451,7 +351,7 @@ def test_a_crank_that_comes_to_rest_never_gets_there(rpm, start_rpm, acceleratio
 def test_time_to_turn_sees_a_peak_between_two_nanoseconds(sense):
     """Back by a turn and a little, then forward: the turn is reached near the reversal or late."""
     rng, peaks = random.Random(1), 0
-    for _ in range(200):
+    for _ in range(150):
         acceleration = rng.uniform(1e8, 5e8)
         # In a nanosecond beside the reversal the crank moves by 4e-11 turns at most.
         speed = math.sqrt(4 * math.pi * acceleration) * (1 + 2e-11 * rng.random()) * 30 / math.pi
@@ -505,20 +405,3 @@ def test_the_log_keeps_a_motion_to_the_last_bit(drive, elapsed, rpm, later):
             assert again.at(stamp) == motion.at(stamp)
             assert again.phase(stamp) == motion.phase(stamp)
             assert again.speed(stamp) == motion.speed(stamp)
-
-
-@pytest.mark.parametrize(
-    ('settings_', 'words'),
-    [
-        ({'rpm': math.nan}, r'rpm = nan: must be a number from -1e\+06 to 1e\+06 rpm'),
-        ({'rpm': 1e7}, 'rpm = 10000000.0: must be'),
-        ({'rpm': 'fast'}, "rpm = 'fast': must be"),
-        ({'rpm': True}, 'rpm = True: must be'),
-        ({'rpm': 1.0, 'start_rpm': math.inf}, 'start_rpm = inf: must be'),
-        ({'rpm': 1.0, 'crank_acceleration': -1.0}, 'crank_acceleration = -1.0: must be a number'),
-        ({'rpm': 1.0, 'crank_angle': 2e6}, 'crank_angle = 2000000.0: must be'),
-    ],
-)
-def test_a_bad_drive_is_refused(settings_, words):
-    with pytest.raises(ConfigurationError, match=words):
-        SpeedDrive(**settings_)
