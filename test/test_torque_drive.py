@@ -94,30 +94,21 @@ def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
     assert 'transmission' not in summary(swings, Solver(swings.mechanism))
     with pytest.raises(ConfigurationError, match=r'no motion starts there: .* cannot move at 180'):
         configure({**driven, 'crank_angle': math.pi})
+    with pytest.raises(ConfigurationError, match='something moves without a mass'):
+        configure({**driven, 'crank_angle': 0.5, 'crank.inertia': 0.0})
 
 
 @pytest.mark.parametrize(
     ('parameters', 'words'),
     [
         ({'slider.position': 5.0}, 'no motion starts there: coupler and rod do not reach'),
-        ({'slider.position': 'far'}, "slider.position = 'far': must be a number"),
-        ({'motor.torque': math.nan}, 'motor.torque = nan: must be a number'),
         ({'motor.damping': -1.0}, 'motor.damping = -1.0: must be a number from 0'),
         ({'command_timeout': 0.0}, 'command_timeout = 0.0: must be a number from 0.001'),
-        ({'torque_limit': -1.0}, 'torque_limit = -1.0: must be a number from 0'),
-        ({'rod.length': 0.0}, 'rod.length = 0.0: must be a number from'),
     ],
 )
 def test_bad_values_of_a_pump_are_refused(parameters, words):
     with pytest.raises(ConfigurationError, match=words):
         configure({**PUMP.parameters(), **parameters})
-
-
-def test_what_has_no_mass_cannot_be_driven():
-    values = {'mechanism': 'four_bar', 'drive': 'torque', 'frame.length': 0.4}
-    links = {f'{name}.length': 0.3 for name in ('crank', 'coupler', 'rocker')}
-    with pytest.raises(ConfigurationError, match='something moves without a mass'):
-        configure({**values, **links, 'crank_angle': 0.3})
 
 
 # ---------------------------------------------------------------- commands
@@ -144,24 +135,19 @@ def test_the_last_good_command_counts_until_it_is_too_old():
     assert (commands.taken, commands.refused, commands.cut) == (2, 0, 0)
 
 
-def test_a_command_beyond_the_limit_is_cut_and_counted():
-    commands = TorqueCommands(5.0, 0.5, Clock())
+def test_commands_count_from_when_they_came_and_within_their_limit():
+    clock = Clock()
+    commands = TorqueCommands(5.0, 0.5, clock)
     for torque, followed in ((5.0, 5.0), (5.1, 5.0), (-1e300, -5.0)):
         assert commands.hear(['crank'], [torque], 0.0) == ''
         assert commands.torque() == followed
     assert (commands.taken, commands.cut) == (3, 2)
-
-
-def test_a_command_counts_from_when_it_came_and_timeouts_are_counted():
-    clock = Clock()
-    commands = TorqueCommands(5.0, 0.5, clock)
     commands.hear(['crank'], [1.5], age=0.6)
     assert commands.torque() == 0.0
     commands.hear(['crank'], [1.5], age=0.4)
     assert commands.torque() == 1.5
     clock.now += 0.2
     assert (commands.torque(), commands.ended) == (0.0, 2)
-    commands.torque()
     assert commands.figures()['command timeouts'] == '2'
 
 
@@ -217,36 +203,17 @@ def test_a_command_names_the_crank_with_its_prefix():
 # ---------------------------------------------------------------- record
 
 
-@pytest.mark.parametrize('speed', [2.0, 6.0])
-def test_a_record_of_a_free_pump_keeps_its_energy_for_a_minute(tmp_path, speed):
-    free = changed(
-        drive={'motor': replace(PUMP.drive.motor, torque=0.0, damping=0.0),
-               'start_rpm': speed * 30 / math.pi},
-        mechanism={'slider': replace(PUMP.mechanism.slider, damping=0.0)},
-    )  # fmt: skip
-    assert record(free, tmp_path / 'run.mcap', duration=60) == 12_000
-    _, values = states(tmp_path / 'run.mcap')
-    solver = Solver(free.mechanism)
-    (crank, *_, slide), (speed_, *_, velocity) = values[:, 0].T, values[:, 1].T
-    energy = sum(solver.energy((crank, slide), (speed_, velocity)))
-    assert np.abs(energy - energy[0]).max() < 1e-10 * abs(energy[0])
-    assert crank[-1] > 12 * math.pi
-
-
-def test_the_recorded_pump_settles_at_its_two_speeds(tmp_path):
-    """The speed over the last turn; design.md's figures."""
-    for start, settled, stroke, seconds in ((2.0, 2.604, 0.519, 60), (6.0, 6.249, 0.138, 180)):
-        configuration = changed(
-            drive={'start_rpm': start * 30 / math.pi}, session={'rate_hz': 100.0}
-        )
-        record(configuration, tmp_path / f'{start}.mcap', duration=seconds)
-        times, values = states(tmp_path / f'{start}.mcap')
-        crank, slide = values[:, 0, 0], values[:, 0, -1]
-        last = math.floor(crank[-1] / (2 * math.pi)) * 2 * math.pi
-        moments = np.interp([last - 2 * math.pi, last], crank, times)
-        assert 2 * math.pi / np.diff(moments)[0] == pytest.approx(settled, abs=1e-3)
-        turn = slide[(times > moments[0]) & (times <= moments[1])]
-        assert np.ptp(turn) == pytest.approx(stroke, abs=1e-3)
+def test_the_recorded_pump_settles_at_its_slow_speed(tmp_path):
+    """The speed over the last turn."""
+    configuration = changed(drive={'start_rpm': 60 / math.pi}, session={'rate_hz': 100.0})
+    record(configuration, tmp_path / 'run.mcap', duration=60)
+    times, values = states(tmp_path / 'run.mcap')
+    crank, slide = values[:, 0, 0], values[:, 0, -1]
+    last = math.floor(crank[-1] / (2 * math.pi)) * 2 * math.pi
+    moments = np.interp([last - 2 * math.pi, last], crank, times)
+    assert 2 * math.pi / np.diff(moments)[0] == pytest.approx(2.604, abs=1e-3)
+    turn = slide[(times > moments[0]) & (times <= moments[1])]
+    assert np.ptp(turn) == pytest.approx(0.519, abs=1e-3)
 
 
 def test_a_record_that_ends_at_the_edge_keeps_what_came_before(tmp_path):
@@ -285,14 +252,6 @@ def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
     resting = changed(QUADRILATERAL, drive={'motor': replace(motor, torque=0.0)})
     with pytest.raises(ConfigurationError, match='has not come 1 revolutions far within 3600 s'):
         record(changed(resting, session={'rate_hz': 0.05}), tmp_path / 'rest.mcap', revolutions=1)
-
-
-def test_a_record_does_not_depend_on_its_rate(tmp_path):
-    """The steps are the method's own; the states in common differ by rounding."""
-    for rate in (50.0, 1000.0):
-        record(changed(session={'rate_hz': rate}), tmp_path / f'{rate}.mcap', duration=2)
-    slow, fast = states(tmp_path / '50.0.mcap')[1], states(tmp_path / '1000.0.mcap')[1]
-    assert np.abs(slow - fast[::20]).max() < 1e-9
 
 
 # ---------------------------------------------------------------- live, and verified
@@ -399,8 +358,7 @@ def test_below_a_hertz_the_plant_moves_too():
 @pytest.mark.parametrize(
     'part',
     [
-        {'drive': {'start_rpm': 57.3}}, {'drive': {'crank_angle': 1e-5}},
-        {'mechanism': {'slider': replace(PUMP.mechanism.slider, position=1.5001)}},
+        {'drive': {'start_rpm': 57.3}},
         {'mechanism': {'slider': replace(PUMP.mechanism.slider, velocity=1e-4)}},
     ],
 )  # fmt: skip
@@ -411,7 +369,7 @@ def test_a_log_that_began_elsewhere_than_its_configuration_says_is_found(tmp_pat
     assert 'of state 1 does not follow from the one before' in report.difference
 
 
-@pytest.mark.parametrize('turned', [-9.0, 12.0, 654_321.0])
+@pytest.mark.parametrize('turned', [-9.0, 654_321.0])
 def test_after_many_turns_the_state_is_that_of_the_angle_as_it_is_published(tmp_path, turned):
     drive = {'crank_angle': turned, 'start_rpm': -150.0}
     record(changed(QUADRILATERAL, drive=drive), tmp_path / 'run.mcap', duration=1)
