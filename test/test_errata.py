@@ -130,15 +130,15 @@ def test_eq_25_and_26_divide_by_zero_where_a_link_points_back():
     for lengths in ((3.0, 2.5, 2.2, 1.0), (2.5, 3.0, 2.2, 1.2)):
         r2, r3, r4, r1 = lengths
         solver = Solver(FourBar(Frame(r1), Body(r2), Coupler(r3), Body(r4)))
-        cranks = np.linspace(0, TURN, 2_000_001)
+        cranks = np.linspace(0, TURN, 200_001)
         _, theta3, theta4 = solver.state(cranks).position
         h1, h2, h3 = r1 / r2, r1 / r3, r1 / r4
         h4 = (-(r1**2) - r2**2 - r3**2 + r4**2) / (2 * r2 * r3)
         h5 = (r1**2 + r2**2 - r3**2 + r4**2) / (2 * r2 * r4)
         a = -h1 + (1 + h2) * np.cos(cranks) + h4
         d = -h1 + (1 - h3) * np.cos(cranks) + h5
-        assert abs(d[np.argmax(np.abs(theta4))]) < 1e-5
-        assert abs(a[np.argmax(np.abs(theta3))]) < 1e-5
+        assert abs(d[np.argmax(np.abs(theta4))]) < 1e-4
+        assert abs(a[np.argmax(np.abs(theta3))]) < 1e-4
         assert min(np.abs(a).max(), np.abs(d).max()) > 0.1
 
 

@@ -18,7 +18,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from mpmath import mp
-from pages import PACKAGE_FILES, ROOT
+from pages import ROOT
 from rclpy.serialization import deserialize_message
 from ros_harness import Listener, environment, fresh_domain, wait_for
 from sensor_msgs.msg import JointState
@@ -26,8 +26,6 @@ from test_node import stop
 from test_rerun_view import read
 
 from linkage_ros import Body, Coupler, MechanismError, Solver
-from linkage_ros.dynamics.period import SpeedDrivenPeriod
-from linkage_ros.lab.charts.motion import draw_motion
 from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.model.parts import Guide, Slider
 from linkage_ros.model.registry import MECHANISMS
@@ -124,12 +122,14 @@ def test_torque_and_position_have_the_digits_of_the_textbook(solver, crank):
 
 def test_the_traced_formulas_have_the_bits_of_the_formulas(solver):
     random = np.random.default_rng(7)
-    for q, u, a in random.uniform(-20, 20, (300, 3)).tolist():
+    for q, u, a in random.uniform(-20, 20, (100, 3)).tolist():
         traced, plain = solver.state(q, u, a), solver._moving.untraced(q, u, a)
-        assert [v.hex() for row in traced[:3] for v in row] == [
-            float(v).hex() for row in plain[:3] for v in row
-        ]
-        assert traced.torque.hex() == plain.torque.hex()
+        assert [*map(float.hex, flat(traced))] == [*map(float.hex, flat(plain))]
+
+
+def flat(state):
+    """All numbers of a state."""
+    return [float(x) for row in (*state[:3], (state.torque,)) for x in row]
 
 
 def test_accelerations_invert_the_torque_and_energy_holds_the_spring(solver):
@@ -152,7 +152,7 @@ def test_a_gear_that_does_not_mesh_and_unknown_joint_forces_are_refused(cardan_g
         solver.reactions(solver.state(1.0))
 
 
-def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solver, tmp_path):
+def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solver):
     class Pinion(cardan_gear.CardanGear):
         pinion = property(lambda self: self.coupler)
 
@@ -165,13 +165,9 @@ def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solve
     drawing = Drawing(gear)
     ends = {'crank': ('A0', 'A'), 'pinion': ('A', 'B')}
     assert (drawing.ends, drawing.owners) == (ends, {'B': 'slider', 'C': 'pinion'})
-    shown = drawing.links(drawing.place(np.array([[0.2, 1.2, 0.17]])))
-    assert {name: line.shape[1] for name, line in shown.items()} == {
-        'crank': 2, 'pinion': 4, 'slider': 5,
-    }  # fmt: skip
-    assert 'name="pinion_link"' in make_urdf(gear)
-    draw_motion(SpeedDrivenPeriod(gear, SPEED), ['pinion'], tmp_path / 'motion.png')
-    assert (tmp_path / 'motion.png').stat().st_size > 50_000
+    robot = ET.fromstring(make_urdf(gear).encode())
+    joints = [joint.get('name') for joint in robot.findall('joint')]
+    assert joints == ['crank', 'pinion', 'slider']
 
 
 # ---------------------------------------------------------------- the programs
@@ -200,14 +196,6 @@ def test_the_log_is_verified_and_described(folder):
     told = run(*start('log', 'info', 'run.mcap'), cwd=folder)
     assert 'cardan_gear, open, crank-slider, stroke 0.4 m' in told
     assert 'spring.stiffness: 400.0  # N/m' in told
-
-
-def test_a_motion_under_a_torque_is_recorded_and_verified(folder):
-    text = GEAR.read_text().replace('rpm: 120.0', 'drive: torque\n    motor: {torque: 20.0}')
-    (folder / 'torque.yaml').write_text(text)
-    run(*start('record', 'torque.yaml', 'torque.mcap', '--duration', 1), cwd=folder)
-    verified = run(*start('log', 'verify', 'torque.mcap'), cwd=folder)
-    assert '200 states, every one equal to the bit' in verified
 
 
 def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):
@@ -249,18 +237,6 @@ def test_the_real_node_publishes_the_states_of_the_textbook(folder):
     for data in listener.received['/joint_states']:
         check_textbook(deserialize_message(data, JointState))
     assert 'every one equal to the bit' in run(*start('log', 'verify', path), cwd=folder)
-
-
-def test_the_urdf_has_the_links_of_the_mechanism(folder):
-    code = IMPORT + (
-        'import cardan_gear; from linkage_ros.parameters.configuration import load; '
-        'from linkage_ros.wire.urdf import make_urdf; '
-        f'print(make_urdf(load({str(GEAR)!r}).mechanism))'
-    )
-    robot = ET.fromstring(run(sys.executable, '-c', code, cwd=folder).encode())
-    assert [joint.get('name') for joint in robot.findall('joint')] == [
-        'crank', 'coupler', 'slider',
-    ]  # fmt: skip
 
 
 MEASURE = """
@@ -326,10 +302,3 @@ def test_without_the_import_the_name_is_refused_in_one_line(folder):
     assert "mechanism = 'cardan_gear': must be one of four_bar, slider_crank, wind_pump" in told
     assert told.count('\n') == 1
     assert not (folder / 'no.mcap').exists()
-
-
-def test_no_file_of_the_package_knows_the_examples():
-    for path in PACKAGE_FILES:
-        text = path.read_text().lower()
-        assert 'cardan' not in text, path
-        assert 'two circles' not in text, path
