@@ -35,7 +35,7 @@ from linkage_ros.ros.parameters import (
     declare_values,
     given_values,
 )
-from linkage_ros.ros.stderr import never_waited_for
+from linkage_ros.ros.stderr import nonblocking_stderr
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
@@ -202,7 +202,7 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
     check_parameter_files(arguments, _NAME)
-    with never_waited_for(), on_ros(arguments) as others:
+    with nonblocking_stderr(), on_ros(arguments) as others:
         cli.refuse_arguments(_parser(), others)
         with reported_as_configuration():
             node = ControllerNode()

@@ -34,7 +34,7 @@ from linkage_ros.ros.parameters import (
     given_values,
 )
 from linkage_ros.ros.publishers import await_listeners, create_publisher
-from linkage_ros.ros.stderr import never_waited_for
+from linkage_ros.ros.stderr import nonblocking_stderr
 from linkage_ros.run.health import SPAN, Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.scheduling import freeze_heap
@@ -43,7 +43,7 @@ from linkage_ros.run.ticker_real_time import RealTimeTicker
 from linkage_ros.run.ticker_sim_time import SimTimeTicker
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
-from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION
+from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION, Topic
 
 # MCAP may be missing: it is imported where a log is written.
 if TYPE_CHECKING:
@@ -73,9 +73,10 @@ class LinkageNode(ParameterNode):
         self._hardware = configuration.kind.mechanism
         self._drive: Drive = configuration.drive  # with what was set since the start
         with reported_as_configuration():  # a topic may have the name of another
-            self._outputs = [create_publisher(self, topic) for topic in self._machine.topics]
-            self._description = create_publisher(self, ROBOT_DESCRIPTION)
-            self._diagnostics = create_publisher(self, DIAGNOSTICS)
+            self._outputs = {
+                topic.name: create_publisher(self, topic)
+                for topic in (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
+            }
         self._view = LiveView(self, configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log(configuration) if configuration.session.log else None
@@ -92,7 +93,7 @@ class LinkageNode(ParameterNode):
             crank = self._machine.joints[0]
             self._inbox = CommandInbox(self, configuration.drive, crank)
         self.get_logger().info(preset_note(given) + summary(configuration, self._machine.solver))
-        await_listeners(self._outputs)
+        await_listeners([self._outputs[topic.name] for topic in self._machine.topics])
         freeze_heap()
         name = self.get_fully_qualified_name().lstrip('/')
         self._watch = Watch(name, is_torque_driven=bool(self._inbox))
@@ -103,9 +104,7 @@ class LinkageNode(ParameterNode):
     def start(self) -> None:
         """Starts turning."""
         # Before the first tick, which with use_sim_time may be a long time away.
-        self._description.publish(self._machine.description)
-        if self._log is not None:
-            self._log.write(time.time_ns(), [(ROBOT_DESCRIPTION, self._machine.description)])
+        self._publish((ROBOT_DESCRIPTION, self._machine.description))
         self._ticker.start()
 
     def close(self) -> bool:
@@ -118,14 +117,14 @@ class LinkageNode(ParameterNode):
         self._reports.cancel()  # nothing is said after the closing line
         try:
             self._report()
-            self._say_what_became()
+            self._report_totals()
         finally:
             well = self._log is None or self._log.close()
             if self._view is not None:
                 self._view.close()
         return well and not self._ticker.error
 
-    def _say_what_became(self) -> None:
+    def _report_totals(self) -> None:
         counts = self._ticker.counts
         lost = (
             f', {health.dropped} lost to the {part}'
@@ -133,21 +132,17 @@ class LinkageNode(ParameterNode):
             if health.dropped
         )
         self.get_logger().info(
-            f'{counts.kept} states published, {_count(counts.missed, "tick")} missed, '
-            f'{_count(counts.clock_steps, "clock step")}, '
-            f'latest tick {counts.late.greatest / NS_PER_MS:.1f} ms late' + ''.join(lost)
+            f'{counts.kept} states published, {counts.missed} ticks missed, '
+            f'{counts.clock_steps} clock steps, latest tick {counts.latest / NS_PER_MS:.1f} ms '
+            f'late{"".join(lost)}'
         )
 
     def _open_log(self, configuration: Configuration) -> RunLog:
         from linkage_ros.ros.run_log import RunLog
 
-        publishers = (*self._outputs, self._description, self._diagnostics)
-        topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
-        names = [publisher.topic_name for publisher in publishers]
-        if isinstance(configuration.drive, TorqueDrive):
-            topics = *topics, JOINT_COMMANDS
-            names.append(self.resolve_topic_name(JOINT_COMMANDS.name))
-        return RunLog(self, configuration, zip(topics, names, strict=True))
+        commands = [JOINT_COMMANDS] if isinstance(configuration.drive, TorqueDrive) else []
+        topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *commands)
+        return RunLog(self, configuration, topics)
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
         callbacks = Callbacks(self._tick, self._restamp, self._fail)
@@ -179,16 +174,19 @@ class LinkageNode(ParameterNode):
             motion.command(stamp, self._inbox.commands.torque())
         snapshot = self._machine.snapshot_at(motion, stamp)
         self._state = snapshot.state
+        self._publish(*zip(self._machine.topics, snapshot.messages, strict=True))
+        if self._view is not None:
+            self._view.offer(stamp, snapshot.messages[0])
+
+    def _publish(self, *messages: tuple[Topic, bytes]) -> None:
+        """Publishes messages, and logs them."""
         now = time.time_ns()
-        for topic, publisher, message in zip(
-            self._machine.topics, self._outputs, snapshot.messages, strict=True
-        ):
+        for topic, message in messages:
+            publisher = self._outputs[topic.name]
             if not topic.on_demand or publisher.get_subscription_count():
                 publisher.publish(message)
         if self._log is not None:
-            self._log.write(now, zip(self._machine.topics, snapshot.messages, strict=True))
-        if self._view is not None:
-            self._view.offer(stamp, snapshot.messages[0])
+            self._log.write(now, messages)
 
     def _restamp(self, old: int, new: int) -> None:
         if self._motion is not None:
@@ -215,9 +213,7 @@ class LinkageNode(ParameterNode):
             else:
                 self.get_logger().info(status.message)
         diagnosis = encode_diagnostics(self._ticker.now(), self._hardware, statuses)
-        self._diagnostics.publish(diagnosis)
-        if self._log is not None:
-            self._log.write(time.time_ns(), [(DIAGNOSTICS, diagnosis)])
+        self._publish((DIAGNOSTICS, diagnosis))
 
     def _health(self) -> dict[str, Health]:
         parts = {'log': self._log, 'viewer': self._view}
@@ -250,10 +246,6 @@ class LinkageNode(ParameterNode):
         self._stop.set()
 
 
-def _count(number: int, noun: str) -> str:
-    return f'{number} {noun}{"" if number == 1 else "s"}'
-
-
 def _parser() -> argparse.ArgumentParser:
     return cli.make_parser(
         _NAME,
@@ -268,7 +260,7 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
     check_parameter_files(arguments, _NAME)
-    with never_waited_for(), on_ros(arguments) as others:
+    with nonblocking_stderr(), on_ros(arguments) as others:
         cli.refuse_arguments(_parser(), others)
         node = LinkageNode(stop)
         with served(node):

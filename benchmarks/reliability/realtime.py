@@ -26,30 +26,20 @@ import numpy as np
 from harness import DOMAIN, Process, finish, listening, node, options, quantiles, running
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.run.lateness import Lateness
 
 TIMER_NODE = Path(__file__).with_name('timer_node.py')
 RATES = (200.0, 1000.0, 2000.0)  # Hz
 SETTLE = 3.0  # s: discovery, and the first second of a run
 
 
-def late(figures: Lateness) -> dict[str, float]:
-    """In microseconds."""
-    return {
-        'p50': figures.quantile(0.5) / 1e3,
-        'p99': figures.quantile(0.99) / 1e3,
-        'max': figures.greatest / 1e3,
-    }
-
-
-def bare_loop(rate: float, seconds: float, lateness: Lateness) -> tuple[int, float]:
+def bare_loop(rate: float, seconds: float, lateness: list[int]) -> tuple[int, float]:
     """Sleeps until each deadline; returns the ticks missed and the processor time, s."""
     period, missed, tick = round(1e9 / rate), 0, 0
     computed, origin = time.process_time(), time.monotonic_ns()
     while tick < seconds * rate:
         while (left := origin + tick * period - time.monotonic_ns()) > 0:
             time.sleep(left * 1e-9)
-        lateness.add(-left)
+        lateness.append(-left)
         due = (time.monotonic_ns() - origin) // period
         missed += due - tick
         tick = due + 1
@@ -134,7 +124,8 @@ def timer_node(rate: float, seconds: float) -> dict[str, Any]:
 
 def measure(rate: float, seconds: float) -> dict[str, Any]:
     """All three at one rate; the bare loop before and between the others."""
-    lateness, missed, computed = Lateness(), 0, 0.0
+    missed, computed = 0, 0.0
+    lateness: list[int] = []
     found: dict[str, Any] = {}
     runs = {
         'log, viewer': lambda: our_node(rate, seconds, 'web'),
@@ -147,8 +138,10 @@ def measure(rate: float, seconds: float) -> dict[str, Any]:
         found[name] = run()
         found[name].pop('output')
     found['bare loop'] = {
-        'late': late(lateness), 'missed': missed, 'cpu_percent': 100 * computed / seconds
-    }  # fmt: skip
+        'late': quantiles(np.array(lateness) * 1e-3),
+        'missed': missed,
+        'cpu_percent': 100 * computed / seconds,
+    }
     return found
 
 

@@ -20,7 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from linkage_ros.errors import ConfigurationError, LinkageError
-from linkage_ros.ros.stderr import held_back
+from linkage_ros.ros.stderr import muted_stderr
 
 _LAST_DOMAIN = 232  # for which there are ports
 
@@ -52,10 +52,9 @@ def on_ros(arguments: list[str]) -> Iterator[list[str]]:
         ConfigurationError: rcl refuses them, or the environment.
     """
     _require_ports(os.environ.get('ROS_DOMAIN_ID', ''))
-    with held_back() as release, reported_as_configuration():
+    with muted_stderr(), reported_as_configuration():
         others: list[str] = remove_ros_args(arguments)
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-        release()
     try:
         yield others[1:]
     finally:

@@ -8,7 +8,7 @@ import faulthandler
 import os
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -21,22 +21,19 @@ _STUCK = 10.0
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
-    """Spins until the end: a request that rclpy trips over must not end the service of others."""
-    while _tripped(executor, node):
-        pass
+    """Spins until the end, whatever requests others send.
 
-
-def _tripped(executor: SingleThreadedExecutor, node: Node) -> bool:
-    """Spins; whether that ended with a request such as for a parameter of a type that is none."""
-    try:
-        executor.spin()
-    except ExternalShutdownException:
-        return False
-    except Exception as error:  # noqa: BLE001, nothing bounds what others send
-        words = one_line(f'{type(error).__name__}: {error}')
-        node.get_logger().error(f'a callback failed: {words}', throttle_duration_sec=1.0)
-        return bool(node.context.ok())
-    return False
+    rclpy raises, for one, on a parameter of an unknown type.
+    """
+    while node.context.ok():
+        try:
+            with suppress(ExternalShutdownException):
+                executor.spin()
+        except Exception as error:  # noqa: BLE001, PERF203, nothing bounds what others send
+            words = one_line(f'{type(error).__name__}: {error}')
+            node.get_logger().error(f'a callback failed: {words}', throttle_duration_sec=1.0)
+        else:
+            return
 
 
 @contextmanager

@@ -28,15 +28,13 @@ _CLOSE_SECONDS = 30.0
 class RunLog:
     """Writes a log in threads of its own; any thread may write to it."""
 
-    def __init__(
-        self, node: Node, configuration: Configuration, topics: Iterable[tuple[Topic, str]]
-    ) -> None:
+    def __init__(self, node: Node, configuration: Configuration, topics: Iterable[Topic]) -> None:
         """Creates the log.
 
         Args:
             node: Says how it ends.
             configuration: Of the run.
-            topics: What is logged, with fully qualified names.
+            topics: Those that are logged.
 
         Raises:
             LogError: The file cannot be created.
@@ -44,7 +42,10 @@ class RunLog:
         session = configuration.session
         self._node, self._path = node, session.log
         log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
-        self._channels = {topic.name: log.add_topic(topic, name) for topic, name in topics}
+        self._channels = {
+            topic.name: log.add_topic(topic, node.resolve_topic_name(topic.name))
+            for topic in topics
+        }
         # A disk that is slow to keep things must not hold up the flushes.
         self._sync: Worker[None] = Worker(
             'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._fail_to_keep

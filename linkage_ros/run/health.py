@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from linkage_ros.run.ticker import Timekeeping
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status
@@ -121,13 +123,14 @@ class Watch:
                 + (_FAST if self._is_torque_driven else '')
             )
         rate = kept / (last.time - first.time)
+        median, p99 = np.quantile(list(counts.late) or [0], (0.5, 0.99))
         values = {
             'rate kept, Hz': f'{rate:.2f}',
             'states': str(counts.kept),
             'ticks missed': str(counts.missed),
-            'lateness p50, ms': f'{counts.late.quantile(0.5) / NS_PER_MS:.3f}',
-            'lateness p99, ms': f'{counts.late.quantile(0.99) / NS_PER_MS:.3f}',
-            'lateness max, ms': f'{counts.late.greatest / NS_PER_MS:.3f}',
+            'lateness p50, ms': f'{median / NS_PER_MS:.3f}',
+            'lateness p99, ms': f'{p99 / NS_PER_MS:.3f}',
+            'lateness max, ms': f'{counts.latest / NS_PER_MS:.3f}',
             'real-time priority': 'yes' if counts.real_time_priority else 'no',
             'clock steps': str(counts.clock_steps),
             **figures,

@@ -20,7 +20,7 @@ _PRIORITY = 50  # as ros2_control's
 # are due.
 _PATIENT, _INSISTENT = 5e-3, 1e-5
 _FAR_TOO_LATE = 20 * NS_PER_MS
-_CALM, _LONGEST = 2.0, 64.0  # s to be patient
+_CALM = 2.0  # s to be patient
 
 
 def freeze_heap() -> None:
@@ -63,15 +63,15 @@ def take_real_time_priority() -> bool:
 
 
 class SwitchInterval:
-    """Insists on the interpreter while ticks are on time, and is patient where they are not.
+    """Takes the interpreter from other threads at once, unless the machine has no core to spare.
 
-    A thread that insists asks every 10 us. Where whoever has the interpreter gets no core, as
-    among sixty nodes that find each other, these questions take that core for ever. So a thread is
-    patient at first and after a tick that is far too late; each next time for twice as long.
+    A thread that insists asks for it every 10 us. Where sixty nodes discover each other on two
+    cores, these questions take the core that the other thread needs to finish: so the ticker is
+    patient at the start, and after a tick that was far too late.
     """
 
     def __init__(self) -> None:
-        self._insists, self._pause, self._again = True, _CALM, -math.inf
+        self._patient_until = 0.0
         self._be_patient()
 
     def follow(self, late: int) -> None:
@@ -82,15 +82,10 @@ class SwitchInterval:
         """
         if late > _FAR_TOO_LATE:
             self._be_patient()
-        elif not self._insists and time.monotonic() >= self._again:
-            self._insists = True
+        elif time.monotonic() >= self._patient_until:
+            self._patient_until = math.inf
             shorten_switch_interval()
 
     def _be_patient(self) -> None:
-        now = time.monotonic()
-        if self._insists:
-            has_lasted = now - self._again > _LONGEST
-            self._pause = _CALM if has_lasted else min(2 * self._pause, _LONGEST)
-            self._insists = False
-            sys.setswitchinterval(_PATIENT)
-        self._again = now + self._pause
+        self._patient_until = time.monotonic() + _CALM
+        sys.setswitchinterval(_PATIENT)

@@ -5,21 +5,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
-from linkage_ros.run.lateness import Lateness
+from linkage_ros.run.machine import Machine
 
-
-class Ticks(Protocol):
-    """Which tick falls when, in whole ns (see `machine.Machine`)."""
-
-    def elapsed(self, tick: int) -> int:
-        """Time from tick 0 to a tick, ns."""
-
-    def tick_at(self, elapsed: int) -> int:
-        """The last tick at or before an elapsed time, ns."""
+_LATELY = 10_000  # ticks whose lateness is kept
 
 
 @dataclass
@@ -30,14 +23,16 @@ class Timekeeping:
         kept: Ticks that were carried out.
         missed: Ticks that were skipped because the thread was late by a period or more.
         clock_steps: How often the clock was stepped.
-        late: How late the ticks began.
+        late: How late the last ticks began, ns.
+        latest: How late the latest tick of all began, ns.
         real_time_priority: Whether the thread has real-time priority.
     """
 
     kept: int = 0
     missed: int = 0
     clock_steps: int = 0
-    late: Lateness = field(default_factory=Lateness)
+    late: deque[int] = field(default_factory=lambda: deque(maxlen=_LATELY))
+    latest: int = 0
     real_time_priority: bool = False
 
 
@@ -65,17 +60,17 @@ class Ticker(ABC):
         t0: Stamp of tick 0 on the clock as it stands, ns; known from the first tick on.
     """
 
-    def __init__(self, ticks: Ticks, callbacks: Callbacks) -> None:
+    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
         """Prepares the ticks.
 
         Args:
-            ticks: The rate.
+            machine: Knows when ticks are due.
             callbacks: What to call.
         """
         self.counts = Timekeeping()
         self.error: BaseException | None = None
         self.t0 = 0
-        self._ticks, self._callbacks = ticks, callbacks
+        self._machine, self._callbacks = machine, callbacks
 
     @abstractmethod
     def start(self) -> None:
@@ -90,7 +85,7 @@ class Ticker(ABC):
         """The time, ns; 0 if it is not known yet."""
 
     def _stamp(self, tick: int) -> int:
-        return self.t0 + self._ticks.elapsed(tick)
+        return self.t0 + self._machine.elapsed(tick)
 
     def _make(self, tick: int) -> None:
         self._callbacks.tick(self._stamp(tick))

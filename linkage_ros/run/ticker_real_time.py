@@ -12,12 +12,13 @@ from __future__ import annotations
 import threading
 import time
 
+from linkage_ros.run.machine import Machine
 from linkage_ros.run.scheduling import (
     SwitchInterval,
     minimize_timer_slack,
     take_real_time_priority,
 )
-from linkage_ros.run.ticker import Callbacks, Ticker, Ticks
+from linkage_ros.run.ticker import Callbacks, Ticker
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
@@ -32,8 +33,8 @@ _NAP = 0.1
 class RealTimeTicker(Ticker):
     """Makes ticks when they are due, in its own thread."""
 
-    def __init__(self, ticks: Ticks, callbacks: Callbacks) -> None:
-        super().__init__(ticks, callbacks)
+    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
+        super().__init__(machine, callbacks)
         self._origin = self._offset = 0  # tick 0 on the monotonic clock, the wall clock ahead, ns
         self._stop = threading.Event()
         self._thread = threading.Thread(
@@ -76,16 +77,17 @@ class RealTimeTicker(Ticker):
 
     def _await(self, tick: int, switch_interval: SwitchInterval) -> int:
         """Sleeps until a tick is due; returns it, or a later one if it is too late for it."""
-        deadline = self._origin + self._ticks.elapsed(tick)
+        deadline = self._origin + self._machine.elapsed(tick)
         while (left := deadline - time.monotonic_ns()) > 0:
             if left > NS_PER_S * _NAP:
                 if self._stop.wait(_NAP):
                     return tick
             else:
                 time.sleep(left / NS_PER_S)
-        self.counts.late.add(-left)
+        self.counts.late.append(-left)
+        self.counts.latest = max(self.counts.latest, -left)
         switch_interval.follow(-left)
-        return self._ticks.tick_at(time.monotonic_ns() - self._origin)
+        return self._machine.tick_at(time.monotonic_ns() - self._origin)
 
 
 def _clock_offset() -> int:

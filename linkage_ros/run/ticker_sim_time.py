@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from linkage_ros.run.ticker import Callbacks, Ticker, Ticks
+from linkage_ros.run.machine import Machine
+from linkage_ros.run.ticker import Callbacks, Ticker
 
 # Ticks that one message of the clock may make due; those that a longer jump skips are missed.
 _AT_ONCE = 1000
@@ -18,8 +19,8 @@ class SimTimeTicker(Ticker):
     wall clock is.
     """
 
-    def __init__(self, ticks: Ticks, callbacks: Callbacks) -> None:
-        super().__init__(ticks, callbacks)
+    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
+        super().__init__(machine, callbacks)
         self._is_running = False
         self._now: int | None = None
         self._tick = 0
@@ -52,7 +53,7 @@ class SimTimeTicker(Ticker):
         elif now < last:
             # The next state gets the new time, and the crank continues from where it is.
             self._step(self._tick, now - self._stamp(self._tick))
-        due = self._ticks.tick_at(now - self.t0) if now >= self.t0 else -1
+        due = self._machine.tick_at(now - self.t0) if now >= self.t0 else -1
         if due - self._tick >= _AT_ONCE:
             self.counts.missed += due - self._tick
             self.counts.clock_steps += 1
