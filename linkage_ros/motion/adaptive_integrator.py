@@ -104,7 +104,7 @@ class AdaptiveSteps:
     def _step(self) -> None:
         steps = self._steps
         phase = tuple(steps.y.tolist())
-        _, left = self.driven.look(steps.t, phase)
+        left = self.driven.time_left(phase)
         if left < math.inf and self.driven.sine(phase) < _EDGE:
             self.pairs = self._pairs_ahead
             self._fixed = FixedSteps(self.driven, phase, time=steps.t)

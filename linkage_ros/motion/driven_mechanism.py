@@ -13,9 +13,10 @@ from typing import NoReturn, TypeAlias
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.numeric import Real
 
 # The torque on the crank, N m, at a time, s, and a crank speed, rad/s.
-TorqueLaw: TypeAlias = Callable[[float, float], float]
+TorqueLaw: TypeAlias = Callable[[float, float], Real]
 
 _SOON = 1e-3  # s
 _LEAST = 1e-5  # sine of the angle of a dyad that counts as none
@@ -49,24 +50,6 @@ class DrivenMechanism:
         u = y[len(y) // 2 :]
         return (*u, *self.solver.forward(y, self.torque(time, u[0])))
 
-    def look(self, time: float, y: tuple[float, ...]) -> tuple[tuple[float, ...], float]:
-        """The slope, and how long the coordinates can describe the motion.
-
-        Where a dyad is stretched or folded, the coordinates turn back while the motion goes on in
-        another assembly: only steps that are short beside the time left can tell the two apart.
-
-        Args:
-            time: s.
-            y: Coordinates, then their rates.
-
-        Returns:
-            Rates, then accelerations; and the time to that place at constant rates, s.
-
-        Raises:
-            LinkageError: As `Solver.accelerations`.
-        """
-        return self.slope(time, y), self._time_left(y)
-
     def sine(self, y: tuple[float, ...]) -> float:
         """The sine of the angle at which two links meet; 0 where the coordinates end."""
         return self.solver.alignment(y[: len(y) // 2])[0]
@@ -85,7 +68,7 @@ class DrivenMechanism:
         q = y[: len(y) // 2]
         sine, words = self.solver.alignment(q)
         with suppress(LinkageError):  # the end itself is a little later
-            left = self._time_left(y, least=0.0)
+            left = self.time_left(y, least=0.0)
             time += left if left < _SOON else 0.0
         place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
         if len(q) > 1:
@@ -105,10 +88,21 @@ class DrivenMechanism:
         message = f'the motion ends at t = {time:.6g} s, {place}: {reason}'
         raise MotionError(message, time=time, coordinates=q) from cause
 
-    def _time_left(self, y: tuple[float, ...], least: float = _LEAST) -> float:
-        """The time until a dyad is in line, at constant rates, s.
+    def time_left(self, y: tuple[float, ...], least: float = _LEAST) -> float:
+        """The time for which the coordinates can describe the motion, at constant rates, s.
 
-        A sine below `least` counts as reached: rounding hides which way it goes.
+        Where a dyad is stretched or folded, the coordinates turn back while the motion goes on in
+        another assembly: only steps that are short beside this time can tell the two apart.
+
+        Args:
+            y: Coordinates, then their rates.
+            least: A sine below it counts as 0: rounding hides which way it goes.
+
+        Returns:
+            The time to the first such place.
+
+        Raises:
+            LinkageError: As `Solver.accelerations`.
         """
         if not self._is_limited:
             return math.inf

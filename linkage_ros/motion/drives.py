@@ -95,10 +95,5 @@ class TorqueDrive(Checked):
         'number', 'time after which a command expires', 's', span=(1e-3, 1e9), default=0.1
     )
 
-    @property
-    def initial_rpm(self) -> float:
-        """The speed at t = 0, turns per minute."""
-        return self.start_rpm
-
 
 Drive: TypeAlias = SpeedDrive | TorqueDrive

@@ -103,11 +103,11 @@ class FixedSteps:
         self.phase, self.pairs = wound(phase)
         self._longest, self._tolerance = longest, tolerance
         self._units, self._sums = driven.units, _sums(len(phase))
-        self._look: tuple[Values, float] | None = driven.look(time, self.phase)
+        self._slope: Values | None = driven.slope(time, self.phase)
 
     def changed(self) -> None:
         """Notes that the torque is another from now on."""
-        self._look = None
+        self._slope = None
 
     def advance(self, time: float) -> None:
         """Follows the motion to a time.
@@ -131,33 +131,33 @@ class FixedSteps:
         cause = None
         self._trials -= 1
         try:
-            phase, look, error = self._try(h)
+            end, slope, error = self._try(h)
         except LinkageError as refusal:
             cause, error = refusal, math.inf
         if cause is None and error <= self._tolerance:
-            self.time, self.phase, self._look = self.time + h, phase, look
+            self.time, self.phase, self._slope = self.time + h, end, slope
         elif halvings and self._trials > 0:
-            end = self.time + h
+            until = self.time + h
             self._step(h / 2, halvings - 1)
-            self._step(end - self.time, halvings - 1)
+            self._step(until - self.time, halvings - 1)
         else:
             self.driven.fail(self.time, self.phase, cause)
 
-    def _try(self, h: float) -> tuple[Values, tuple[Values, float], float]:
-        """One step: where it ends, what is seen there, and its error."""
+    def _try(self, h: float) -> tuple[Values, Values, float]:
+        """One step: its end, the slope there, and its error."""
         time, phase, driven = self.time, self.phase, self.driven
-        slope, left = self._look or driven.look(time, phase)
-        if h > left * EDGE_PART:
-            return phase, (slope, left), math.inf
+        slope = self._slope or driven.slope(time, phase)
+        if h > driven.time_left(phase) * EDGE_PART:
+            return phase, slope, math.inf
         slopes = list(slope)
         *moves, move_to_end, error = self._sums
         for node, move in zip(_NODES, moves, strict=True):
             slopes += driven.slope(time + node * h, move(*phase, h, *slopes))
         end = move_to_end(*phase, h, *slopes)
-        look = driven.look(time + h, end)
-        errors = error(*self._units, *end, h, *slopes, *look[0])
+        slope = driven.slope(time + h, end)
+        errors = error(*self._units, *end, h, *slopes, *slope)
         # Not max: a nan must not pass.
-        return end, look, math.inf if sum(errors) != sum(errors) else max(errors)
+        return end, slope, math.inf if sum(errors) != sum(errors) else max(errors)
 
 
 def wound(phase: Values) -> tuple[Values, int]:

@@ -149,18 +149,15 @@ class SpeedMotion:
             return abs(self._phase_after(elapsed) - start) >= goal
 
         reversal = self._speed * NS_PER_S // -self._rate if self._speed * self._rate < 0 else 0
-        # The farthest point before it may lie on either side of the moment of reversal.
-        for turning in (reversal, reversal + 1):
-            if reversal and reached(turning):
-                return _first(reached, 0, turning)
-        end = math.ceil(self._ramp_ns)
-        if self._target == 0 and not reached(end):
-            return None
-        # From the reversal on the distance grows, after it has perhaps passed the start.
-        late = max(reversal, end) + 1
-        while not reached(late):
+        late = max(reversal, math.ceil(self._ramp_ns)) + 1
+        while self._target and not reached(late):
             late *= 2
-        return _first(reached, reversal, late)
+        # Before the reversal the distance grows; its largest value may lie on either side of that
+        # moment. Afterwards it grows too, once the crank has passed the start again.
+        for low, high in ((0, reversal), (0, reversal + 1), (reversal, late)):
+            if reached(high):
+                return _first(reached, low, high)
+        return None
 
     def _phase_after(self, elapsed: int) -> int:
         """The phase after so many ns, in 1 / _TURN turn."""

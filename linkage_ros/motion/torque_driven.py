@@ -14,7 +14,7 @@ from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
 from linkage_ros.motion.segments import TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.numeric import with_turns, within_two_turns
+from linkage_ros.numeric import Real, with_turns, within_two_turns
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 # What a late run makes up for beyond a tick, ns. More would only hold it up further.
@@ -141,9 +141,8 @@ class TorqueMotion:
         self._last = stamp
         self._steps.advance(self._begun + (stamp - self.segment.stamp) / NS_PER_S)
 
-    def _torque(self, _: float, speed: float) -> float:
-        torque: float = self._motor.at(speed) + self._command
-        return torque
+    def _torque(self, _: float, speed: float) -> Real:
+        return self._motor.at(speed) + self._command
 
 
 # The motion of a run, whatever drives it.

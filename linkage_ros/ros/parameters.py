@@ -116,8 +116,8 @@ def declare(
         set_live: Called with name and value of a parameter that was set while the node runs.
     """
     parameters = parameter_leaves(configuration.kind)
-    # Where it was left out the speed at the start is rpm; shown is what is in force.
-    values = {**configuration.parameters(), 'start_rpm': configuration.drive.initial_rpm}
+    values = configuration.parameters()
+    values.setdefault('start_rpm', values.get('rpm'))  # which is in force where it was left out
     declare_values(node, parameters, values)
     live = [leaf.name for leaf in parameters if leaf.quantity.live]
 

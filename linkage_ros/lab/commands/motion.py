@@ -95,7 +95,7 @@ def _settled(
                 f'{flag} is for a crank at a given speed, and {options.params} moves as its motor '
                 f'drives it: leave {flag} out'
             )
-    motor, rpm = drive.motor, drive.initial_rpm if options.rpm is None else options.rpm
+    motor, rpm = drive.motor, drive.start_rpm if options.rpm is None else options.rpm
     if not rpm > 0:
         name = 'start_rpm' if options.rpm is None else '--rpm'
         raise ConfigurationError(
