@@ -11,13 +11,12 @@ motion is at the edge of what its coordinates can describe, and ends with an err
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 import operator
 from collections.abc import Callable
 from typing import Protocol, TypeAlias
 
-from linkage_ros.dynamics.program import Argument, Program
+from linkage_ros.dynamics.program import Program
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import ZERO, total, where
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
@@ -174,18 +173,16 @@ def _sums(size: int) -> list[Callable[..., Values]]:
     The last from units, the values at the end, h and all slopes: the error of each value.
     """
 
-    def names(word: str) -> tuple[Argument, ...]:
-        return (tuple(f'{word}{i}' for i in range(size)),)
+    def row(word: str) -> tuple[str, ...]:
+        return tuple(f'{word}{i}' for i in range(size))
 
-    def slopes(count: int) -> tuple[Argument, ...]:
-        return tuple(itertools.chain(*(names(f'slope{i}_') for i in range(count))))
-
-    moves = [
-        Program(_moved, weights, (*names('phase'), 'h', *slopes(len(weights))))
+    slopes = [row(f'slope{i}_') for i in range(len(_ERRORS))]
+    moves = (
+        Program(_moved, weights, (row('phase'), 'h', *slopes[: len(weights)]))
         for weights in (*_STAGES, _WEIGHTS)
-    ]
-    arguments = (*names('unit'), *names('end'), 'h', *slopes(len(_ERRORS)))
-    return [program.compile() for program in (*moves, Program(_errors, _ERRORS, arguments))]
+    )
+    errors = Program(_errors, _ERRORS, (row('unit'), row('end'), 'h', *slopes))
+    return [program.compile() for program in (*moves, errors)]
 
 
 def _moved(
