@@ -29,6 +29,7 @@ _TURN = _RPM * 120 * NS_PER_S
 # 2 pi in whole numbers of 2^-256.
 _TWO_PI_GRID = 1 << 256
 _TWO_PI = 0x6487ED5110B4611A62633145C06E0E68948127044533E63A0105DF531D89CD913
+_TURN_GRID, _SPEED_GRID = _TURN * _TWO_PI_GRID, 60 * _RPM * _TWO_PI_GRID
 
 
 class SpeedMotion:
@@ -46,7 +47,7 @@ class SpeedMotion:
         gap = self._target - self._speed
         rate = round(Fraction(segment.acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
         rate = max(rate, 1)  # an acceleration next to nothing still is none "at once"
-        self._ramp_ns = Fraction(abs(gap) * NS_PER_S, rate)
+        self._ramp_ns = math.ceil(Fraction(abs(gap) * NS_PER_S, rate))
         self._rate = rate if gap > 0 else -rate
         # Once settled, the crank is where it would be had it always turned at its final speed,
         # but for gap^2 / (2 rate).
@@ -79,12 +80,12 @@ class SpeedMotion:
         """
         elapsed = stamp - self.segment.stamp
         turned, acceleration = self._phase_after(elapsed), 0.0
-        unwrapped = angle = _radians(turned, _TURN)
+        unwrapped = angle = _radians(turned, _TURN_GRID)
         if not 0 <= turned < 2 * _TURN:
-            angle = _radians(turned % (2 * _TURN), _TURN)
+            angle = _radians(turned % (2 * _TURN), _TURN_GRID)
         if elapsed < self._ramp_ns:
             acceleration = math.copysign(self.segment.acceleration, self._rate)
-        speed = _radians(self._speed_after(elapsed), 60 * _RPM)
+        speed = _radians(self._speed_after(elapsed), _SPEED_GRID)
         return Coordinates((angle,), (speed,), (acceleration,), unwrapped)
 
     def follow(self, stamp: int, drive: Any) -> SpeedMotion:
@@ -149,7 +150,7 @@ class SpeedMotion:
             return abs(self._phase_after(elapsed) - start) >= goal
 
         reversal = self._speed * NS_PER_S // -self._rate if self._speed * self._rate < 0 else 0
-        late = max(reversal, math.ceil(self._ramp_ns)) + 1
+        late = max(reversal, self._ramp_ns) + 1
         while self._target and not reached(late):
             late *= 2
         # Before the reversal the distance grows; its largest value may lie on either side of that
@@ -198,6 +199,6 @@ def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
     return low
 
 
-def _radians(numerator: int, turn: int) -> float:
-    """2 pi numerator / turn, correctly rounded."""
-    return numerator * _TWO_PI / (turn * _TWO_PI_GRID)
+def _radians(numerator: int, grid: int) -> float:
+    """2 pi numerator 2^256 / grid, correctly rounded."""
+    return numerator * _TWO_PI / grid

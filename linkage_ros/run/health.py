@@ -65,7 +65,7 @@ class Watch:
         self._is_torque_driven = is_torque_driven
         self._seen = deque([_Seen(time.monotonic(), Timekeeping(), {})], maxlen=SPAN + 1)
         self._is_busy = False
-        self._told: dict[str, Status] = {}
+        self._last: dict[str, Status] = {}
 
     def report(
         self,
@@ -95,16 +95,16 @@ class Watch:
             statuses: Of the report.
 
         Returns:
-            Those; whatever fails reports its failure by itself.
+            Those; a part that fails reports its failure itself.
         """
-        told, nothing = [], Status(OK, '', '', {})
+        found, nothing = [], Status(OK, '', '', {})
         for status in statuses:
-            before = self._told.get(status.name, nothing)
+            before = self._last.get(status.name, nothing)
             is_other = status.level == WARN and status.message != before.message
             if is_other or status.level < before.level:
-                told.append(status)
-        self._told = {status.name: status for status in statuses}
-        return told
+                found.append(status)
+        self._last = {status.name: status for status in statuses}
+        return found
 
     def _motion(self, figures: dict[str, str], troubles: Sequence[str]) -> Status:
         first, last = self._seen[0], self._seen[-1]
