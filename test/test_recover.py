@@ -6,10 +6,7 @@ from __future__ import annotations
 
 import os
 import random
-import signal
 import struct
-import subprocess
-import sys
 from itertools import accumulate
 
 import pytest
@@ -340,68 +337,3 @@ def test_the_command_says_in_one_line_what_was_saved_and_lost(tmp_path, whole, c
     assert called(log_tool, 'verify', target)[0] == 0
     assert_refused(*called(log_tool, 'recover', source, target), 'exists already')
     assert called(log_tool, 'recover', source, target, '--overwrite')[0] == 0
-
-
-# ---------------------------------------------------------------- killed
-
-KILLED = """
-import itertools, sys, time
-from linkage_ros.parameters.configuration import configure
-from linkage_ros.log.writer import LogWriter
-from linkage_ros.run.machine import Machine
-from linkage_ros.wire.topics import ROBOT_DESCRIPTION
-from linkage_ros.run.worker import Worker
-
-configuration = configure({'rate_hz': 1000.0, 'crank_acceleration': 20.0})
-machine = Machine(configuration)
-log = LogWriter(sys.argv[1], configuration, overwrite=False)
-*channels, description = (
-    log.add_topic(topic, '/' + topic.name) for topic in (*machine.topics, ROBOT_DESCRIPTION)
-)
-write, flush, newest = log.write, log.flush, 0
-
-def told_write(channel, stamp, data):
-    global newest
-    newest = stamp
-    write(channel, stamp, data)
-
-def told_flush():
-    flush()
-    print(newest, flush=True)
-
-log.write, log.flush = told_write, told_flush
-worker = Worker('log', log, capacity=120_000, period=0.05, on_error=print)
-origin, t0 = time.monotonic_ns(), time.time_ns()
-motion = machine.begin(t0)
-worker.offer(motion.segment)
-worker.offer((description, t0, machine.description))
-for tick in itertools.count():
-    due = machine.elapsed(tick)
-    while time.monotonic_ns() < origin + due:
-        time.sleep(0.0002)
-    if tick % 250 == 249:
-        motion = motion.change(t0 + due, 10.0 + tick % 77)
-        worker.offer(motion.segment)
-    now = time.time_ns()
-    for channel, data in zip(channels, machine.snapshot_at(motion, t0 + due).messages):
-        worker.offer((channel, now, data))
-"""
-
-
-def test_a_killed_run_at_1_khz_is_recovered_up_to_its_last_flush(tmp_path):
-    """A flush comes every 0.15 s (FLUSH_PERIOD) at least, a batch of the worker 0.05 s here."""
-    path = tmp_path / 'run.mcap'
-    with subprocess.Popen(
-        [sys.executable, '-c', KILLED, path], stdout=subprocess.PIPE, text=True
-    ) as process:
-        flushed = [int(process.stdout.readline()) for _ in range(4)]
-        process.send_signal(signal.SIGKILL)
-        rest, _ = process.communicate()
-    flushed += [int(line) for line in rest.splitlines(keepends=True) if line.endswith('\n')]
-    done = recover(path, tmp_path / 'out.mcap')
-    assert (done.losses.places, done.losses.messages, done.losses.records) == (0, 0, 0)
-    with LogReader(tmp_path / 'out.mcap') as log:
-        report = verify(log)
-        assert report.difference == ''
-        assert report.states > 100
-        assert log.end >= flushed[-1]
