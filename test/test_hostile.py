@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import os
 import random
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -112,43 +111,7 @@ def test_live_parameters(nodes):
     assert refused
 
 
-def test_a_live_value_is_taken_or_refused_in_words(nodes):
-    speed, _ = nodes
-    assert speed.request([('rpm', 3, 'double_value', 60.0)]) == ['']
-    assert speed.request([('rpm', 2, 'integer_value', -60)]) == ['']
-    for number, field, value in (
-        (3, 'double_value', float('nan')),
-        (3, 'double_value', float('-inf')),
-        (3, 'double_value', 1e300),
-        (2, 'integer_value', 2**63 - 1),
-        (4, 'string_value', '60'),
-        (8, 'double_array_value', [60.0]),
-        (0, 'double_value', 60.0),
-    ):
-        (words,) = speed.request([('rpm', number, field, value)])
-        assert words, (number, value)
-
-
 # ---------------------------------------------------------------- what a case is measured by
-
-
-@pytest.mark.parametrize(
-    'words', ['', 'two\nlines of text', 'colour \x1b[31m is raw', 'x' * 1000, 'a \u202e b c d e']
-)
-def test_words_that_are_no_clear_line_are_found(words):
-    with pytest.raises(AssertionError):
-        hostile_outcomes.one_line(words)
-
-
-@pytest.mark.parametrize(
-    'kind', [MemoryError, RecursionError, struct.error, UnicodeError, KeyError]
-)
-def test_any_other_error_is_found(kind):
-    def fails():
-        raise kind('no')
-
-    with pytest.raises(kind):
-        hostile_outcomes.outcome(fails)
 
 
 def test_good_files_are_no_cases(tmp_path, logs):

@@ -11,7 +11,6 @@ import math
 import os
 import signal
 import subprocess
-import sys
 from dataclasses import replace
 from fractions import Fraction
 
@@ -19,10 +18,9 @@ import numpy as np
 import pytest
 from ros_harness import CODEC, assert_refused, command, decoded, logged, wait_for
 
-from linkage_ros import ConfigurationError, LogError, Solver
+from linkage_ros import ConfigurationError, Solver
 from linkage_ros import record as record_module
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
@@ -386,62 +384,3 @@ def test_ctrl_c_leaves_a_complete_log(out):
     assert said == f'{out}: stopped; the first {len(states)} states are kept\n'
     assert [stamp for stamp, _ in states] == [tick * 10**6 for tick in range(len(states))]
     assert len(states) > 1_500
-
-
-def interrupted(called, monkeypatch, method, call, place, out):
-    """Records, with a Ctrl-C at the given line of Python within one call of LogWriter's.
-
-    Returns:
-        The exit code; None where the call has fewer lines.
-    """
-    original, calls, lines = getattr(LogWriter, method), 0, 0
-
-    def trace(frame, event, argument):
-        nonlocal lines
-        if event == 'line':
-            lines += 1
-            if lines == place:
-                sys.settrace(None)
-                signal.raise_signal(signal.SIGINT)
-        return trace
-
-    def traced(*arguments):
-        nonlocal calls
-        calls += 1
-        before = sys.gettrace()
-        if calls == call:
-            sys.settrace(trace)
-        try:
-            return original(*arguments)
-        finally:
-            sys.settrace(before)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(LogWriter, method, traced)
-        words = 'quadrilateral', out, '--overwrite', '--duration', 0.05
-        code, _, _ = called(record_module, *words)
-    return code if lines >= place else None
-
-
-@pytest.mark.parametrize(
-    ('method', 'call', 'every'), [('write', 1, 3), ('write', 8, 1), ('close', 1, 81)]
-)
-def test_ctrl_c_at_any_line_leaves_a_complete_log(
-    called, tmp_path, monkeypatch, out, method, call, every
-):
-    """Most of a record's time is spent within `write`, so that is where most Ctrl-C come."""
-    record(preset(), tmp_path / 'whole.mcap', duration=0.05)
-    expected = states_of(tmp_path / 'whole.mcap')
-    faults, place = {}, 1
-    while (code := interrupted(called, monkeypatch, method, call, place, out)) is not None:
-        try:
-            states = states_of(out)
-        except LogError as error:
-            faults[place] = str(error)[-90:]
-        else:
-            at_end = method == 'close' and (code, states) == (0, expected)
-            if states != expected[: len(states)] or not (code == 130 or at_end):
-                faults[place] = f'exit code {code}, {len(states)} states'
-        place += every
-    assert place > 10
-    assert faults == {}

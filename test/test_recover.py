@@ -10,7 +10,8 @@ import struct
 from itertools import accumulate
 
 import pytest
-from mcap.reader import make_reader
+from mcap.records import Chunk, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
 from ros_harness import assert_refused
 from test_log import spans
 from test_verify import CHANGES, live
@@ -51,17 +52,10 @@ def messages(path):
 def chunk_messages(path):
     """How many messages the first n chunks have, for n = 0, 1, ..."""
     with path.open('rb') as stream:
-        summary = make_reader(stream).get_summary()
-        counts = []
-        for chunk in summary.chunk_indexes:
-            at = chunk.chunk_start_offset + chunk.chunk_length
-            stream.seek(at)
-            data, count, place = stream.read(chunk.message_index_length), 0, 0
-            while place < len(data):
-                _, length = struct.unpack_from('<BQ', data, place)
-                count += (length - 6) // 16
-                place += 9 + length
-            counts.append(count)
+        chunks = [
+            r for r in StreamReader(stream, emit_chunks=True).records if isinstance(r, Chunk)
+        ]
+    counts = (sum(isinstance(r, Message) for r in breakup_chunk(chunk)) for chunk in chunks)
     return [0, *accumulate(counts)]
 
 
@@ -102,7 +96,7 @@ def test_complete_logs_come_back_byte_for_byte(tmp_path, whole, several):
 def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, recovered):
     data, good, counts = whole.read_bytes(), messages(whole), chunk_messages(whole)
     chunks = spans(data, 'chunk')
-    first = spans(data, 'configuration')[0][1]
+    first = spans(data, 'metadata')[0][1]
     cuts = {first, *range(first, len(data), len(data) // 8), len(data) - 9, len(data) - 1}
     cuts |= {chunks[3][0] + n for n in (0, 1, 8, 9, 40, 60)} | {chunks[-1][1]}
     for cut in sorted(cuts):
@@ -185,7 +179,7 @@ def test_a_chunk_that_claims_to_be_something_else_is_lost_and_told(whole, recove
 @pytest.mark.parametrize('bit', [12, 16, 21])
 def test_a_length_that_swallows_what_lies_behind_it_is_not_believed(whole, recovered, bit):
     data = bytearray(whole.read_bytes())
-    start, _ = spans(bytes(data), 'motion')[2]
+    start, _ = spans(bytes(data), 'metadata')[3]
     length = struct.unpack_from('<Q', data, start + 1)[0]
     struct.pack_into('<Q', data, start + 1, length ^ (1 << bit))
     losses, saved, _ = recovered(data)
@@ -243,7 +237,7 @@ def test_of_two_faults_neither_lets_wrong_values_through(whole, recovered):
 
 def test_a_damaged_motion_record_is_left_out(tmp_path, whole, recovered):
     data = bytearray(whole.read_bytes())
-    start, _ = spans(bytes(data), 'motion')[1]
+    start, _ = spans(bytes(data), 'metadata')[2]
     data[data.index(b'phase', start) + 9] ^= 1
     losses, saved, report = recovered(data)
     assert (losses, saved) == (Losses(records=1), messages(whole))
@@ -306,7 +300,7 @@ def test_the_broken_log_itself_is_no_target(tmp_path, whole):
 
 def test_what_is_no_log_of_ours_is_refused(tmp_path, whole):
     source, target, data = tmp_path / 'broken.mcap', tmp_path / 'out.mcap', whole.read_bytes()
-    first = spans(data, 'configuration')[0]
+    first = spans(data, 'metadata')[0]
     for content, words in (
         (b'', 'is no MCAP file'),
         (b'SQLite format 3\0' + bytes(4096), 'is no MCAP file'),
