@@ -18,6 +18,7 @@ from linkage_ros.playback.feed import feed
 from linkage_ros.record import record
 
 PERIOD = 5_000_000
+STATES = ['/joint_states']
 
 
 @pytest.fixture(scope='module')
@@ -38,18 +39,14 @@ def taken(log, piece, loop=False, count=None):
         return list(itertools.islice(items, count))
 
 
-def test_all_of_a_log_is_its_messages_at_their_times(log):
+def test_a_feed_is_the_messages_of_a_log_and_its_pieces_join(log):
     stored = list(log.messages())
     items = taken(log, excerpt_of(log, 0, None, None))
     assert [item.message for item in items] == stored
     assert [item.time for item in items] == [message.time for message in stored]
-
-
-def test_the_end_of_a_piece_is_left_out_so_that_pieces_join(log):
-    whole = taken(log, excerpt_of(log, 0, None, ['/joint_states']))
-    parts = [taken(log, excerpt_of(log, at, 0.5, ['/joint_states'])) for at in (0, 0.5, 1.0, 1.5)]
+    parts = [taken(log, excerpt_of(log, at, 0.5, STATES)) for at in (0, 0.5, 1.0, 1.5)]
     assert [len(part) for part in parts] == [100] * 4
-    assert list(itertools.chain(*parts)) == whole
+    assert list(itertools.chain(*parts)) == taken(log, excerpt_of(log, 0, None, STATES))
 
 
 def test_a_piece_may_be_longer_than_the_log(log):
@@ -58,14 +55,14 @@ def test_a_piece_may_be_longer_than_the_log(log):
 
 
 def test_rounds_follow_each_other_at_one_period(log):
-    piece = excerpt_of(log, 0.5, 0.25, ['/joint_states'])
+    piece = excerpt_of(log, 0.5, 0.25, STATES)
     items = taken(log, piece, loop=True, count=170)
     assert [item.time for item in items] == [(100 + n) * PERIOD for n in range(170)]
     first = [item.message for item in items[:50]]
     assert [item.message for item in items] == (4 * first)[:170]
     assert len({message.data for message in first}) == 50
     # To the end of the log as well: the last message has its period.
-    end = taken(log, excerpt_of(log, 1.9, None, ['/joint_states']), loop=True, count=45)
+    end = taken(log, excerpt_of(log, 1.9, None, STATES), loop=True, count=45)
     assert [item.time for item in end] == [(380 + n) * PERIOD for n in range(45)]
 
 
@@ -76,19 +73,12 @@ def test_latched_messages_from_before_come_first_and_once(log):
     assert names.count('/robot_description') == 1
     assert items[0].time == items[1].time == 300 * PERIOD
     assert '/robot_description' not in {
-        item.message.topic for item in taken(log, excerpt_of(log, 1.5, 0.01, ['/joint_states']))
+        item.message.topic for item in taken(log, excerpt_of(log, 1.5, 0.01, STATES))
     }
 
 
 def test_a_loop_over_nothing_ends(log):
     assert len(taken(log, excerpt_of(log, 1.0, 0.5, ['/robot_description']), loop=True)) == 1
-
-
-def test_the_reading_thread_waits_ahead_and_ends_with_the_feed(log):
-    with feed(log, excerpt_of(log, 0, None, None), loop=True) as items:
-        next(items)
-        assert 'reader' in {thread.name for thread in threading.enumerate()}
-    assert 'reader' not in {thread.name for thread in threading.enumerate()}
 
 
 def test_it_reads_a_few_thousand_messages_ahead_and_no_more(log, monkeypatch):
@@ -104,6 +94,7 @@ def test_it_reads_a_few_thousand_messages_ahead_and_no_more(log, monkeypatch):
         assert 1000 < len(read) < 10_000
         assert len(list(itertools.islice(items, 10_000))) == 10_000
         assert len(read) > 10_000
+    assert 'reader' not in {thread.name for thread in threading.enumerate()}
 
 
 def test_damage_is_raised_where_items_are_taken(path, tmp_path):

@@ -73,13 +73,6 @@ def test_keys_come_one_by_one_without_enter_and_unseen(terminal):
     assert held(slave)
 
 
-def test_without_it_keys_are_echoed_and_wait_for_enter(terminal):
-    master, slave = terminal
-    os.write(master, b' ')
-    assert not select.select([slave], [], [], 0.05)[0]
-    assert os.read(master, 10) == b' '
-
-
 def test_a_sequence_may_come_in_pieces(terminal):
     master, slave = terminal
     with Keyboard(slave) as keyboard:
@@ -94,24 +87,18 @@ def test_a_sequence_may_come_in_pieces(terminal):
         assert keyboard.read(1.0) == SPACE
 
 
-def test_where_there_is_no_terminal_it_waits_and_reads_nothing(tmp_path):
+def test_where_there_is_no_terminal_any_more_it_waits_and_reads_nothing(tmp_path):
     path = tmp_path / 'file'
     path.write_text(' ')
-    with path.open() as file, Keyboard(file.fileno()) as keyboard:
-        begin = time.monotonic()
-        assert keyboard.read(0.05) is None
-        assert time.monotonic() - begin > 0.04
-        assert file.read() == ' '
-
-
-def test_a_terminal_that_goes_away_is_no_endless_stream_of_nothing():
     master, slave = os.openpty()
-    with Keyboard(slave) as keyboard:
+    with path.open() as file, Keyboard(file.fileno()) as of_file, Keyboard(slave) as of_terminal:
         os.close(master)
-        assert keyboard.read(0.05) is None
-        begin = time.monotonic()
-        assert keyboard.read(0.05) is None
-        assert time.monotonic() - begin > 0.04
+        assert of_terminal.read(0.05) is None
+        for keyboard in (of_file, of_terminal):
+            begin = time.monotonic()
+            assert keyboard.read(0.05) is None
+            assert time.monotonic() - begin > 0.04
+        assert file.read() == ' '
     os.close(slave)
 
 
@@ -131,28 +118,19 @@ def shell(program):
         yield shell
 
 
-def test_an_exception_gives_the_terminal_back(shell):
-    shell.sees(rb'ready')
-    assert not held(shell.terminal)
-    shell.send(b' ')
-    shell.sees(rb'ZeroDivisionError.*ended 1')
-    assert held(shell.terminal)
-
-
 @pytest.mark.parametrize(
-    ('key', 'code'), [(b'\x03', 130), (b'\x1c', 131)], ids=['interrupt', 'quit']
-)
-def test_the_keys_that_end_a_program_give_the_terminal_back(shell, key, code):
-    shell.sees(rb'ready')
-    shell.send(key)
+    ('key', 'code', 'back'),
+    [
+        (b' ', 1, True), (b'\x03', 130, True), (b'\x1c', 131, True),
+        (signal.SIGHUP, 129, True), (signal.SIGKILL, 137, False),
+    ],
+    ids=['exception', 'interrupt', 'quit', 'hangup', 'kill'],
+)  # fmt: skip
+def test_every_end_but_a_kill_gives_the_terminal_back(shell, key, code, back):
+    number = int(shell.sees(rb'ready (\d+)\s')[1])
+    assert not held(shell.terminal)
+    shell.send(key) if isinstance(key, bytes) else os.kill(number, key)
     assert int(shell.sees(rb'ended (\d+)')[1]) == code
-    assert held(shell.terminal)
-
-
-@pytest.mark.parametrize(('number', 'back'), [(signal.SIGHUP, True), (signal.SIGKILL, False)])
-def test_a_hangup_gives_the_terminal_back_and_only_a_kill_does_not(shell, number, back):
-    os.kill(int(shell.sees(rb'ready (\d+)\s')[1]), number)
-    assert int(shell.sees(rb'ended (\d+)')[1]) == 128 + number
     assert held(shell.terminal) == back
 
 

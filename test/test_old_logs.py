@@ -8,13 +8,12 @@ names of joints, so this version compares everything but robot_description.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from test_verify import flip, rewrite
 
+from linkage_ros import replay
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log_tool import verdict
 from linkage_ros.parameters.configuration import load
@@ -78,11 +77,8 @@ def test_it_is_recovered(tmp_path, preset):
 
 
 @each_log
-def test_it_is_replayed_in_a_viewer(tmp_path, preset):
-    words = [LOGS[preset], '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10]
-    done = subprocess.run(
-        [sys.executable, '-m', 'linkage_ros.replay', *map(str, words)],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, '')
-    assert 'messages replayed' in done.stdout
+def test_it_is_replayed_in_a_viewer(called, tmp_path, preset):
+    words = '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10
+    code, out, err = called(replay, LOGS[preset], *words)
+    assert (code, err) == (0, '')
+    assert 'messages replayed' in out
