@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_replay: publishes a log on its topics, byte for byte and in its rhythm."""
+"""linkage_replay: publishes a log on its topics, byte for byte and at its times."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
@@ -32,14 +32,31 @@ from linkage_ros.units import NS_PER_S
 _NAME = 'linkage_replay'
 _CLOCK_HZ = 40.0
 _SHOW_SECONDS = 1.0
-# What its options may be.
-_RATE = Quantity('number', 'log time over real time', low=SLOWEST, high=FASTEST)
 _OFFSET = Quantity('number', 'skip the beginning', 's of the log', 0.0, 1e9)
-_DURATION = Quantity(
-    'number', 'play this much from there, the end excluded', 's of the log', 1e-9, 1e9
-)
-_DELAY = Quantity('number', 'wait before the start', 's', 0.0, 1e6)
-_CLOCK = Quantity('number', 'publish the log time on /clock', 'Hz', 0.01, 1e3)
+_DURATION = replace(_OFFSET, meaning='play this much from there, the end excluded', low=1e-9)
+# Names, the range of a number, and the rest as argparse takes it.
+_OPTIONS: list[tuple[tuple[str, ...], Quantity | None, dict[str, Any]]] = [
+    (('log',), None, {'metavar': 'LOG.mcap', 'type': cli.path, 'help': 'the log'}),
+    (('-r', '--rate'),
+     Quantity('number', 'log time over real time', low=SLOWEST, high=FASTEST),
+     {'note': ' (default 1)', 'default': 1.0, 'metavar': 'R'}),
+    (('-l', '--loop'), None,
+     {'action': 'store_true',
+      'help': 'begin again at the end, until Ctrl-C; the time on /clock goes on'}),
+    (('--start-offset',), _OFFSET, {'default': 0.0, 'metavar': 'S'}),
+    (('--playback-duration',), _DURATION, {'metavar': 'S'}),
+    (('-p', '--start-paused'), None,
+     {'action': 'store_true', 'help': 'wait for a key before the start'}),
+    (('-d', '--delay'), Quantity('number', 'wait before the start', 's', 0.0, 1e6),
+     {'default': 0.0, 'metavar': 'S'}),
+    (('--clock',), Quantity('number', 'publish the log time on /clock', 'Hz', 0.01, 1e3),
+     {'note': f' (default {_CLOCK_HZ:g})', 'nargs': '?', 'const': _CLOCK_HZ, 'metavar': 'HZ'}),
+    (('--topics',), None,
+     {'nargs': '+', 'metavar': 'NAME', 'help': 'replay these topics only'}),
+    (('--viewer',), None,
+     {'default': '', 'metavar': 'TARGET', 'help': f'also show it in Rerun: {VIEWERS}'}),
+    (('--no-ros',), None, {'action': 'store_true', 'help': 'do not publish, only view'}),
+]  # fmt: skip
 
 
 @contextmanager
@@ -74,23 +91,11 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.usage = '%(prog)s LOG.mcap [options]'  # behind --topics it would be one of them
     parser.epilog = f'{KEYS}\n\n{parser.epilog}'
-    add, number = parser.add_argument, partial(cli.add_number, parser)
-    # fmt: off
-    add('log', metavar='LOG.mcap', type=cli.path, help='the log')
-    number('-r', '--rate', quantity=_RATE, note=' (default 1)', default=1.0, metavar='R')
-    add('-l', '--loop', action='store_true',
-        help='begin again at the end, until Ctrl-C; the time on /clock goes on')
-    number('--start-offset', quantity=_OFFSET, default=0.0, metavar='S')
-    number('--playback-duration', quantity=_DURATION, metavar='S')
-    add('-p', '--start-paused', action='store_true', help='wait for a key before the start')
-    number('-d', '--delay', quantity=_DELAY, default=0.0, metavar='S')
-    number('--clock', quantity=_CLOCK, note=f' (default {_CLOCK_HZ:g})', nargs='?',
-           const=_CLOCK_HZ, metavar='HZ')
-    add('--topics', nargs='+', metavar='NAME', help='replay these topics only')
-    add('--viewer', default='', metavar='TARGET',
-        help=f'also show it in Rerun: {VIEWERS}')
-    add('--no-ros', action='store_true', help='do not publish, only view')
-    # fmt: on
+    for names, quantity, others in _OPTIONS:
+        if quantity:
+            cli.add_number(parser, *names, quantity=quantity, **others)
+        else:
+            parser.add_argument(*names, **others)
     return parser
 
 
@@ -98,9 +103,8 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
     length = (log.end - log.start) / NS_PER_S
     replace(_OFFSET, high=length).clean('--start-offset', options.start_offset)
     names = [topic.name for topic in log.topics]
-    for name in options.topics or ():
-        if name not in names:
-            raise ConfigurationError(f'--topics {name}: the log has {", ".join(names)}')
+    if missing := [name for name in options.topics or () if name not in names]:
+        raise ConfigurationError(f'--topics {missing[0]}: the log has {", ".join(names)}')
     if options.no_ros and not options.viewer:
         raise ConfigurationError('--no-ros leaves nothing to do: give --viewer as well')
     if options.no_ros and options.clock is not None:
@@ -110,40 +114,36 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
 
 
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
-    """Our arguments, and ROS's from --ros-args to -- or the end."""
-    if '--ros-args' not in arguments:
-        return arguments[1:], arguments[:1]
-    start = arguments.index('--ros-args')
-    rest = arguments[start:]
-    end = start + rest.index('--') if '--' in rest else len(arguments)
-    return arguments[1:start] + arguments[end + 1 :], arguments[:1] + arguments[start:end]
+    """The program's own arguments, and those of ROS from --ros-args to -- or the end."""
+    start = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
+    end = arguments.index('--', start) if '--' in arguments[start:] else len(arguments)
+    return arguments[1:start] + arguments[end + 1 :], [arguments[0], *arguments[start:end]]
 
 
 def _sinks(
     stack: ExitStack, options: argparse.Namespace, of_ros: list[str], log: LogReader,
     excerpt: Excerpt, pace: Pace,
 ) -> list[Sink]:  # fmt: skip
-    topics = None
+    publishing = None
     if not options.no_ros:
         try:
             from linkage_ros.playback.republish import republishing
         except ModuleNotFoundError as error:
             if not options.viewer or options.clock is not None:
-                raise ConfigurationError(
-                    'rclpy is not installed, so there are no topics: give --viewer'
-                    + (', and no --clock' if options.clock is not None else '')
-                ) from error
+                words = 'rclpy is not installed, so there are no topics: give --viewer'
+                no_clock = ', and no --clock' if options.clock is not None else ''
+                raise ConfigurationError(words + no_clock) from error
         else:
-            topics = republishing(_NAME, of_ros, log, excerpt.topics, pace, options.clock)
-    # A wrong viewer is said at once, topics wait for listeners; but messages go to topics first.
-    views: list[Sink] = []
+            publishing = republishing(_NAME, of_ros, log, excerpt.topics, pace, options.clock)
+    # The viewer is opened first, because its errors come at once; but topics get messages first.
+    sinks: list[Sink] = []
     if options.viewer:
-        view = ReplayView(_NAME, log, options.viewer, alone=topics is None)
-        views = [stack.enter_context(view)]
-    if topics is None:
-        return views
-    with waiting('looks for listeners'):
-        return [stack.enter_context(topics), *views]
+        view = ReplayView(_NAME, log, options.viewer, alone=publishing is None)
+        sinks.append(stack.enter_context(view))
+    if publishing:
+        with waiting('looks for listeners'):
+            sinks.insert(0, stack.enter_context(publishing))
+    return sinks
 
 
 def _run(arguments: list[str]) -> int:
