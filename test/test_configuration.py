@@ -4,18 +4,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
-from dataclasses import FrozenInstanceError
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from linkage_ros import ConfigurationError, MechanismError, Solver, WindPump
 from linkage_ros.model.registry import MECHANISMS
@@ -130,9 +126,9 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
 
 @pytest.mark.parametrize('name', sorted(set(REQUIRED) - {'mechanism'}))
 def test_a_missing_value_is_named_with_its_range(name):
-    given_ = {key: value for key, value in REQUIRED.items() if key != name}
+    values = {key: value for key, value in REQUIRED.items() if key != name}
     with pytest.raises(ConfigurationError, match=rf'^{re.escape(name)} is missing: must be a num'):
-        configure(given_)
+        configure(values)
 
 
 def test_preset_files_are_the_presets():
@@ -175,7 +171,7 @@ def test_an_unknown_preset_is_refused_with_the_known_ones():
         ('rate', 'rate_hz'),
         ('coupler.centre', 'coupler.center'),
         ('Crank.length', 'crank.length'),
-        ('log_overwrite ', 'log_overwrite'),
+        ('rocker.weight', 'rocker.mass'),
     ],
 )
 def test_an_unknown_name_gets_a_hint_and_where_all_are_listed(name, near):
@@ -190,7 +186,7 @@ def test_an_unknown_name_gets_a_hint_and_where_all_are_listed(name, near):
 
 
 @pytest.mark.parametrize('name', ['zzzzzzzz', '', 'ß', 'crank.length.x' * 3])
-def test_an_unknown_name_that_is_like_none_is_told_where_all_are_listed(name):
+def test_an_unknown_name_like_no_other_gets_no_hint(name):
     words = (
         'is not a parameter of a four_bar: linkage_node --help, or docs/reference.md, lists all$'
     )
@@ -211,7 +207,7 @@ def test_an_unknown_name_that_is_like_none_is_told_where_all_are_listed(name):
         ),
     ],
 )
-def test_a_name_of_another_kind_is_said_to_be(given, words):
+def test_a_name_of_another_kind_gets_its_owner(given, words):
     *_, name = given
     with pytest.raises(
         ConfigurationError, match=re.escape(f'{name!r} is not a parameter of {words}')
@@ -238,38 +234,21 @@ def test_the_parameters_of_every_node_pass(name):
         'qos_overrides./joint_states.publisher.depth',  # rclpy ignores what it did not declare
     ],
 )
-def test_names_like_those_do_not_pass(name):
+def test_similar_names_are_refused(name):
     with pytest.raises(ConfigurationError, match='is not a parameter of a four_bar'):
         configure({**REQUIRED, name: True})
 
 
-# ---------------------------------------------------------------- what the leaves say
+# ---------------------------------------------------------------- declarations
 
 
 @pytest.mark.parametrize('drive', DRIVES)
 @pytest.mark.parametrize('mechanism', MECHANISMS)
-def test_every_parameter_says_what_it_is(mechanism, drive):
+def test_every_default_is_valid(mechanism, drive):
     found = parameter_leaves(Kind(mechanism, drive))
-    names = [leaf.name for leaf in found]
-    assert len(set(names)) == len(names)
-    units = {'m', 'kg', 'kg m^2', 'rad', 'rpm', 'rad/s^2', 'm/s^2', 'Hz', 'N', 'N s/m'}
-    units |= {'N m', 'N m s', 'm/s', 's'}
+    assert len({leaf.name for leaf in found}) == len(found)
     for name, quantity, default in found:
-        assert re.fullmatch(r'[a-z]+(_[a-z]+)*(\.[a-z]+)?', name)
-        assert 4 <= len(quantity.meaning) <= 80, name
-        assert '\n' not in quantity.meaning
-        assert quantity.kind in {'number', 'pair', 'choice', 'text', 'switch'}
-        if quantity.kind in {'number', 'pair'}:
-            assert quantity.unit in units, name
-            assert -math.inf < quantity.low < quantity.high < math.inf, name
-            assert f'{quantity.low:g} to {quantity.high:g} {quantity.unit}' in quantity.valid
-        else:
-            assert quantity.unit == ''
-        if quantity.kind == 'choice':
-            assert len(quantity.choices) > 0
-            assert all(choice in quantity.valid for choice in quantity.choices)
-        if default is not MISSING and default is not None:
-            assert quantity.clean(name, default) == default
+        assert default in (MISSING, None) or quantity.clean(name, default) == default
 
 
 def test_only_the_speed_or_the_motor_may_be_changed_while_running():
@@ -278,88 +257,52 @@ def test_only_the_speed_or_the_motor_may_be_changed_while_running():
     assert [leaf.name for leaf in leaves if leaf.quantity.live] == ['motor.torque']
 
 
-def test_parameters_are_leaves():
-    assert set(configure({}).parameters()) <= set(LEAVES)
-    everything = configure({'start_rpm': 0.0})
-    assert set(everything.parameters()) == set(LEAVES)
-
-
 # ---------------------------------------------------------------- values
 
 
-@pytest.mark.parametrize('name', NUMBERS)
 @pytest.mark.parametrize('kind', [int, float, np.float64, np.int64, np.float32, Fraction, Decimal])
-def test_whole_numbers_of_any_kind_are_taken_for_numbers(name, kind):
-    number = max(1, math.ceil(LEAVES[name].quantity.low))
-    got = clean(name, kind(number))
+def test_numbers_of_any_kind_become_floats(kind):
+    got = clean('rpm', kind(60))
     assert type(got) is float
-    assert got == number
+    assert got == 60.0
 
 
-def test_whole_numbers_give_the_same_configuration_as_floats():
-    whole = {
-        'frame.length': 2,
-        'crank.length': 1,
-        'coupler.length': 3,
-        'rocker.length': 3,
-        'rpm': 150,
-        'crank_angle': -1,
-        'rate_hz': 100,
-        'rocker.mass': 0,
-    }
-    real = {name: float(value) for name, value in whole.items()}
-    first = configure({**REQUIRED, **whole, 'gravity': [0, -10]})
-    second = configure({**REQUIRED, **real, 'gravity': (0.0, -10.0)})
-    assert first == second
-    assert to_strings(first) == to_strings(second)
-
-
-@pytest.mark.parametrize('name', NUMBERS)
+@pytest.mark.parametrize('name', [*NUMBERS, *PAIRS])
 def test_limits_are_inclusive(name):
-    low, high = LEAVES[name].quantity.low, LEAVES[name].quantity.high
-    assert (clean(name, low), clean(name, high)) == (low, high)
-    for outside in (math.nextafter(low, -math.inf), math.nextafter(high, math.inf)):
-        with pytest.raises(
-            ConfigurationError, match=rf'^{re.escape(name)} = .*must be a number fr'
-        ):
-            clean(name, outside)
-
-
-@pytest.mark.parametrize('name', PAIRS)
-def test_limits_of_pairs_are_inclusive(name):
-    low, high = LEAVES[name].quantity.low, LEAVES[name].quantity.high
-    assert clean(name, [low, high]) == (low, high)
-    outside = math.nextafter(high, math.inf)
-    for pair in ([outside, 0.0], [0.0, outside], [-outside, 0.0], [0.0, -outside]):
-        with pytest.raises(
-            ConfigurationError, match=rf'^{re.escape(name)} = .*must be two numbers'
-        ):
-            clean(name, pair)
+    quantity = LEAVES[name].quantity
+    is_pair = quantity.kind == 'pair'
+    for limit, beyond in ((quantity.low, -math.inf), (quantity.high, math.inf)):
+        outside = math.nextafter(limit, beyond)
+        good, *bad = (
+            [(0.0, limit), (0.0, outside), (outside, 0.0)] if is_pair else [limit, outside]
+        )
+        assert clean(name, good) == good
+        for value in bad:
+            with pytest.raises(ConfigurationError, match=rf'^{re.escape(name)} = .*: must be '):
+                clean(name, value)
 
 
 @pytest.mark.parametrize(
     'value',
     [
         *(math.nan, math.inf, -math.inf, None, True, False, '1.0', b'1', [], [1.0], {}, 1j),
-        *(10**400, -(10**400), float, Decimal('NaN'), Decimal('1e400')),
+        *(
+            10**400,
+            pytest.param(10**5_000, id='10**5000'),
+            float,
+            Decimal('NaN'),
+            Decimal('1e400'),
+        ),
         *(np.complex128(1 + 2j), np.complex64(1), np.array(1 + 2j)),
         pytest.param(object(), id='object()'),  # its repr has an address, another each time
     ],
     ids=repr,
 )
-@pytest.mark.parametrize('name', ['rpm', 'crank.length', 'rate_hz'])
-def test_what_is_no_number_in_range_is_refused(name, value):
-    with pytest.raises(
-        ConfigurationError, match=rf'^{re.escape(name)} = .*: must be a numb'
-    ) as caught:
-        configure({**REQUIRED, name: value})
+def test_a_value_that_is_not_a_number_in_range_is_refused(value):
+    with pytest.raises(ConfigurationError, match=r'^rpm = .*: must be a number from') as caught:
+        configure({**REQUIRED, 'rpm': value})
     assert '\n' not in str(caught.value)
     assert len(str(caught.value)) < 200
-
-
-def test_a_number_too_long_to_print_is_refused_too():
-    with pytest.raises(ConfigurationError, match=r'^rpm = .*: must be a number from'):
-        configure({**REQUIRED, 'rpm': 10**5_000})
 
 
 @pytest.mark.parametrize(
@@ -371,12 +314,9 @@ def test_a_number_too_long_to_print_is_refused_too():
     ],
     ids=repr,
 )
-@pytest.mark.parametrize('name', PAIRS)
-def test_what_is_no_pair_in_range_is_refused(name, value):
-    with pytest.raises(
-        ConfigurationError, match=rf'^{re.escape(name)} = .*: must be two numbers,'
-    ):
-        configure({**REQUIRED, name: value})
+def test_a_value_that_is_not_a_pair_in_range_is_refused(value):
+    with pytest.raises(ConfigurationError, match=r'^gravity = .*: must be two numbers,'):
+        configure({**REQUIRED, 'gravity': value})
 
 
 @pytest.mark.parametrize(
@@ -410,23 +350,16 @@ def test_words_and_switches_are_checked(name, value, words):
 
 @pytest.mark.parametrize('name', ['crank', 'left_crank', 'left_rocker_link'])
 def test_frame_id_must_not_be_a_name_of_the_linkage_itself(name):
-    given_ = {**REQUIRED, 'joint_prefix': name.partition('_')[0] + '_' if '_' in name else ''}
+    values = {**REQUIRED, 'joint_prefix': name.partition('_')[0] + '_' if '_' in name else ''}
     with pytest.raises(ConfigurationError, match=f"^frame_id = '{name}': must not be a joint or "):
-        configure({**given_, 'frame_id': name})
-    other = configure({**given_, 'joint_prefix': 'right_', 'frame_id': name})
+        configure({**values, 'frame_id': name})
+    other = configure({**values, 'joint_prefix': 'right_', 'frame_id': name})
     assert other.session.frame_id == name
 
 
-@pytest.mark.parametrize('name', ['rpm', 'crank_angle', 'frame.angle', 'crank.mass', 'start_rpm'])
-def test_minus_zero_becomes_zero(name):
-    value = configure({**REQUIRED, name: -0.0}).parameters()[name]
-    assert math.copysign(1.0, value) == 1.0
-    assert to_strings(configure({**REQUIRED, name: -0.0}))[name] == '0.0'
-
-
-def test_minus_zero_in_a_pair_becomes_zero():
-    gravity = configure({**REQUIRED, 'gravity': [-0.0, -0.0]}).mechanism.gravity
-    assert [math.copysign(1.0, value) for value in gravity] == [1.0, 1.0]
+def test_minus_zero_becomes_zero():
+    strings = to_strings(configure({**REQUIRED, 'rpm': -0.0, 'gravity': [-0.0, -0.0]}))
+    assert (strings['rpm'], strings['gravity']) == ('0.0', '[0.0, 0.0]')
 
 
 @pytest.mark.parametrize(
@@ -460,12 +393,15 @@ def test_a_crank_that_cannot_turn_is_refused(lengths, words):
             configure(values)
 
 
-def test_a_configuration_cannot_be_changed():
-    configuration = configure({})
-    with pytest.raises(FrozenInstanceError, match="cannot assign to field 'rpm'"):
-        configuration.drive.rpm = 1.0
-    with pytest.raises(FrozenInstanceError, match="cannot assign to field 'drive'"):
-        configuration.drive = None
+def test_without_a_mechanism_a_torque_may_drive_the_preset():
+    changed = configure({'drive': 'torque', 'motor.torque': 2.0}).parameters()
+    assert (changed['motor.torque'], 'rpm' in changed) == (2.0, False)
+
+
+def test_a_torque_driven_mechanism_must_be_able_to_start():
+    values = {'mechanism': 'wind_pump', 'slider.position': 2.6}
+    with pytest.raises(ConfigurationError, match=r'^no motion starts there: '):
+        configure({**load('wind_pump').parameters(), **values})
 
 
 def test_a_live_change_is_checked():
@@ -480,72 +416,26 @@ def test_a_live_change_is_checked():
 # ---------------------------------------------------------------- as text
 
 
-def within(name):
-    quantity = LEAVES[name].quantity
-    return st.floats(quantity.low, quantity.high)
+CONFIGURATIONS = [
+    {},
+    {'rpm': 0.1, 'crank_angle': -1 / 3, 'gravity': (1e-300, -1e6), 'coupler.point': (0.1, 2e5)},
+    {'log': 'é \n"', 'viewer': 'rerun+http://[::1]:9876/proxy', 'log_overwrite': True},
+    {'joint_prefix': 'a_', 'frame_id': 'tool0', 'start_rpm': -2.5, 'assembly': 'crossed'},
+    {'drive': 'torque', 'motor.damping': 1e-9, 'command_timeout': 0.1},
+    dict(load('wind_pump').parameters()),
+]
 
 
-masses = st.one_of(st.floats(0.0, 1e12), st.just(0.0), st.floats(0.0, 10.0))
-pairs = st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
-# Crank and coupler and rocker and frame that turn, whatever their size.
-sizes = st.floats(1e-8, 1e8)
-configurations = st.builds(
-    lambda size, optional, required: {
-        'mechanism': 'four_bar',
-        'frame.length': 2 * size,
-        'crank.length': size,
-        'coupler.length': 2.5 * size,
-        'rocker.length': 3 * size,
-        **required,
-        **optional,
-    },
-    sizes,
-    st.fixed_dictionaries(
-        {},
-        optional={
-            **{f'{body}.mass': masses for body in ('crank', 'coupler', 'rocker')},
-            **{f'{body}.inertia': masses for body in ('crank', 'coupler', 'rocker')},
-            **{f'{body}.center': pairs for body in ('crank', 'coupler', 'rocker')},
-            'coupler.point': pairs,
-            'gravity': pairs,
-            'assembly': st.sampled_from(['open', 'crossed']),
-            'drive': st.just('speed'),
-            **{n: within(n) for n in ('frame.angle', 'start_rpm', 'crank_acceleration')},
-            **{n: within(n) for n in ('crank_angle', 'rate_hz')},
-            **{n: st.text() for n in ('log', 'viewer_bind')},
-            'viewer': st.sampled_from(['', 'spawn', 'web', 'rerun+http://[::1]:9876/proxy'])
-            | st.text().filter(lambda text: '://' not in text).map('{}x.rrd'.format),
-            'log_overwrite': st.booleans(),
-            'joint_prefix': st.from_regex('[A-Za-z0-9_]*', fullmatch=True),
-            'frame_id': st.from_regex('[A-Za-z0-9_][A-Za-z0-9_./-]*_frame', fullmatch=True),
-        },
-    ),
-    st.fixed_dictionaries({'rpm': within('rpm')}),
-)
-
-
-@settings(max_examples=30)
-@given(configurations)
+@pytest.mark.parametrize('values', CONFIGURATIONS)
 def test_text_loses_nothing(values):
     configuration = configure(values)
     strings = to_strings(configuration)
-    assert all(type(text) is str for item in strings.items() for text in item)
     assert from_strings(strings) == configuration
     assert to_strings(from_strings(strings)) == strings
-    parameters = configuration.parameters()
-    assert set(strings) == set(parameters)
-    assert set(values) <= set(parameters)
-    for name, text in strings.items():
-        value = json.loads(text)
-        assert (tuple(value) if isinstance(value, list) else value) == parameters[name]
-        assert text.isascii()
-
-
-@settings(max_examples=15)
-@given(configurations, st.sampled_from(sorted(set(REQUIRED) - {'mechanism'})))
-def test_a_setting_that_differs_in_its_last_place_has_other_text(values, name):
-    changed = {**values, name: math.nextafter(values[name], 0.0 if values[name] else 1.0)}
-    assert to_strings(configure(changed)) != to_strings(configure(values))
+    assert all(text.isascii() for text in strings.values())
+    for name in {'rpm', 'frame.length'} & set(strings):
+        changed = math.nextafter(configuration.parameters()[name], math.inf)
+        assert to_strings(configure({**values, name: changed}))[name] != strings[name]
 
 
 @pytest.mark.parametrize('text', ['', '150 rpm', '{', "'open'", 'nan', '1' * 5_000])
@@ -583,32 +473,25 @@ def test_text_that_lacks_a_required_setting_is_refused(name):
 
 @pytest.mark.parametrize(
     ('log', 'viewer'),
-    [('run.rrd', 'run.rrd'), ('./a/../run.rrd', 'run.rrd'), ('link.rrd', 'run.rrd')],
+    [
+        ('run.rrd', 'run.rrd'),
+        ('./a/../run.rrd', 'run.rrd'),
+        ('link.rrd', 'run.rrd'),
+        ('run.mcap', 'run.rrd'),
+    ],
 )
 def test_log_and_viewer_are_never_one_file(tmp_path, monkeypatch, log, viewer):
     monkeypatch.chdir(tmp_path)
     Path('a').mkdir()
     Path('link.rrd').symlink_to('run.rrd')
+    if log == 'run.mcap':  # a hard link
+        Path('run.rrd').touch()
+        Path('run.mcap').hardlink_to('run.rrd')
     words = (
         r"^log and viewer are one file, 'run\.rrd': give the log another path, that of an \.mcap"
     )
     with pytest.raises(ConfigurationError, match=words):
         configure({'log': log, 'viewer': viewer})
-    assert not Path('run.rrd').exists()
-
-
-@pytest.mark.parametrize('topic', ['', '/commands'])
-def test_a_lead_time_is_of_a_named_topic_or_the_default(topic):
-    lead = 0.1 if topic else 0.0
-    drive = configure({'effort_command_topic': topic, 'lead_time': lead}).drive
-    assert (drive.effort_command_topic, drive.lead_time) == (topic, lead)
-
-
-@pytest.mark.parametrize(
-    ('log', 'viewer'), [('', ''), ('', 'run.rrd'), ('web', 'web'), ('run.mcap', 'run.rrd')]
-)
-def test_other_logs_and_viewers_are_two(log, viewer):
-    assert configure({'log': log, 'viewer': viewer}).session.viewer == viewer
 
 
 VIEWERS = r'spawn, web, rerun\+http://HOST:PORT/proxy or a \.rrd path'
@@ -618,7 +501,7 @@ VIEWERS = r'spawn, web, rerun\+http://HOST:PORT/proxy or a \.rrd path'
     'viewer',
     ['sideways', 'http://x/run.rrd', 'rerun+http://a:65536/proxy', 'run.mcap', '.rrd', ' '],
 )
-def test_what_is_no_viewer_is_refused_where_none_is_opened_too(viewer):
+def test_another_viewer_is_refused_with_the_valid_ones(viewer):
     with pytest.raises(
         ConfigurationError, match=rf'^viewer = {re.escape(repr(viewer))} is not one of: {VIEWERS}$'
     ):
@@ -626,17 +509,9 @@ def test_what_is_no_viewer_is_refused_where_none_is_opened_too(viewer):
 
 
 @pytest.mark.parametrize('viewer', ['', 'spawn', 'web', 'rerun+http://a:9876/proxy', 'x/run.rrd'])
-def test_what_is_a_viewer_is_taken_as_it_is(viewer):
+def test_viewers_are_accepted(viewer):
     assert configure({'viewer': viewer}).session.viewer == viewer
 
 
-def test_a_hard_link_to_the_viewers_file_is_no_log(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path('run.rrd').touch()
-    Path('run.mcap').hardlink_to('run.rrd')
-    with pytest.raises(ConfigurationError, match='are one file'):
-        configure({'log': 'run.mcap', 'viewer': 'run.rrd'})
-
-
-def test_names_that_no_file_can_have_are_two():
+def test_names_that_no_file_can_have_are_accepted():
     assert configure({'log': 'a\0b', 'viewer': 'c\0.rrd'}).session.log == 'a\0b'

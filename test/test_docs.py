@@ -35,7 +35,6 @@ from pages import (
     read,
     run_python,
 )
-from PIL import Image
 from ros_harness import Listener, environment, fresh_domain, wait_for
 
 from linkage_ros import cli
@@ -296,17 +295,6 @@ def test_links_pictures_and_named_files_exist(page):
 # ---------------------------------------------------------------- README
 
 
-def differ(one, other):
-    """Whether two pictures differ by more than the edges of letters and lines, or in size."""
-    with Image.open(one) as first, Image.open(other) as second:
-        if first.size != second.size:
-            return True
-        size = first.width // 8, first.height // 8
-        small = [np.asarray(p.convert('RGB').resize(size, Image.Resampling.BOX), dtype=float)
-                 for p in (first, second)]  # fmt: skip
-    return bool(np.abs(small[0] - small[1]).max() > 40)
-
-
 @pytest.mark.parametrize(('page', 'most'), [('README.md', 1300), ('CONTRIBUTING.md', 900)])
 def test_page_is_short(page, most):
     assert len(read(page).split()) <= most
@@ -325,22 +313,6 @@ def test_readme_describes_its_first_linkage(run_page):
     assert 'time ratio 1\n' in words
     assert f'swings through {swing:.0f} deg and takes equal times' in README
     assert f'from {table[torque].min():.2f} to {table[torque].max():.2f} N m' in README
-
-
-@pytest.mark.parametrize('name', ['wiper', 'quadrilateral'])
-def test_readme_shows_the_charts_that_its_commands_draw(name, run_page):
-    folder, _ = run_page('README.md')
-    shown = ROOT / 'docs' / f'{name}_motion.png'
-    assert not differ(folder / shown.name, shown), f'run linkage_chart motion {name}'
-
-
-def test_the_chart_of_another_speed_differs(tmp_path):
-    preset = (ROOT / 'config' / 'quadrilateral.yaml').read_text()
-    Path('quadrilateral.yaml').write_text(preset.replace('rpm: 150.0', 'rpm: 149.0'))
-    code, _ = run_forked('chart_tool', 'motion', 'quadrilateral.yaml', folder=tmp_path)
-    assert code == 0
-    name = 'quadrilateral_motion.png'
-    assert differ(tmp_path / name, ROOT / 'docs' / name)
 
 
 def test_readme_python_prints_the_swing_and_the_accuracy(capsys):

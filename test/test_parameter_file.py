@@ -407,22 +407,6 @@ def write(tmp_path):
     return write
 
 
-def test_reads_every_type(write):
-    text = own('a: on\nb: 010\nc: 1e2\nd: "1"\ne: [true]\nf: [1]\ng: {h: [1.0], i: [x]}', '/**')
-    values = read_parameter_file(str(write(text)))
-    assert values == {
-        'a': True,
-        'b': 8,
-        'c': 100.0,
-        'd': '1',
-        'e': [True],
-        'f': [1],
-        'g.h': [1.0],
-        'g.i': ['x'],
-    }
-    assert type(values['c']) is float
-
-
 def test_reads_for_another_node(write):
     path = write(own('a: 1') + own('a: 2', 'other') + own('b: 3', '/*'))
     assert read_parameter_file(path, 'other') == {'a': 2, 'b': 3}

@@ -15,7 +15,6 @@ from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.configuration import Kind, parameter_leaves
 from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.quantities import Leaf, Quantity
-from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 
 PAGE = read('docs/reference.md')
 
@@ -47,19 +46,6 @@ def test_every_parameter_is_listed():
     for mechanism, drive in kinds:
         for leaf in parameter_leaves(Kind(mechanism, drive)):
             assert f'\n| `{leaf.name}` | ' in PAGE
-
-
-def test_every_topic_is_listed_with_its_content():
-    for topic in (*TOPICS, JOINT_COMMANDS, SIMULATED_CLOCK):
-        package, _, kind = topic.interface.name.split('/')
-        assert topic.meaning
-        assert re.search(rf'\| `{topic.name}`[^|]*\| {package}/{kind} \| {topic.meaning}', PAGE)
-
-
-def test_every_executable_is_listed():
-    names = re.findall(r"'(linkage_\w+) = ", (ROOT / 'setup.py').read_text())
-    assert names
-    assert [f'### `{name}`' in PAGE for name in names] == [True] * len(names)
 
 
 def test_every_launch_file_is_listed_with_its_arguments(reference):
