@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,11 +18,14 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.parameters.configuration import load, without_ros_own
+from linkage_ros.parameters.configuration import (
+    DEFAULT_PRESET,
+    load,
+    without_ros_own,
+)
 from linkage_ros.parameters.help import help_on
-from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import JOINT_PREFIX
 from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
@@ -39,9 +41,9 @@ from linkage_ros.ros.stderr import nonblocking_stderr
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
-# ns between two states, beyond which nothing is integrated: a clock was stepped, a plant began
-# anew or was out of reach. At less than 10 Hz there is no speed loop to speak of.
-_LONGEST = NS_PER_S // 10
+# ns between two states. After a longer gap, such as a step of the clock, a restart of the plant
+# or a lost connection, the integral begins anew.
+_LONGEST_GAP = NS_PER_S // 10
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Settings(Checked):
 
     plant: str = quantity(
         'text', 'parameter file, or preset, of the controlled mechanism',
-        default='quadrilateral',
+        default=DEFAULT_PRESET,
     )  # fmt: skip
     rpm: float = quantity('number', 'crank speed to keep', 'rpm', span=(-1e6, 1e6), default=150.0)
     bandwidth: float = quantity(
@@ -79,37 +81,27 @@ class Settings(Checked):
 PARAMETERS = leaves(Settings)
 
 
-def _usable_presets() -> str:
-    """The presets whose crank has a speed to keep, in words."""
-    names = []
-    for name in preset_names():
-        with suppress(LinkageError):  # of an overlay, and broken
-            if load(name).mechanism.reach():
-                names.append(name)
-    return f'a linkage, such as {", ".join(names)}' if names else 'a linkage'
-
-
 class SpeedController:
     """PI control of the crank speed, with the exact torque fed forward."""
 
     def __init__(
         self, mechanism: Mechanism, rpm: float, bandwidth: float, lead: float | None
     ) -> None:
-        """Prepares it.
+        """Derives the gains from the mean inertia at the crank.
 
         Args:
-            mechanism: What is controlled.
+            mechanism: The controlled mechanism.
             rpm: Speed to keep.
-            bandwidth: At which the proportional part alone closes the loop, Hz.
-            lead: From a measurement to the middle of what its command does, s; None: nothing is
-                fed forward.
+            bandwidth: Of the proportional part alone, Hz.
+            lead: Delay from a measurement to the middle of the time its command acts, s; None:
+                no feed-forward.
 
         Raises:
-            ConfigurationError: No crank angle tells the state of this mechanism.
+            ConfigurationError: The crank angle does not determine the state of this mechanism.
         """
         if not mechanism.reach():
             raise ConfigurationError(
-                f'plant: a wind_pump keeps its own speed; name {_usable_presets()}'
+                f'plant: a wind_pump keeps its own speed; name a linkage, such as {DEFAULT_PRESET}'
             )
         self._solver, self._lead = Solver(mechanism), lead
         self._solver.reach.require_full_turn()
@@ -124,15 +116,15 @@ class SpeedController:
         """The torque to command.
 
         Args:
-            angle: Of the crank, measured, rad.
-            speed: Likewise, rad/s.
-            elapsed: Since the measurement before, s.
+            angle: Measured crank angle, rad.
+            speed: Measured crank speed, rad/s.
+            elapsed: Time since the previous measurement, s; 0: begin anew.
 
         Returns:
             N m.
         """
         error = self._speed - speed
-        if not elapsed:  # another run: what was learnt belongs to the one before
+        if not elapsed:
             self._integral = 0.0
         self._integral += self._ki * error * elapsed
         torque = self._kp * error + self._integral
@@ -147,11 +139,10 @@ class ControllerNode(ParameterNode):
 
     def __init__(self) -> None:
         super().__init__(_NAME)
-        given = given_values(self)
+        given = without_ros_own(given_values(self))
         names = [leaf.name for leaf in PARAMETERS]
-        for name in without_ros_own(given):
-            if name not in names:
-                raise ConfigurationError(unknown_name(name, _NAME, names, f'{_NAME} --help'))
+        if unknown := [name for name in given if name not in names]:
+            raise ConfigurationError(unknown_name(unknown[0], _NAME, names, f'{_NAME} --help'))
         settings = build(Settings, given)
         plant = load(settings.plant)
         if settings.joint_prefix is None:
@@ -162,28 +153,28 @@ class ControllerNode(ParameterNode):
             settings.lead_time if settings.feed_forward else None,
         )  # fmt: skip
         self._crank = f'{settings.joint_prefix}crank'
-        self._last: int | None = None
+        self._last_stamp = -_LONGEST_GAP
         self._commands = self.create_publisher(JointState, 'joint_commands', 10)
         states = self.create_subscription(JointState, 'joint_states', self._answer, 10)
-        ahead = 'the exact torque' if settings.feed_forward else 'nothing'
         self.get_logger().info(
-            f'keeps the crank of {settings.plant} at {settings.rpm:g} rpm, with {ahead} fed '
-            f'forward; waits for {states.topic_name}'
+            f'keeps the crank of {settings.plant} at {settings.rpm:g} rpm, with '
+            f'{"the exact torque" if settings.feed_forward else "nothing"} fed forward; '
+            f'waits for {states.topic_name}'
         )
 
     def _answer(self, state: JointState) -> None:
-        motions = zip(state.position, state.velocity, strict=False)  # either may be left out
-        measured = dict(zip(state.name, motions, strict=False))
-        angle, speed = measured.get(self._crank, (math.nan, math.nan))
-        if not math.isfinite(angle + speed):  # it would stay in the integral for ever
-            if self._crank in state.name:  # else it is of another robot
-                words = f'a state without finite position and velocity of {self._crank} is ignored'
-                self.get_logger().warning(words, throttle_duration_sec=1.0)
+        if self._crank not in state.name:  # the message of another robot
             return
-        now = state.header.stamp.sec * NS_PER_S + state.header.stamp.nanosec
-        last, self._last = self._last, now
-        passed = 0 if last is None else now - last
-        elapsed = passed / NS_PER_S if 0 < passed < _LONGEST else 0.0
+        joints = zip(state.name, state.position, state.velocity, strict=False)  # may be left out
+        measured = {name: (angle, speed) for name, angle, speed in joints}
+        angle, speed = measured.get(self._crank, (math.nan, math.nan))
+        if not math.isfinite(angle + speed):  # the integral would never be finite again
+            words = f'a state without finite position and velocity of {self._crank} is ignored'
+            self.get_logger().warning(words, throttle_duration_sec=1.0)
+            return
+        stamp = state.header.stamp.sec * NS_PER_S + state.header.stamp.nanosec
+        gap, self._last_stamp = stamp - self._last_stamp, stamp
+        elapsed = gap / NS_PER_S if 0 < gap < _LONGEST_GAP else 0.0
         torque = self._controller.torque(angle, speed, elapsed)
         command = JointState(name=[self._crank], effort=[torque])
         command.header.stamp = state.header.stamp

@@ -23,59 +23,54 @@ from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.viewers import SPAWN
 from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
-from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.view.viewer_process import require_screen
+from linkage_ros.wire.cdr import stamp_of
 from linkage_ros.wire.topics import JOINT_STATES
 
 _NAME = 'demo'
 _FOLDER = Path('demo')
 _LOG, _VIEW = _FOLDER / 'quadrilateral.mcap', _FOLDER / 'quadrilateral.rrd'
 _SECONDS, _RPM, _RATE = 8.0, 150.0, 200.0
-_PATIENCE = 60.0  # s for the node to start on a busy machine
+_PATIENCE = 60.0  # s, for all of it on a busy machine
 
 
-class Heard:
-    """What a subscriber has received."""
+def report(states: list[tuple[int, float]]) -> str:
+    """Describes the joint states that a subscriber received.
 
-    def __init__(self) -> None:
-        self.stamps: list[int] = []
-        self.torques: list[float] = []
+    Args:
+        states: Stamp, ns, and driving torque, N m, of each.
 
-    def report(self) -> str:
-        """A line for people.
+    Returns:
+        A line for people.
 
-        Raises:
-            LinkageError: Next to nothing was received.
-        """
-        if len(self.stamps) < 2:
-            raise LinkageError(
-                f'received {len(self.stamps)} joint states; is multicast blocked on this machine, '
-                'or ROS_AUTOMATIC_DISCOVERY_RANGE=OFF?'
-            )
-        span = (self.stamps[-1] - self.stamps[0]) / NS_PER_S
-        gaps = [later - earlier for earlier, later in itertools.pairwise(self.stamps)]
-        return (
-            f'received {len(self.stamps)} joint states in {span:.2f} s: '
-            f'{(len(self.stamps) - 1) / span:.2f} Hz, stamps {min(gaps) / NS_PER_MS:.3f} to '
-            f'{max(gaps) / NS_PER_MS:.3f} ms apart, {span * _RPM / 60:.1f} turns, '
-            f'driving torque {min(self.torques):.4f} to {max(self.torques):.4f} N m'
+    Raises:
+        LinkageError: Next to nothing was received.
+    """
+    if len(states) < 2:
+        raise LinkageError(
+            f'received {len(states)} joint states; is multicast blocked on this machine, '
+            'or ROS_AUTOMATIC_DISCOVERY_RANGE=OFF?'
         )
-
-    def lost(self, log: LogReader) -> int:
-        """How many joint states were published while this listened but not received."""
-        decode = Machine(log.configuration).joint_states.decode
-        published = (
-            decode(message.data)[0]
-            for message in log.messages()
-            if message.topic == f'/{JOINT_STATES.name}'
-        )
-        first, last = self.stamps[0], self.stamps[-1]
-        return sum(first <= stamp <= last for stamp in published) - len(self.stamps)
+    stamps, torques = zip(*states, strict=True)
+    span = (stamps[-1] - stamps[0]) / NS_PER_S
+    gaps = [(later - earlier) / NS_PER_MS for earlier, later in itertools.pairwise(stamps)]
+    return (
+        f'received {len(states)} joint states in {span:.2f} s: '
+        f'{(len(states) - 1) / span:.2f} Hz, stamps {min(gaps):.3f} to {max(gaps):.3f} ms apart, '
+        f'{span * _RPM / 60:.1f} turns, driving torque {min(torques):.4f} to '
+        f'{max(torques):.4f} N m'
+    )
 
 
-def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
-    """Subscribes to the node from this process.
+def count_lost(states: list[tuple[int, float]], log: LogReader) -> int:
+    """How many joint states of a log, from the first to the last received, were not received."""
+    stamps = (stamp_of(message.data) for message in log.messages([f'/{JOINT_STATES.name}']))
+    return sum(states[0][0] <= stamp <= states[-1][0] for stamp in stamps) - len(states)
+
+
+def _listen(process: subprocess.Popen[bytes]) -> list[tuple[int, float]]:
+    """Subscribes to the node for some seconds from its first joint state on.
 
     Raises:
         LinkageError: Another node publishes the same topic.
@@ -85,34 +80,29 @@ def _listen(process: subprocess.Popen[bytes], seconds: float) -> Heard:
 
     from linkage_ros.ros.context import on_ros
 
-    heard = Heard()
+    states = []
 
-    def hear(message: JointState) -> None:
+    def receive(message: JointState) -> None:
         stamp = message.header.stamp
-        heard.stamps.append(stamp.sec * NS_PER_S + stamp.nanosec)
-        heard.torques.append(message.effort[0])
+        states.append((stamp.sec * NS_PER_S + stamp.nanosec, message.effort[0]))
 
-    bar = progress_bar(
-        total=seconds, bar_format='{percentage:3.0f}%|{bar}| {n:.1f}/{total:g} s{postfix}\r'
-    )
-    with on_ros([_NAME]), bar:
+    layout = '{percentage:3.0f}%|{bar}| {n:.1f}/{total:g} s\r'
+    with on_ros([_NAME]), progress_bar(total=_SECONDS, bar_format=layout) as bar:
         node = rclpy.create_node('demo_listener')
-        node.create_subscription(JointState, 'joint_states', hear, 10)
-        start = time.monotonic()
-        while not heard.stamps and time.monotonic() < start + _PATIENCE and process.poll() is None:
+        node.create_subscription(JointState, 'joint_states', receive, 10)
+        passed, limit = 0.0, time.monotonic() + _PATIENCE
+        while passed < _SECONDS and time.monotonic() < limit and process.poll() is None:
             rclpy.spin_once(node, timeout_sec=0.1)
-        start = time.monotonic()
-        while (passed := time.monotonic() - start) < seconds and process.poll() is None:
-            rclpy.spin_once(node, timeout_sec=0.1)
-            bar.set_postfix_str(f'{len(heard.stamps)} joint states heard', refresh=False)
-            bar.update(passed - bar.n)
+            if states:
+                passed = (time.time_ns() - states[0][0]) / NS_PER_S
+                bar.update(passed - bar.n)
             if node.count_publishers('joint_states') > 1:
                 raise LinkageError(
-                    'somebody else publishes joint_states here: stop it, or choose another '
+                    'another node publishes joint_states here: stop it, or choose another '
                     'domain, as in ROS_DOMAIN_ID=42 make demo'
                 )
         node.destroy_node()
-    return heard
+    return states
 
 
 def _live(viewer: str | Path) -> None:
@@ -124,15 +114,15 @@ def _live(viewer: str | Path) -> None:
     print(f'linkage_node turns the quadrilateral at {_RPM:g} rpm for {_SECONDS:g} s')
     process = subprocess.Popen(command)  # noqa: S603
     try:
-        heard = _listen(process, _SECONDS)
+        states = _listen(process)
     finally:
         process.send_signal(signal.SIGINT)
         code = process.wait(timeout=30)
     if code != 0:
         raise LinkageError(f'linkage_node ended with exit code {code}')
-    print(heard.report())
+    print(report(states))
     with LogReader(_LOG) as log:
-        if lost := heard.lost(log):
+        if lost := count_lost(states, log):
             print(f'published but not received: {lost}; the subscriber lost them, not the node')
 
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -26,7 +27,13 @@ from linkage_ros.parameters.session import Session
 from linkage_ros.parameters.summary import summary
 from linkage_ros.progress import progress_bar
 from linkage_ros.quantities import leaves
-from linkage_ros.record_end import DEFAULT_DURATION, DURATION, REVOLUTIONS, End
+from linkage_ros.record_end import (
+    DEFAULT_DURATION,
+    DURATION,
+    REVOLUTIONS,
+    count_states,
+    has_turned,
+)
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION, qualified
 
@@ -65,8 +72,9 @@ def record(
     """
     machine = Machine(configuration)
     motion = machine.begin(0, AdaptiveSteps)
-    end = End(machine, motion, duration, revolutions)
-    tick = 0
+    count = count_states(machine, motion, duration, revolutions)
+    turns = revolutions if count is None else None
+    start, tick = configuration.drive.crank_angle, 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         *channels, description = (
             log.add_topic(topic, qualified(topic))
@@ -76,12 +84,14 @@ def record(
         log.write(description, 0, machine.description)
         try:
             ticks: Iterable[int] = progress_bar(
-                end.ticks, wanted=progress, unit=' states', unit_scale=True
-            )
+                itertools.count() if count is None else range(count),
+                wanted=progress, unit=' states', unit_scale=True,
+            )  # fmt: skip
             for tick in ticks:
                 stamp = machine.elapsed(tick)
                 snapshot = machine.snapshot_at(motion, stamp)
-                if stopped() or end.reached(stamp, snapshot):
+                turned = snapshot.coordinates.unwrapped - start
+                if stopped() or (turns and has_turned(turned, turns, stamp)):
                     return tick
                 for channel, message in zip(channels, snapshot.messages, strict=True):
                     log.write(channel, stamp, message)

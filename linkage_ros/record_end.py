@@ -4,16 +4,14 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable
 from fractions import Fraction
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion
 from linkage_ros.quantities import Quantity
-from linkage_ros.run.machine import Machine, Snapshot
+from linkage_ros.run.machine import Machine
 from linkage_ros.units import NS_PER_S
 
 DEFAULT_DURATION = 10.0
@@ -23,78 +21,61 @@ REVOLUTIONS = Quantity('whole', 'how far the crank turns', 'turns', 1, _LONGEST)
 _PATIENCE = 3600  # s, for revolutions that a torque is to make
 
 
-class End:
-    """When a record ends.
+def count_states(
+    machine: Machine, motion: Motion, duration: float | None, revolutions: int | None
+) -> int | None:
+    """The number of states in a record.
 
-    Attributes:
-        ticks: Those of the record, or all where the motion has to tell.
+    Args:
+        machine: Which is recorded.
+        motion: Of its crank, from t = 0.
+        duration: s; None: 10.
+        revolutions: Turns of the crank, either way, instead of a duration.
+
+    Returns:
+        The number; None where only the motion shows when the crank has turned so far.
+
+    Raises:
+        ConfigurationError: A value is out of range, or the crank never turns so far.
     """
-
-    def __init__(
-        self,
-        machine: Machine,
-        motion: Motion,
-        duration: float | None,
-        revolutions: int | None,
-    ) -> None:
-        """Takes how long the record is to be.
-
-        Args:
-            machine: That is recorded.
-            motion: Of its crank, from t = 0.
-            duration: s; by default 10.
-            revolutions: Turns of the crank, either way, instead of a duration.
-
-        Raises:
-            ConfigurationError: It is out of range, or the crank never turns so far.
-        """
-        self.ticks: Iterable[int]
-        self._turns: int | None = None
-        self._start = machine.configuration.drive.crank_angle
-        if revolutions is None:
-            self.ticks = _ticks(machine, _nanoseconds(duration))
-            return
+    if revolutions is None:
+        end = _nanoseconds(DEFAULT_DURATION if duration is None else duration)
+    else:
         REVOLUTIONS.clean('revolutions', revolutions)
-        if isinstance(motion, SpeedMotion):
-            self.ticks = _ticks(machine, _time_to_turn(motion, revolutions))
-        else:
-            self.ticks, self._turns = itertools.count(), revolutions
-
-    def reached(self, stamp: int, snapshot: Snapshot) -> bool:
-        """Whether a state is at or beyond the end that the motion tells.
-
-        Args:
-            stamp: Of the state, ns.
-            snapshot: The state.
-
-        Returns:
-            Whether the record ends before it.
-
-        Raises:
-            ConfigurationError: It does not come.
-        """
-        if self._turns is None:
-            return False
-        turned = abs(snapshot.coordinates.unwrapped - self._start) / (2 * math.pi)
-        if stamp > _PATIENCE * NS_PER_S:
-            raise ConfigurationError(
-                f'the crank has not come {self._turns} revolutions far within {_PATIENCE} s, but '
-                f'{turned:.3g}: give a --duration'
-            )
-        return turned >= self._turns
+        if not isinstance(motion, SpeedMotion):
+            return None
+        end = _time_to_turn(motion, revolutions)
+    return machine.tick_at(end - 1) + 1
 
 
-def _ticks(machine: Machine, end: int) -> range:
-    """The states in [0, end), ns."""
-    return range(machine.tick_at(end - 1) + 1)
+def has_turned(angle: float, revolutions: int, stamp: int) -> bool:
+    """Whether a torque-driven crank has made its revolutions.
+
+    Args:
+        angle: Since the start, rad.
+        revolutions: Turns, either way.
+        stamp: Time since the start, ns.
+
+    Returns:
+        Whether it has.
+
+    Raises:
+        ConfigurationError: It has not within an hour.
+    """
+    turned = abs(angle) / (2 * math.pi)
+    if stamp > _PATIENCE * NS_PER_S:
+        raise ConfigurationError(
+            f'the crank has not come {revolutions} revolutions far within {_PATIENCE} s, but '
+            f'{turned:.3g}: give a --duration'
+        )
+    return turned >= revolutions
 
 
-def _nanoseconds(duration: float | None) -> int:
+def _nanoseconds(duration: float) -> int:
     """A duration as it was typed."""
-    seconds = DEFAULT_DURATION if duration is None else duration
-    DURATION.clean('duration', seconds)
-    # What was typed in decimals is meant: 0.535 * 10^9 is a little more than 535000000.
-    return math.ceil(Fraction(repr(float(seconds))) * NS_PER_S)
+    DURATION.clean('duration', duration)
+    # The decimals count: in binary, 0.535 * 10^9 is a little more than 535000000.
+    return math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
 
 
 def _time_to_turn(motion: SpeedMotion, revolutions: int) -> int:

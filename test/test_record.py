@@ -25,7 +25,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import record
-from linkage_ros.record_end import End
+from linkage_ros.record_end import count_states
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.codecs import encode_float64, encode_string
 from linkage_ros.wire.urdf import make_urdf
@@ -122,7 +122,7 @@ def test_topics_are_the_nodes(out):
 
 
 def states_below(machine, duration, revolutions=None):
-    return len(End(machine, machine.begin(0), duration, revolutions).ticks)
+    return count_states(machine, machine.begin(0), duration, revolutions)
 
 
 def brute_count(rate, seconds):
