@@ -25,7 +25,7 @@ from unittest.mock import MagicMock, patch
 from linkage_ros import executables
 from linkage_ros.controller import Settings
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.parameters.configuration import Kind, Session
+from linkage_ros.parameters.configuration import MechanismAndDrive, Session
 from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.quantities import Leaf, leaves
@@ -224,7 +224,7 @@ def tables() -> dict[str, str]:
     """The tables by the names that the page gives them."""
     return {
         'presets': _presets(),
-        'kind': _parameters(Kind),
+        'kind': _parameters(MechanismAndDrive),
         'mechanisms': _sections('mechanism', MECHANISMS),
         'drives': _sections('drive', DRIVES),
         'session': _parameters(Session),

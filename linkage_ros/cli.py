@@ -23,11 +23,11 @@ from linkage_ros.errors import ConfigurationError, LinkageError, missing_library
 from linkage_ros.quantities import Quantity, shown
 
 STOPPED_BY_USER = 130
-_PATIENCE = 1.0  # s, for whoever reads an error
+_LONGEST_WAIT = 1.0  # s, to write an error to a full pipe
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong with a command line in one line, without the usage before it."""
+    """Reports an error of a command line in one line, without the usage before it."""
 
     def error(self, message: str) -> NoReturn:
         """Ends the program with exit code 2."""
@@ -175,7 +175,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         The exit code: 2 for an error that the user can mend, 130 after Ctrl-C.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # Paths and what logs hold may not be what the terminal's encoding can say.
+        # Paths and texts in logs may have characters that the terminal's encoding lacks.
         sys.stdout.reconfigure(errors='backslashreplace')
     try:
         code = command() or 0
@@ -190,7 +190,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return STOPPED_BY_USER
-    except BrokenPipeError:  # the reader of our output has enough
+    except BrokenPipeError:  # the reader of our output is gone
         _close_output()
         return 0
     except OSError as error:  # stdout is a file on a full disk
@@ -215,13 +215,13 @@ def leave(code: int) -> int:
     if 'rclpy' not in sys.modules:
         return code
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):  # closed, or nobody reads
+        with suppress(OSError, ValueError, AttributeError):  # closed, or the reader is gone
             stream.flush()
     os._exit(code)
 
 
 def _close_output() -> None:
-    """Gives up stdout: Python would complain once more at exit of what cannot be written."""
+    """Redirects stdout to /dev/null, so that Python does not fail again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -229,16 +229,16 @@ def _close_output() -> None:
 
 
 def print_error(name: str, error: object) -> None:
-    """Prints one line, unless nobody reads it within a second: a full pipe, Ctrl-S."""
+    """Prints one line, unless stderr is blocked for a second by a full pipe or Ctrl-S."""
     if sys.stderr is not None and _is_read(sys.stderr):
         with suppress(OSError):
             print(f'{name}: {one_line(str(error))}', file=sys.stderr)
 
 
 def _is_read(stream: TextIO) -> bool:
-    """Whether a stream takes a line within a second; one without a file always does."""
+    """Whether a line can be written to a stream within a second."""
     try:
         number = stream.fileno()
     except OSError:
         return True
-    return bool(select.select([], [number], [], _PATIENCE)[1])
+    return bool(select.select([], [number], [], _LONGEST_WAIT)[1])

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_controller: keeps a torque-driven crank at a speed. A prototype, to copy and to change.
 
-A PI controller takes the measured speed of each joint state; on top of it the exact torque of the
-motion that is wanted is fed forward, for the crank angle at which it will act.
+A PI controller acts on the measured speed of each joint state. The exact torque of the desired
+motion is added, computed for the crank angle at which the command will act.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _LONGEST_GAP = NS_PER_S // 10
 
 @dataclass(frozen=True)
 class Settings(Checked):
-    """What the user may set.
+    """The parameters of linkage_controller.
 
     Attributes:
         plant: Parameter file, or preset, of the mechanism that is controlled.

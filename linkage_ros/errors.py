@@ -12,13 +12,13 @@ _LONGEST = 600  # characters of an error
 
 
 def printable(text: str) -> str:
-    """A text without what would steer a terminal or lie about its order: that is spelled out.
+    """Escapes the characters of a text that are not printable.
 
     Args:
-        text: Names and values in it may be anybody's.
+        text: May contain names and values from untrusted files.
 
     Returns:
-        One line, which any terminal takes.
+        A text that does not steer a terminal.
     """
     if text.isprintable():
         return text
@@ -27,14 +27,14 @@ def printable(text: str) -> str:
 
 
 def shortened(text: str, longest: int) -> str:
-    """A text that is not endless.
+    """Shortens a text in its middle.
 
     Args:
-        text: Any.
-        longest: How many characters are shown.
+        text: Any text.
+        longest: Most characters of the result.
 
     Returns:
-        The text; of a longer one beginning and end.
+        The text, or its beginning and end.
     """
     if len(text) <= longest:
         return text
@@ -42,10 +42,10 @@ def shortened(text: str, longest: int) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text as an error message shows it: on one line, printable, and not endless.
+    """A text on one line, printable and shortened, for an error message.
 
     Args:
-        text: Names and values in it may be anybody's.
+        text: May contain names and values from untrusted files.
 
     Returns:
         At most 600 characters; the middle of a longer text is left out.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files that a user names: opened, and asked about, whatever is there under the name."""
+"""Opening and inspecting files that a user names, whatever exists under the name."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from typing import BinaryIO, Literal
 
 
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
-    """Opens a file, and waits for nobody.
+    """Opens a file without waiting.
 
-    A pipe into which nobody writes is empty; one from which nobody reads cannot be opened. A file
-    that somebody writes who opened it here is not opened for writing: it would be emptied. It can
-    be read meanwhile.
+    A pipe without a writer is empty; one without a reader cannot be opened for writing. A file
+    that was opened for writing with this function, also by another process, is locked: opening it
+    for writing again, which would empty it, is refused.
 
     Args:
         path: The file.
-        mode: As of open.
+        mode: As for `open`.
 
     Returns:
-        The file, to be closed.
+        The file, to be closed by the caller.
 
     Raises:
-        BlockingIOError: Somebody writes it.
-        OSError: It cannot be opened; also where no file can have such a name.
+        BlockingIOError: The file is locked.
+        OSError: The file cannot be opened, or no file can have this name.
     """
     opener = _open_at_once if mode == 'rb' else _open_locked
     try:
@@ -45,14 +45,14 @@ def _open_at_once(path: str, flags: int) -> int:
 
 
 def _open_locked(path: str, flags: int) -> int:
-    """Opens a file for writing; it is emptied only where nobody else writes it.
+    """Opens a file for writing, locks it and then empties it.
 
     Raises:
-        OSError: It cannot be opened; a BlockingIOError where somebody does.
+        OSError: The file cannot be opened; BlockingIOError if it is locked.
     """
     number = _open_at_once(path, flags & ~os.O_TRUNC)
     try:
-        if stat.S_ISREG(os.fstat(number).st_mode):  # /dev/null is everybody's
+        if stat.S_ISREG(os.fstat(number).st_mode):  # /dev/null is shared
             _lock(number)
             os.ftruncate(number, 0)
     except OSError:
@@ -65,18 +65,18 @@ def _lock(number: int) -> None:
     """Locks a file until it is closed, or its process ends in whatever way.
 
     Raises:
-        BlockingIOError: Somebody else has locked it.
+        BlockingIOError: The file is locked already.
     """
     try:
         fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise
-    except OSError:  # some file systems of networks have no locks
+    except OSError:  # some network file systems have no locks
         return
 
 
 def is_written(path: Path | str) -> bool:
-    """Whether somebody writes a file who opened it here."""
+    """Whether a file is open for writing by `open_file`."""
     with suppress(OSError), open_file(path) as stream:
         try:
             fcntl.flock(stream.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -86,7 +86,7 @@ def is_written(path: Path | str) -> bool:
 
 
 def is_one_file(path: str, other: str) -> bool:
-    """Whether two names are of one file, or will be where none is there yet."""
+    """Whether two names refer to one file, or will do so once it exists."""
     with suppress(OSError, ValueError):
         if os.path.realpath(path) == os.path.realpath(other):
             return True
@@ -95,10 +95,10 @@ def is_one_file(path: str, other: str) -> bool:
 
 
 def is_replaceable(path: Path | str) -> bool:
-    """Whether `open_file` could write a file anew: no folder, no pipe, no loop of links."""
+    """Whether `open_file` can replace a file: not a folder, a pipe or a loop of links."""
     try:
         mode = Path(path).stat().st_mode
-    except FileNotFoundError:  # nothing, or a link to what is not there yet
+    except FileNotFoundError:  # or a link to a file that does not exist yet
         return True
     except (OSError, ValueError):
         return False
@@ -106,7 +106,7 @@ def is_replaceable(path: Path | str) -> bool:
 
 
 def is_there(path: Path | str) -> bool:
-    """Whether there is something under a name; Path.exists raises where none can have it."""
+    """Whether a path exists; Path.exists raises where no file can have such a name."""
     with suppress(OSError, ValueError):
         return Path(path).exists()
     return False

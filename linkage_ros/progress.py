@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all command lines show on the way, on stderr where that is a terminal."""
+"""Progress bars and lines of the command lines, on stderr if that is a terminal."""
 
 from __future__ import annotations
 
@@ -15,45 +15,45 @@ from tqdm import tqdm
 
 
 def progress_bar(
-    items: Iterable[Any] | None = None, *, wanted: bool = True, **look: Any
+    items: Iterable[Any] | None = None, *, wanted: bool = True, **options: Any
 ) -> tqdm[Any]:
-    """A bar on stderr, if that is a terminal, at most once a second; it goes when all is done.
+    """A progress bar on stderr, if that is a terminal; it disappears at the end.
 
     Args:
-        items: What is gone through; None: it is updated by hand.
-        wanted: Whether there is to be one at all.
-        look: What it says, as tqdm takes it: desc, total, unit, delay and so on.
+        items: The items to iterate over; None: the bar is updated by hand.
+        wanted: Whether to show the bar at all.
+        options: Options of tqdm: desc, total, unit, delay and so on.
 
     Returns:
-        The bar, which gives the items.
+        The bar, which yields the items.
     """
     disable = None if wanted else True  # None: where stderr is no terminal
     # Every item may be shown (miniters): tqdm would learn from quick ones to skip slow ones.
-    look = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **_size(), **look}
-    return tqdm(items, disable=disable, **look)
+    options = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **_size(), **options}
+    return tqdm(items, disable=disable, **options)
 
 
 def _size() -> dict[str, int]:
-    """What tqdm is told of a terminal that has no size, as one of `script` where there is none."""
+    """Size options of tqdm for a terminal that reports no size, such as that of `script`."""
     try:
         if all(os.get_terminal_size(sys.stderr.fileno())):
-            return {}  # it looks itself
-    except (AttributeError, OSError, ValueError):  # stderr is none, a pipe, or in memory
+            return {}  # tqdm finds the size
+    except (AttributeError, OSError, ValueError):  # stderr is closed, a pipe or in memory
         return {}
-    columns, rows = shutil.get_terminal_size()  # 80 x 24, or what the environment says
-    return {'ncols': columns - 1, 'nrows': rows - 1}  # the last are left free, as elsewhere
+    columns, rows = shutil.get_terminal_size()  # 80 x 24, or from the environment
+    return {'ncols': columns - 1, 'nrows': rows - 1}  # tqdm leaves the last ones free as well
 
 
 @contextmanager
 def waiting(words: str) -> Iterator[None]:
-    """A line on stderr, if that is a terminal, which goes when what is waited for is over.
+    """Shows a line on stderr, if that is a terminal, for as long as the block runs.
 
     Args:
-        words: What is waited for, and how long at most.
+        words: The line: what is waited for, and how long at most.
 
     Yields:
-        Meanwhile.
+        None.
     """
-    # The cursor stands at its beginning: what others say meanwhile does not stick to its end.
+    # The cursor is at the beginning of the line, so that other output overwrites it.
     with progress_bar(desc=words, bar_format='{desc}\r'):
         yield

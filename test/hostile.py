@@ -12,7 +12,7 @@ import json
 import math
 from dataclasses import replace
 
-from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
+from linkage_ros.parameters.configuration import MechanismAndDrive, load, parameter_leaves
 from linkage_ros.parameters.presets import preset_names, preset_path
 
 TEXTS = (
@@ -75,7 +75,9 @@ def extreme(rng):
     values, scale = configuration.parameters(), 10.0 ** rng.randint(-8, 8)
     if rng.random() < 0.5 and values['drive'] == 'speed':
         values |= {'drive': 'torque', 'motor.torque': 1.0}
-        configuration = replace(configuration, kind=Kind(values['mechanism'], 'torque'))
+        configuration = replace(
+            configuration, kind=MechanismAndDrive(values['mechanism'], 'torque')
+        )
     leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(configuration.kind)}
     values = {name: value for name, value in values.items() if name in leaves}
     for name in values:

@@ -18,7 +18,7 @@ from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import (
     DEFAULT_PRESET,
-    Kind,
+    MechanismAndDrive,
     check_live,
     configure,
     load,
@@ -29,7 +29,7 @@ from linkage_ros.parameters.presets import preset_names
 from linkage_ros.quantities import MISSING
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
-LEAVES = {leaf.name: leaf for leaf in parameter_leaves(Kind('four_bar'))}
+LEAVES = {leaf.name: leaf for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}
 NUMBERS = [name for name, leaf in LEAVES.items() if leaf.quantity.kind == 'number']
 PAIRS = [name for name, leaf in LEAVES.items() if leaf.quantity.kind == 'pair']
 REQUIRED = {
@@ -245,7 +245,7 @@ def test_similar_names_are_refused(name):
 @pytest.mark.parametrize('drive', DRIVES)
 @pytest.mark.parametrize('mechanism', MECHANISMS)
 def test_every_default_is_valid(mechanism, drive):
-    found = parameter_leaves(Kind(mechanism, drive))
+    found = parameter_leaves(MechanismAndDrive(mechanism, drive))
     assert len({leaf.name for leaf in found}) == len(found)
     for name, quantity, default in found:
         assert default in (MISSING, None) or quantity.clean(name, default) == default
@@ -253,7 +253,7 @@ def test_every_default_is_valid(mechanism, drive):
 
 def test_only_the_speed_or_the_motor_may_be_changed_while_running():
     assert [name for name, leaf in LEAVES.items() if leaf.quantity.live] == ['rpm']
-    leaves = parameter_leaves(Kind('wind_pump', 'torque'))
+    leaves = parameter_leaves(MechanismAndDrive('wind_pump', 'torque'))
     assert [leaf.name for leaf in leaves if leaf.quantity.live] == ['motor.torque']
 
 

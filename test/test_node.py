@@ -32,7 +32,7 @@ from linkage_ros import controller, node
 from linkage_ros import record as record_module
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
+from linkage_ros.parameters.configuration import MechanismAndDrive, load, parameter_leaves
 from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
@@ -216,7 +216,7 @@ def test_the_help_lists_the_parameters_of_every_kind(called):
     assert code == 0
     lines = shown.splitlines()
     for mechanism, drive in product(MECHANISMS, DRIVES):
-        for name, quantity, _ in parameter_leaves(Kind(mechanism, drive)):
+        for name, quantity, _ in parameter_leaves(MechanismAndDrive(mechanism, drive)):
             values = ', '.join(quantity.choices) if quantity.choices else quantity.span
             found = [line for line in lines if line.startswith(f'  {name}: ')]
             assert found, name

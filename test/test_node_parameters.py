@@ -19,7 +19,7 @@ from rcl_interfaces.srv import (
 )
 from ros_harness import decoded, node_arguments, stop, wait_for, watched
 
-from linkage_ros.parameters.configuration import Kind, load, parameter_leaves
+from linkage_ros.parameters.configuration import MechanismAndDrive, load, parameter_leaves
 
 RPM = -42.5
 FIELDS = {1: 'bool', 2: 'integer', 3: 'double', 4: 'string', 8: 'double_array'}
@@ -65,7 +65,7 @@ def plain(value):
 
 
 def test_each_is_described_with_its_range(listener):
-    leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(Kind('four_bar'))}
+    leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}
     assert set(leaves) <= set(dump(listener))
     request = DescribeParameters.Request(names=sorted(leaves))
     described = call(listener, DescribeParameters, 'describe_parameters', request)

@@ -12,7 +12,7 @@ import pytest
 from pages import ROOT, load_reference, read
 
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.parameters.configuration import Kind, parameter_leaves
+from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves
 from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.quantities import Leaf, Quantity
 
@@ -44,7 +44,7 @@ def test_every_parameter_is_listed():
     """Also one of a class that the script does not know."""
     kinds = itertools.product(MECHANISMS, DRIVES)
     for mechanism, drive in kinds:
-        for leaf in parameter_leaves(Kind(mechanism, drive)):
+        for leaf in parameter_leaves(MechanismAndDrive(mechanism, drive)):
             assert f'\n| `{leaf.name}` | ' in PAGE
 
 

@@ -27,8 +27,8 @@ _ROS_OWN = ('use_sim_time', 'start_type_description_service')
 
 
 @dataclass(frozen=True)
-class Kind(Checked):
-    """Which mechanism it is and what drives it.
+class MechanismAndDrive(Checked):
+    """The kind of mechanism, and what drives it.
 
     Attributes:
         mechanism: A name of `MECHANISMS`.
@@ -42,11 +42,11 @@ class Kind(Checked):
     )  # fmt: skip
 
     @classmethod
-    def of(cls, given: Mapping[str, object]) -> Kind:
-        """The kind that parameters ask for; a wind pump is always driven by a torque.
+    def of(cls, given: Mapping[str, object]) -> MechanismAndDrive:
+        """Reads both from parameters; a wind pump is always driven by a torque.
 
         Raises:
-            ConfigurationError: They ask for none, or for a wind pump at a given speed.
+            ConfigurationError: The mechanism is missing, or a wind pump has drive: speed.
         """
         kind = build(cls, given)
         if len(MECHANISMS[kind.mechanism].coordinates) == 1:
@@ -65,13 +65,13 @@ class Configuration:
     """Everything that a run depends on.
 
     Attributes:
-        kind: Which mechanism and drive it has.
+        kind: The names of mechanism and drive.
         mechanism: The description of the mechanism.
         drive: What moves it.
         session: How it is published, logged and shown.
     """
 
-    kind: Kind
+    kind: MechanismAndDrive
     mechanism: Mechanism
     drive: Drive
     session: Session
@@ -84,9 +84,9 @@ class Configuration:
         return flat
 
 
-def parameter_leaves(kind: Kind) -> tuple[Leaf, ...]:
+def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
     """The parameters that a mechanism and a drive use, in the order of their declaration."""
-    classes = (Kind, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
+    classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
     return tuple(leaf for cls in classes for leaf in leaves(cls))
 
 
@@ -99,7 +99,7 @@ def check_live(name: str, value: object) -> None:
     """Checks a value that is set while the node runs.
 
     Args:
-        name: Of a parameter of the drive; others are none of ours and pass.
+        name: Of a parameter of the drive; other names pass.
         value: The new value.
 
     Raises:
@@ -128,7 +128,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
     preset: Mapping[str, object] = {}
     if 'mechanism' not in given:
         preset = read_parameter_file(preset_path(DEFAULT_PRESET))
-    kind = Kind.of({**preset, **given})
+    kind = MechanismAndDrive.of({**preset, **given})
     valid = [leaf.name for leaf in parameter_leaves(kind)]
     if unknown := [name for name in given if name not in valid]:
         raise ConfigurationError(_unknown(unknown[0], kind))
@@ -159,12 +159,12 @@ def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
 
 
 def preset_note(values: Mapping[str, object]) -> str:
-    """What to tell a user whose parameters name no mechanism; empty where they do."""
+    """The words before a summary of the default preset; empty if a mechanism is given."""
     return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
 
 
-def _unknown(name: str, kind: Kind) -> str:
-    """What is wrong with a name that a mechanism and a drive do not have, and what to do."""
+def _unknown(name: str, kind: MechanismAndDrive) -> str:
+    """Error message for a name that this mechanism and drive do not have."""
     driven = 'torque-driven ' if kind.drive == 'torque' else ''
     owner = f'a {driven}{kind.mechanism}'
     drives = [drive for drive, cls in DRIVES.items() if name in _names(cls)]
@@ -187,7 +187,7 @@ def _names(cls: type) -> list[str]:
     return [leaf.name for leaf in leaves(cls)]
 
 
-def _is_stray(name: str, kind: Kind) -> bool:
+def _is_stray(name: str, kind: MechanismAndDrive) -> bool:
     """Whether a name is in a group, such as slider, that only other mechanisms or drives have."""
     group = name.partition('.')[0] + '.'
     others = (*MECHANISMS.values(), *DRIVES.values())
@@ -208,7 +208,7 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
 
     Raises:
         ConfigurationError: There is no such file or preset, it cannot be read, or it sets nothing
-            of linkage_node: another linkage than was meant would run in silence.
+            of linkage_node, so that a default linkage would run unnoticed.
     """
     node = f'{namespace}/linkage_node'.lstrip('/')
     values = read_parameter_file(find_file(source), node)
@@ -230,7 +230,7 @@ def load(source: str) -> Configuration:
         The configuration.
 
     Raises:
-        ConfigurationError: There is no such file or preset, it cannot be used, or it is of other
-            nodes alone.
+        ConfigurationError: There is no such file or preset, it cannot be used, or it has only
+            parameters of other nodes.
     """
     return configure(read_values(source))

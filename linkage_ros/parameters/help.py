@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters as --help lists them, made of their declarations."""
+"""The parameters in the text of --help, from their declarations."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.parameters.configuration import Kind, parameter_leaves
+from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves
 from linkage_ros.quantities import Leaf, Quantity
 
-_LARGE = 1e6  # beyond which zeros are not counted by eye
+_LARGE = 1e6  # from here on powers of ten are easier to read
 
 
 def help_on(parameters: Iterable[Leaf]) -> str:
-    """Parameters, a line each: name, valid values, meaning, default or that there is none.
+    """Describes parameters in a line each: name, valid values, meaning and default.
 
     Args:
         parameters: Of any dataclass of quantities.
@@ -41,7 +41,7 @@ def _values(quantity: Quantity) -> str:
 
 
 def _default(value: object) -> str:
-    """The default as a user would type it; '' and None are told by the meaning."""
+    """The default as a user would type it; empty if the meaning explains it."""
     if value is MISSING:
         return ' (required)'
     if value in (None, ''):
@@ -52,8 +52,8 @@ def _default(value: object) -> str:
 
 
 def help_on_every_kind() -> str:
-    """What a four_bar at a given speed takes, and what other kinds take besides."""
-    usual = Kind('four_bar', 'speed')
+    """Describes the parameters of a four_bar at a given speed, then those of other kinds."""
+    usual = MechanismAndDrive('four_bar', 'speed')
     leaves = parameter_leaves(usual)
     parts = ['parameters of a four_bar:', help_on(leaves)]
     known = {leaf.name for leaf in leaves}

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From launch arguments to the parameters of the nodes that a launch file starts.
 
-Nothing of launch is imported here: the tests read this on machines without it.
+This file does not import launch, so that it can be tested without ROS.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def demo(arguments: Mapping[str, str]) -> Demo:
         arguments: Of demo.launch.py, all of them.
 
     Returns:
-        What to start. The node gets the values themselves, not the file: what rcl makes of one
-        name in two sections and an argument depends on their order.
+        What to start. The node gets the values, not the file: rcl's result for a name in two
+        sections and an argument depends on their order.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -102,10 +102,10 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
     Args:
         template: The file for a linkage without prefixes.
         fixed_frame: As in `Demo`.
-        frame_prefix: Of robot_state_publisher. RViz puts a '/' behind the one that it has.
+        frame_prefix: Of robot_state_publisher. RViz adds a '/' to its own.
 
     Returns:
-        Path of the template, or of a temporary file.
+        Path of the template, or of a file in memory.
     """
     if fixed_frame == ROOT_FRAME:
         return str(template)
@@ -130,11 +130,11 @@ def is_installed(package: str) -> bool:
 
 
 def how_to_install(package: str, without: str) -> str:
-    """What to tell a user who lacks a ROS package.
+    """Message for a user who lacks a ROS package.
 
     Args:
         package: Its name.
-        without: What there is not without it.
+        without: The feature that is missing without it.
 
     Returns:
         One line.

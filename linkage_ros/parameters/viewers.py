@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a viewer may be: a word, the URL of one that runs, or the path of a recording."""
+"""Valid values of the parameter viewer: a word, the URL of a viewer, or a recording's path."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from linkage_ros.quantities import shown
 
 SPAWN, WEB = 'spawn', 'web'
-# Wherever people are told.
+# For help and errors.
 VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
 
 _URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
@@ -21,10 +21,10 @@ def viewer_address(target: str) -> tuple[str, int] | None:
     """Reads the URL of a viewer.
 
     Args:
-        target: What was typed.
+        target: The value of the parameter.
 
     Returns:
-        Its host and port; None: it is no such URL.
+        Host and port; None if it is not such a URL.
     """
     match = _URL.fullmatch(target)
     if match is None or int(match[2]) > _LAST_PORT:
@@ -43,5 +43,5 @@ def is_viewer(target: str) -> bool:
 
 
 def no_viewer(target: str) -> str:
-    """What to say of a viewer that is none."""
+    """Error message for an invalid viewer."""
     return f'viewer = {shown(target)} is not one of: {VIEWERS}'
