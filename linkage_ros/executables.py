@@ -11,19 +11,11 @@ from __future__ import annotations
 from functools import partial
 from importlib import import_module
 
-from linkage_ros.cli import STOPPED_BY_USER, leave, print_error
-from linkage_ros.errors import missing_library
+from linkage_ros import cli
 
 
 def _start(name: str, module: str) -> int:
-    try:
-        program = import_module(f'linkage_ros.{module}')
-        return leave(program.main())
-    except KeyboardInterrupt:
-        return STOPPED_BY_USER
-    except ModuleNotFoundError as error:
-        print_error(name, missing_library(error.name or ''))
-        return 2
+    return cli.run(name, lambda: cli.leave(import_module(f'linkage_ros.{module}').main()))
 
 
 node = partial(_start, 'linkage_node', 'node')
