@@ -57,7 +57,7 @@ class Picture(Sheet):
         for name, shift in names.items():
             self.text(self.at[name], name, shift=shift)
 
-    def _links(self, mechanism: Mechanism, crank: float, look: str) -> None:
+    def _links(self, mechanism: Mechanism, crank: float, attributes: str) -> None:
         structure, (places, _) = mechanism.structure(), mechanism.start()
         position = [link.position for link in mechanism.loop().pose((crank, *places)).links]
         drawing = Drawing(mechanism, crank)
@@ -72,15 +72,15 @@ class Picture(Sheet):
         self.at = {name: place_of(point) for name, point in structure.points.items()}
         self.centers = [place_of(link.center) for link in structure.links if not link.slides]
         lines = drawing.links(drawing.place(np.array([position])))
-        if not look:
+        if not attributes:
             for ground in drawing.ground:
                 self.line([complex(*p) for p in ground], GREY, 2)
         for link, (line,) in lines.items():
             # Of the other assembly the dyad alone, without the coupler point.
-            shown = line[:2] if look and link in ('coupler', 'rocker', 'rod') else line
-            self.line([complex(*p) for p in shown], COLORS[link], 6, look)
+            shown = line[:2] if attributes and link in ('coupler', 'rocker', 'rod') else line
+            self.line([complex(*p) for p in shown], COLORS[link], 6, attributes)
         for name, place in self.at.items():
-            if name != 'C' or not look:
+            if name != 'C' or not attributes:
                 self.dot(place, 5, BLACK)
 
     def angle(self, pin: str, span: tuple[float, float], radius: float, color: Color, words: str,

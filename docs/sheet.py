@@ -38,13 +38,13 @@ class Sheet:
         self._parts = [head, f'<rect width="{width}" height="{height}" fill="white"/>']
 
     def line(
-        self, places: Iterable[complex], color: Color, width: float = 1.5, look: str = ''
+        self, places: Iterable[complex], color: Color, width: float = 1.5, attributes: str = ''
     ) -> None:
-        """A line through places; `look` holds more attributes."""
+        """A line through places; `attributes` holds more attributes."""
         points = ' '.join(self._point(place) for place in places)
         self._parts.append(
             f'<polyline points="{points}" fill="none" stroke="rgb{color}" '
-            f'stroke-width="{width:g}" {look}/>'
+            f'stroke-width="{width:g}" {attributes}/>'
         )
 
     def dashes(self, *places: complex, color: Color = GREY) -> None:

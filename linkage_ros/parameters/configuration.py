@@ -165,35 +165,26 @@ def preset_note(values: Mapping[str, object]) -> str:
 
 def _unknown(name: str, kind: MechanismAndDrive) -> str:
     """Error message for a name that this mechanism and drive do not have."""
-    driven = 'torque-driven ' if kind.drive == 'torque' else ''
-    owner = f'a {driven}{kind.mechanism}'
-    drives = [drive for drive, cls in DRIVES.items() if name in _names(cls)]
-    mechanisms = [mechanism for mechanism, cls in MECHANISMS.items() if name in _names(cls)]
-    if drives and len(MECHANISMS[kind.mechanism].coordinates) > 1:
+    names = {
+        owner: [leaf.name for leaf in leaves(cls)]
+        for owner, cls in (*MECHANISMS.items(), *DRIVES.items())
+    }
+    owners = [owner for owner in names if name in names[owner]]
+    valid = [leaf.name for leaf in parameter_leaves(kind)]
+    group = name.partition('.')[0] + '.'
+    is_foreign_group = any(other.startswith(group) for own in names.values() for other in own)
+    refused = f'a {"torque-driven " if kind.drive == "torque" else ""}{kind.mechanism}'
+    if owners and owners[0] in MECHANISMS:
+        cure = f', but of a {" or a ".join(owners)}: leave it out'
+    elif owners and len(MECHANISMS[kind.mechanism].coordinates) > 1:
         cure = ': leave it out, and set motor.torque and start_rpm'
-    elif drives:
-        cure = f': it needs drive: {drives[0]} (-p drive:={drives[0]})'
-    elif mechanisms:
-        cure = f', but of a {" or a ".join(mechanisms)}: leave it out'
-    elif _is_stray(name, kind):
+    elif owners:
+        cure = f': it needs drive: {owners[0]} (-p drive:={owners[0]})'
+    elif is_foreign_group and not any(known.startswith(group) for known in valid):
         cure = f', which has no {name.partition(".")[0]}: leave it out'
     else:
-        valid = [leaf.name for leaf in parameter_leaves(kind)]
-        return unknown_name(name, owner, valid, 'linkage_node --help, or docs/reference.md,')
-    return f'{shown(name)} is not a parameter of {owner}{cure}'
-
-
-def _names(cls: type) -> list[str]:
-    return [leaf.name for leaf in leaves(cls)]
-
-
-def _is_stray(name: str, kind: MechanismAndDrive) -> bool:
-    """Whether a name is in a group, such as slider, that only other mechanisms or drives have."""
-    group = name.partition('.')[0] + '.'
-    others = (*MECHANISMS.values(), *DRIVES.values())
-    return any(other.startswith(group) for cls in others for other in _names(cls)) and not any(
-        leaf.name.startswith(group) for leaf in parameter_leaves(kind)
-    )
+        return unknown_name(name, refused, valid, 'linkage_node --help, or docs/reference.md,')
+    return f'{shown(name)} is not a parameter of {refused}{cure}'
 
 
 def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
