@@ -82,6 +82,13 @@ def test_feed_forward_takes_most_of_the_ripple_away(rpm):
     assert wrong > 3 * ahead
 
 
+def test_the_integral_begins_anew_after_a_gap():
+    law = SpeedController(MECHANISM, 150.0, 15.0, None)
+    first = law.torque(0.0, 10.0, 0.0)
+    assert law.torque(0.0, 10.0, 0.1) > first > 0
+    assert law.torque(0.0, 10.0, 0.0) == first
+
+
 def test_a_pump_is_not_controlled():
     with pytest.raises(
         ConfigurationError,
