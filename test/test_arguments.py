@@ -220,3 +220,10 @@ def test_empty_arrays_give_empty_arrays():
         assert solver.accelerations(nothing, 1.0, 1.0).shape == (2, 0)
     found = Solver(PUMP).accelerations((nothing, 1.5), (1.0, 0.0), 1.0)
     assert [x.shape for x in found] == [(2, 0), (2, 0)]
+
+
+@pytest.mark.parametrize('mechanism', [*LINKAGES, PUMP])
+def test_energy_that_overflows_is_refused(mechanism):
+    solver = Solver(mechanism)
+    q, u = ((0.3, 1.5), (1e160, 0.0)) if mechanism is PUMP else (0.3, 1e160)
+    refused(lambda: solver.energy(q, u), 'overflows at crank angle = 0.3', 'crank speed = 1e+160')

@@ -11,7 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from linkage_ros import ConfigurationError, FourBar, Solver, UnreachableError
+from linkage_ros import (
+    Body,
+    ConfigurationError,
+    Coupler,
+    FourBar,
+    MechanismError,
+    SliderCrank,
+    Solver,
+    UnreachableError,
+)
 from linkage_ros.dynamics.trees import leaves
 from linkage_ros.formulas import Opaque
 from linkage_ros.parameters.configuration import load
@@ -37,6 +46,7 @@ def test_compiled_programs_give_what_others_give(name):
         lambda solver: solver.accelerations(q, u, torque),
         lambda solver: solver.energy(q, u),
         lambda solver: solver.point(solver.state(q, u), 'B'),
+        lambda solver: (*solver.reactions(solver.state(q, u)).pins.values(),),
     ):
         for found, wanted in zip(leaves(call(fast)), leaves(call(plain)), strict=True):
             assert np.shape(found) == np.shape(wanted)
@@ -49,6 +59,14 @@ def test_compiled_programs_refuse_what_others_refuse():
         solver.state((0.0, np.array([1.5, 5.0, 1.6])), (0.0, 0.0))
     with pytest.raises(ConfigurationError, match='crank speed = nan'):
         solver.state((0.0, np.array([1.5, 1.6])), (np.nan, 0.0))
+
+
+def test_mass_matrix_of_constants_alone_is_guarded_too():
+    wheel = SliderCrank(Body(0.3, 1.0, 0.1), Coupler(0.9))
+    assert Solver(wheel, compiled=True).accelerations(np.ones(3), 2.0, 0.5) == pytest.approx(5.0)
+    massless = Solver(SliderCrank(Body(0.3), Coupler(0.9)), compiled=True)
+    with pytest.raises(MechanismError, match='something moves without a mass'):
+        massless.accelerations(np.ones(3), 2.0, 0.5)
 
 
 def test_pickled_solver_stays_compiled(monkeypatch):

@@ -46,7 +46,7 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
     numbers = filter(is_number, leaves(program.constants))
     constants = (x if isinstance(x, float) else math.nan for x in numbers)
     refused = _loop(program.source)(*constants, given, found)
-    if refused >= 0:
+    if refused >= 0 and given.size:
         program.scalar(*given[:, refused].tolist())
     filled = iter(found)
     return transformed(lambda _: next(filled).reshape(rows[0].shape), tree)
@@ -70,10 +70,10 @@ def _loop(source: str) -> Callable[..., int]:
     *before, body, _ = bind.body  # type: ignore[attr-defined]
     *statements, result = body.body
     lines = [
-        *map(ast.unparse, before),
+        *(_refusing('0', x) for x in before),
         'for i in range(given.shape[1]):',
         *(f'    {name.arg} = given[{n}, i]' for n, name in enumerate(body.args.args)),
-        *('    ' + re.sub(r'\n +.*', ' return i', ast.unparse(x)) for x in statements),
+        *(f'    {_refusing("i", x)}' for x in statements),
         *(f'    found[{n}, i] = {text}' for n, text in enumerate(_results(result.value))),
         'return -1',
     ]
@@ -83,7 +83,15 @@ def _loop(source: str) -> Callable[..., int]:
     return numba.njit(space['loop'], error_model='numpy')  # type: ignore[no-any-return]
 
 
+def _refusing(column: str, statement: ast.stmt) -> str:
+    """The text of a statement; a guard returns the column that it refuses."""
+    return re.sub(r'\n +.*', f' return {column}', ast.unparse(statement))
+
+
 def _results(tree: ast.expr) -> list[str]:
     """The texts of all numbers of a result in nested tuples."""
-    parts = tree.elts if isinstance(tree, ast.Tuple) else getattr(tree, 'args', [])[1:]
-    return [text for part in parts for text in _results(part)] if parts else [ast.unparse(tree)]
+    if isinstance(tree, ast.Call) and ast.unparse(tree.func) == 'new':  # a named tuple
+        tree = tree.args[1]
+    if isinstance(tree, ast.Tuple):
+        return [text for part in tree.elts for text in _results(part)]
+    return [ast.unparse(tree)]

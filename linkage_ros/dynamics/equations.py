@@ -281,7 +281,7 @@ def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meetin
 
 
 def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:
-    """Kinetic energy, and the potential energy of the weights but for a constant, J."""
+    """Kinetic energy, and the potential energy of weights and loads but for a constant, J."""
     require(is_finite(*q, *u), model.refuse, *q, *u)
     pose = model.loop.pose(tuple(q))
     matrix = mass_matrix(model, pose)
@@ -290,8 +290,9 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
         for row, one in zip(matrix, u, strict=True)
         for mass, other in zip(row, u, strict=True)
     )
-    loads = (model.weight, *model.loads)
-    return kinetic, total(load.potential(pose.links) for load in loads)
+    potential = total(load.potential(pose.links) for load in (model.weight, *model.loads))
+    require(is_finite(kinetic, potential), model.refuse, *q, *u)
+    return kinetic, potential
 
 
 def matrix(model: Model, q: Sequence[Real]) -> tuple[tuple[Real, ...], ...]:

@@ -79,7 +79,7 @@ class Solver:
         self._points: dict[str, Program] = {}
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
-        return functools.partial(Solver, compiled=self._compiled), (self.mechanism,)
+        return functools.partial(type(self), compiled=self._compiled), (self.mechanism,)
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
@@ -195,7 +195,7 @@ class Solver:
             u: Their rates.
 
         Returns:
-            Kinetic, and potential of the weights but for a constant, J.
+            Kinetic, and potential of weights and loads but for a constant, J.
 
         Raises:
             LinkageError: As for `state`.
@@ -308,7 +308,7 @@ class Solver:
         found = row
         if self._count == 1 and not isinstance(row, tuple):
             found = (row,)
-        elif type(row) is float and not row:
+        elif letter != 'q' and type(row) is float and not row:
             found = (row,) * self._count  # the default: at rest
         elif not isinstance(row, (tuple, list)) and not (isinstance(row, np.ndarray) and row.ndim):
             found = ()

@@ -23,6 +23,8 @@ class Load(Protocol):
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """The generalised forces.
 
+        Joint forces take that of a link that turns for a couple.
+
         Args:
             links: Where the links are.
             rates: Their velocities, rad/s or m/s.
@@ -92,7 +94,7 @@ class Weight(NamedTuple):
         return {}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`: from the height of the origin."""
+        """See `Load`."""
         forces, energy = self.forces(links, ()), ZERO
         for j, (moment, slides, link) in enumerate(
             zip(self.moments, self.slides, links, strict=True)
