@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Four-bars: values that documents and textbooks print, and places where doubles are coarse."""
+"""Four-bars: values that documents print, closed answers, and where doubles are coarse."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from dataclasses import replace
 import mechanisms
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mechanisms import ASSEMBLIES, DOCUMENT_1, TURN, four_bar, worst_errors
 
 from linkage_ros import Body, ConfigurationError, Coupler, FourBar, Frame, Solver, UnreachableError
@@ -99,6 +101,29 @@ def test_half_angle_solution_fails_where_its_denominator_vanishes_and_ours_does_
         half_angles((1.0, 1.0, 1.0, 1.0), 0.0, 'open')
     state = Solver(four_bar((1.0, 1.0, 1.0, 1.0), 0.0)).state(0.0, 1.0)
     assert state.velocity == pytest.approx((1.0, 0.0, 1.0), abs=1e-14)
+
+
+# Closed answers.
+
+
+@settings(max_examples=15)
+@given(st.floats(-TURN, TURN), st.floats(-20, 20), st.floats(-20, 20))
+def test_lone_crank_is_a_pendulum(crank, speed, acceleration):
+    """With massless coupler and rocker the equation of motion is known in closed form."""
+    along, across = 0.05, -0.03
+    linkage = FourBar(
+        Frame(0.425), Body(0.1, 2.0, 0.01, (along, across)), Coupler(0.315), Body(0.5)
+    )
+    lever = complex(along, across) * cmath.exp(1j * crank)
+    expected = (0.01 + 2.0 * abs(lever) ** 2) * acceleration + 2.0 * 9.81 * lever.real
+    torque = Solver(linkage).state(crank, speed, acceleration).torque
+    assert torque == pytest.approx(expected, rel=1e-14, abs=1e-15)
+
+
+def test_crank_inertia_alone_takes_torque_only_while_it_accelerates():
+    linkage = FourBar(Frame(2.2), Body(1, inertia=0.5), Coupler(3), Body(2.5))
+    assert Solver(linkage).state(0.7, 3.0).torque == 0.0
+    assert Solver(linkage).state(0.7, 3.0, 2.0).torque == 1.0
 
 
 # Where doubles are coarse.

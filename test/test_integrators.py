@@ -15,10 +15,8 @@ import pytest
 from mpmath import mp
 from oracle import Oracle
 
-from linkage_ros import FourBar, Solver
 from linkage_ros.lab.methods import linkages, motion_accuracy, registry
 from linkage_ros.lab.methods.bench import LIMIT
-from linkage_ros.lab.methods.cut_loop import CutLoop, eliminate
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.methods.motion_bench import MotionBench, even
 from linkage_ros.lab.methods.motion_reference import Accuracy, MotionReference
@@ -106,40 +104,6 @@ def test_the_reference_says_where_it_cannot_go_on():
     parallelogram = replace(linkages.four_bar((0.25, 0.75, 0.25, 0.75)), gravity=(0.0, 0.0))
     with pytest.raises(ArithmeticError, match='cannot be followed beyond'):
         MotionReference(InitialValueProblem(parallelogram, (-0.5, 2.0))).at(1.0)
-
-
-@pytest.mark.parametrize('seed', range(2))
-def test_the_cut_loop_accelerates_as_virtual_power_does(seed):
-    random = np.random.default_rng(seed)
-    problems = [
-        InitialValueProblem(
-            MECHANISMS.pump, (*random.uniform((0, 1.3), (7, 1.7)), *random.uniform(-5, 5, 2))
-        )
-    ]
-    while len(problems) < 3:
-        mechanism = linkages.turning(random)
-        if isinstance(mechanism, FourBar):
-            problems.append(InitialValueProblem(mechanism, tuple(random.uniform(-5, 5, 2))))
-    for problem in problems:
-        start = tuple(map(float, problem.start))
-        q, u = start[: problem.count], start[problem.count :]
-        solver = Solver(problem.mechanism)
-        state = solver.state(q, u, (0.0,) * problem.count)
-        directions = [(math.cos(x), math.sin(x)) for x in state.position[:3]]
-        found = CutLoop(
-            problem.mechanism, float, lambda x: (math.cos(x), math.sin(x))
-        ).accelerations(
-            directions, state.velocity[:3], u[1] if len(u) > 1 else None, 3.0, eliminate
-        )
-        chosen = (found[0], found[3]) if len(u) > 1 else (found[0],)
-        assert chosen == pytest.approx(solver.accelerations(q, u, 3.0), rel=1e-10)
-
-
-def test_elimination_takes_the_largest_pivot():
-    rows, right = [[0.0, 2.0, 1.0], [1.0, 1.0, 1.0], [4.0, 0.0, -1.0]], [3.0, 2.0, 1.0]
-    assert eliminate(rows, right) == pytest.approx(np.linalg.solve(rows, right))
-    with pytest.raises(ZeroDivisionError):
-        eliminate([[1.0, 2.0], [2.0, 4.0]], [1.0, 1.0])
 
 
 # ---------------------------------------------------------------- orders

@@ -8,7 +8,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import oracle_pump
 import pytest
 
 from linkage_ros import (
@@ -55,55 +54,6 @@ def energy(steps):
 
 
 # ---------------------------------------------------------------- right
-
-
-@pytest.mark.parametrize('start', [oracle_pump.SLOW, oracle_pump.FAST])
-def test_absolute_coordinates_agree_after_ten_seconds(start):
-    """Ours in fixed and in adaptive steps, and multipliers in absolute coordinates."""
-    times = [0.0, 4.0, 10.0]
-    with np.errstate(under='ignore'):  # within SciPy
-        other = oracle_pump.multipliers(oracle_pump.Pump(), start, times)
-    for integrate in (FixedSteps, AdaptiveSteps):
-        steps = begun(integrate, PUMP, start, motor)
-        for time, row in zip(times[1:], other[1:], strict=True):
-            steps.advance(time)
-            found = (with_turns(steps.phase[0], steps.pairs), *steps.phase[1:])
-            assert np.abs(np.array(found) - row).max() < 1e-9
-
-
-@pytest.mark.parametrize(('integrate', 'drift'), [(FixedSteps, 1e-8), (AdaptiveSteps, 1e-10)])
-def test_a_free_pump_keeps_its_energy(integrate, drift):
-    steps = begun(integrate, FREE, (0.0, 1.5, 6.0, 0.0))
-    start, worst = energy(steps), 0.0
-    for second in range(1, 16):
-        steps.advance(float(second))
-        worst = max(worst, abs(energy(steps) - start))
-    assert worst < drift * abs(start)
-    assert steps.pairs > 2
-
-
-@pytest.mark.parametrize(
-    ('preset', 'phase', 'end', 'first'),
-    [('wind_pump', (0.0, 1.5, 6.0, 0.0), 1.0, 16), ('compressor', (0.0, 30.0), 0.2, 32)],
-)
-def test_the_fixed_steps_are_of_order_five(preset, phase, end, first):
-    def path(count):
-        """At eight times: at a single one errors may cancel."""
-        steps = begun(
-            FixedSteps, load(preset).mechanism, phase, lambda _, __: 1.0,
-            longest=end / count, tolerance=math.inf,
-        )  # fmt: skip
-        phases = []
-        for part in range(1, 9):
-            steps.advance(end * part / 8)
-            phases.append((with_turns(steps.phase[0], steps.pairs), *steps.phase[1:]))
-        return np.array(phases)
-
-    counts = [first * 2**k for k in range(4)]
-    true = path(first * 32)
-    errors = [np.abs(path(count) - true).max() for count in counts]
-    order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    assert order == pytest.approx(5, abs=0.2), errors
 
 
 def test_a_step_that_is_too_long_is_halved_until_it_is_not():
