@@ -252,37 +252,6 @@ def test_mirrored_and_turned_mechanisms_have_their_points_and_forces(name):
 
 @any_of
 @few
-@given(
-    data=st.data(),
-    cranks=st.lists(st.integers(-8192, 8192), min_size=4, max_size=4),
-    onto=st.integers(-3 * 1024, 3 * 1024),
-)
-def test_turned_mechanism_moves_turned(kind, data, cranks, onto):
-    """All angles are dyadic fractions: their sums are exact, except half a turn of a pump."""
-    mechanism = data.draw(ANY[kind](turns=0))
-    onto /= 1024
-    by = math.pi if kind == 'wind_pump' else onto - mechanism.frame.angle
-    cranks = np.array([x / 1024 for x in [*cranks, *range(-6144, 6657, 512)]])
-    q, u, a = motion(mechanism, cranks)
-    expected = rows(Solver(mechanism).state(q, u, a))
-    image = [(q[0] + by, *(-x for x in q[1:]))] + [(x[0], *(-y for y in x[1:])) for x in (u, a)]
-    got = rows(Solver(turned(mechanism, by, onto)).state(*image))
-    for i, (order, slides) in enumerate(kinds(mechanism)):
-        if kind == 'wind_pump' and slides:
-            got[i] *= -1
-        elif not slides and order == 0:
-            expected[i] += by
-    # The half turn of a wind pump is rounded.
-    ulps = 32 if kind == 'wind_pump' else 16
-    assert is_close(got[:-1], expected[:-1], ulps, mechanism)
-    # A torque of this size is turned.
-    weight = 4.5 * mechanism.coupler.length * math.hypot(*mechanism.gravity)
-    largest = np.max(np.abs(expected[-1]))
-    assert np.max(np.abs(got[-1] - expected[-1])) <= 1e-14 * max(largest, weight)
-
-
-@any_of
-@few
 @given(data=st.data(), crank=angles_of_two_turns, power=st.integers(-20, 19))
 def test_scaled_mechanism_moves_alike_and_takes_torque_by_its_square(kind, data, crank, power):
     mechanism, factor = data.draw(ANY[kind](scales=0)), 2.0**power

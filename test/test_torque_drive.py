@@ -18,7 +18,6 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import configure, load
@@ -194,9 +193,7 @@ def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts
 def test_a_command_names_the_crank_with_its_prefix():
     commands = TorqueCommands(5.0, 0.5, Clock(), crank='left_crank')
     assert commands.hear(['right_crank', 'left_crank'], [1.0, 2.0], 0.0) == ''
-    assert commands.torque() == 2.0
-    words = 'it names crank: must name left_crank once'
-    assert commands.hear(['crank'], [1.0], 0.0) == words
+    assert 'must name left_crank once' in commands.hear(['crank'], [1.0], 0.0)
     assert commands.torque() == 2.0
 
 
@@ -457,21 +454,3 @@ def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
         pytest.raises(LogError, match='no accelerations'),
     ):
         verify(log)
-
-
-# ---------------------------------------------------------------- a torque that comes late
-
-
-@pytest.mark.parametrize(
-    ('delay', 'low', 'high'), [(0.0, 0.0, 0.001), (0.5, 0.012, 0.0135), (1.5, 0.038, 0.040)]
-)
-def test_held_torque_of_a_constant_speed_keeps_it_as_far_as_it_is_in_time(delay, low, high):
-    """Held over ticks of 1 ms, computed for a moment that many ticks before their middle."""
-    solver, speed = Solver(QUADRILATERAL.mechanism), 5 * math.pi
-    drive = configure({'drive': 'torque', 'start_rpm': 150.0}).drive
-    motion, worst = TorqueMotion(solver, drive, 0, 10**6), 0.0
-    for tick in range(4000):
-        crank = math.remainder(speed * (tick + 0.5 - delay) * 1e-3, 4 * math.pi)
-        motion.command(tick * 10**6, solver.state(crank, speed).torque)
-        worst = max(worst, abs(motion.at((tick + 1) * 10**6).u[0] / speed - 1))
-    assert low <= worst < high
