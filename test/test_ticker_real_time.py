@@ -87,6 +87,7 @@ def test_ticks_that_a_late_thread_cannot_keep_are_skipped_and_counted(clock):
     assert stamps[:10] == [t0 + n * MS for n in range(10)]
     assert stamps[10:] == [t0 + n * MS for n in range(16, 56)]
     assert ticker.counts.missed == 6
+    assert ticker.counts.latest == max(ticker.counts.late) == 6_300_000
 
 
 def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock):

@@ -320,8 +320,8 @@ def test_what_stood_still_for_long_goes_on_from_where_it_was():
     machine, drive = Machine(configuration), configuration.drive
     motion = machine.begin(START)
     before, first = machine.snapshot_at(motion, START + 10**9), motion.segment
-    assert motion.follow(START + 10**9 + 200_000_000, drive).segment is first
-    later = START + 60 * 10**9
+    assert motion.follow(START + 10**9 + 251_000_000, drive).segment is first
+    later = START + 10**9 + 251_000_001
     assert motion.follow(later, drive).segment is not first
     assert machine.snapshot_at(motion, later).coordinates == before.coordinates
 
