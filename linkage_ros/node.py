@@ -212,7 +212,8 @@ class LinkageNode(ParameterNode):
                 self.get_logger().warning(status.message)
             else:
                 self.get_logger().info(status.message)
-        diagnosis = encode_diagnostics(self._ticker.now(), self._hardware, statuses)
+        now = self.get_clock().now().nanoseconds  # 0 until simulated time is heard
+        diagnosis = encode_diagnostics(now, self._hardware, statuses)
         self._publish((DIAGNOSTICS, diagnosis))
 
     def _health(self) -> dict[str, Health]:

@@ -24,7 +24,9 @@ from linkage_ros import (
 from linkage_ros.model.parts import Guide, Slider
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
+from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.parameters.configuration import load
 
@@ -80,6 +82,18 @@ def test_without_gravity_a_lone_flywheel_turns_evenly():
         angle = 0.5 + 3.0 / 0.8 * (4.0 - (1 - math.exp(-rate * 4.0)) / rate)
         assert steps.phase[1] == pytest.approx(speed, rel=1e-12)
         assert with_turns(steps.phase[0], steps.pairs) == pytest.approx(angle, rel=1e-12)
+
+
+@both
+def test_a_command_acts_from_its_stamp_on(integrate):
+    wheel = FourBar(
+        Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0)
+    )
+    motion = TorqueMotion(Solver(wheel), TorqueDrive(Motor(3.0)), 0, 10**7, integrate)
+    assert motion.at(10**9).u[0] == pytest.approx(3.0 / 2.0, rel=1e-12)
+    motion.command(10**9, -1.0)
+    assert motion.at(3 * 10**9).u[0] == pytest.approx((3.0 + 2 * 2.0) / 2.0, rel=1e-12)
+    assert motion.at(3 * 10**9).a[0] == pytest.approx(1.0, rel=1e-12)
 
 
 # ---------------------------------------------------------------- everywhere

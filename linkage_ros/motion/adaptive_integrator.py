@@ -48,24 +48,27 @@ class AdaptiveSteps:
         Raises:
             LinkageError: The motion cannot even begin, as `Solver.accelerations` tells.
         """
-        from scipy.integrate import DOP853
-
         self.driven, self.time = driven, 0.0
         self.phase, self.pairs = wound(phase)
         # Next to the edge of what the coordinates describe, equal steps are followed instead.
         self._fixed: FixedSteps | None = None
-        self._method = DOP853
-        self.changed()
-
-    def changed(self) -> None:
-        """Begins to step anew where the motion is: the torque is another from now on."""
-        self._steps = self._method(
-            self._slope, self.time, np.array(self.phase), _END,
-            rtol=_TOLERANCE, atol=_TOLERANCE * np.array(self.driven.units), first_step=_FIRST_STEP,
-        )  # fmt: skip
+        self._steps = self._begin()
         # The continuous solution of the last step, and the pairs of turns left out of it.
         self._between: Any = None
         self._pairs_ahead = self._pairs_between = self.pairs
+
+    def changed(self) -> None:
+        """Begins to step anew where the motion is: the torque is another from now on."""
+        self._steps, self._fixed = self._begin(), None
+        self._pairs_ahead = self.pairs
+
+    def _begin(self) -> Any:
+        from scipy.integrate import DOP853
+
+        return DOP853(
+            self._slope, self.time, np.array(self.phase), _END,
+            rtol=_TOLERANCE, atol=_TOLERANCE * np.array(self.driven.units), first_step=_FIRST_STEP,
+        )  # fmt: skip
 
     def advance(self, time: float) -> None:
         """Follows the motion to a time.
@@ -95,7 +98,6 @@ class AdaptiveSteps:
         self.pairs += fixed.pairs - before
         self.time, self.phase = time, fixed.phase
         if self.driven.sine(fixed.phase) > 2 * _EDGE:
-            self._fixed = None
             self.changed()
 
     def _slope(self, time: float, phase: Array) -> Array:

@@ -100,7 +100,7 @@ class FixedSteps:
         """
         self.driven, self.time = driven, time
         self.phase, self.pairs = wound(phase)
-        self._longest, self._tolerance = longest, tolerance
+        self._longest, self._tolerance, self._trials = longest, tolerance, _TRIALS
         self._units, self._sums = driven.units, _sums(len(phase))
         self._slope: Values | None = driven.slope(time, self.phase)
 

@@ -80,10 +80,6 @@ class Ticker(ABC):
     def stop(self) -> None:
         """Ends the ticks, after the one that is being made."""
 
-    @abstractmethod
-    def now(self) -> int:
-        """The time, ns; 0 if it is not known yet."""
-
     def _stamp(self, tick: int) -> int:
         return self.t0 + self._machine.elapsed(tick)
 

@@ -41,10 +41,6 @@ class RealTimeTicker(Ticker):
             target=self._guard, args=(self._run,), name='ticker', daemon=True
         )
 
-    def now(self) -> int:
-        """The time of day, ns."""
-        return time.time_ns()
-
     def start(self) -> None:
         """Starts the ticks at once."""
         self._offset = _clock_offset()

@@ -29,10 +29,6 @@ class SimTimeTicker(Ticker):
         """Lets the motion begin once the clock is heard."""
         self._is_running = True
 
-    def now(self) -> int:
-        """The last time of the clock, ns; 0 if it was not heard yet."""
-        return self._now or 0
-
     def stop(self) -> None:
         """Ends the motion: the clock makes no tick from now on."""
         self._is_running = False
