@@ -94,39 +94,38 @@ def test_of_a_killed_run_all_is_recovered_but_what_came_after_the_last_flush(tmp
 # ---------------------------------------------------------------- the log
 
 
-def test_a_full_disk_ends_the_log_and_nothing_else(tmp_path):
-    path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
-    with watched(HEARD, *node_arguments(log=path)) as (listener, process):
-        listener.await_more(50)
-        due = flushed(listener, path)
-        # As a full disk would: no file of the node may grow beyond this.
-        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 5000,) * 2)
-        wait_for(lambda: health(listener, 1)[0] == ERROR)
-        listener.await_more(50)
-        code, output = stop(process)
-    assert code == 1
-    words = f'{path} cannot be written: File too large; linkage_log recover saves what it holds'
-    assert health(listener, 1) == (ERROR, f'failed: {words}')
-    (error,) = re.findall(r'\[ERROR\].*', output)
-    assert f'the log ends here, the motion goes on: {words}' in error
-    recover(path, saved)
-    assert last_stamp(states_of(saved)) >= due
+def fill_the_disk(process, path):
+    """As a full disk would: no file of the node may grow beyond this."""
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 5000,) * 2)
 
 
-def test_a_log_removed_with_its_folder_is_put_back_and_the_states_go_on(tmp_path):
-    path = tmp_path / 'logs' / 'run.mcap'
+def remove_the_folder(_, path):
+    shutil.rmtree(path.parent)
+
+
+@pytest.mark.parametrize(
+    ('breaks', 'words'),
+    [
+        (fill_the_disk, 'cannot be written: File too large; linkage_log recover saves what it h'),
+        (remove_the_folder, 'was removed while it was written; it is put back'),
+    ],
+)
+def test_a_log_that_fails_ends_and_nothing_else(tmp_path, breaks, words):
+    path, saved = tmp_path / 'logs' / 'run.mcap', tmp_path / 'saved.mcap'
     path.parent.mkdir()
     with watched(HEARD, *node_arguments(log=path)) as (listener, process):
         listener.await_more(50)
-        due = last_stamp(listener.received[STATES])
-        shutil.rmtree(path.parent)
+        due = flushed(listener, path)
+        breaks(process, path)
         wait_for(lambda: health(listener, 1)[0] == ERROR)
         listener.await_more(50)
         code, output = stop(process)
     assert code == 1
+    assert f'failed: {path} {words}' in health(listener, 1)[1]
     (error,) = re.findall(r'\[ERROR\].*', output)
-    assert re.search('the log ends here.* was removed while', error)
-    assert last_stamp(states_of(path)) >= due  # complete, so that there is nothing to recover
+    assert f'the log ends here, the motion goes on: {path} {words}' in error
+    recover(path, saved)
+    assert last_stamp(states_of(saved if breaks is fill_the_disk else path)) >= due
 
 
 def begun(path):
@@ -141,33 +140,30 @@ def values(path):
         return [(message.time, message.data) for message in log.messages()]
 
 
-@pytest.mark.parametrize('end', [LogWriter.flush, LogWriter.close])
-def test_what_a_removed_log_holds_can_be_copied_where_its_place_is_taken(tmp_path, end):
-    path = tmp_path / 'run.mcap'
+def full(source, target, _):
+    target.write(source.read(100))
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize(
+    ('end', 'taken'), [(LogWriter.flush, True), (LogWriter.close, True), (LogWriter.flush, False)]
+)
+def test_a_removed_log_that_cannot_be_put_back_can_be_copied(tmp_path, monkeypatch, end, taken):
+    path, copy = tmp_path / 'run.mcap', tmp_path / 'copy.mcap'
     log = begun(path)
     path.unlink()
-    path.write_text('of somebody else')
-    with pytest.raises(LogError, match=r'^.*/run\.mcap was removed .*\(File exists\)') as caught:
-        end(log)
-    assert path.read_text() == 'of somebody else'
-    shutil.copyfile(re.search(r'/proc/\d+/fd/\d+', str(caught.value))[0], tmp_path / 'copy.mcap')
-    assert values(tmp_path / 'copy.mcap') == [(5, encode_float64(1.5))]
+    if taken:
+        path.write_text('of somebody else')
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, 'copyfileobj', full)
+        reason = 'File exists' if taken else 'No space left on device'
+        words = rf'run\.mcap was removed .* \({reason}\): copy it'
+        with pytest.raises(LogError, match=words) as caught:
+            end(log)
+    assert [item.read_text() for item in tmp_path.iterdir()] == ['of somebody else'] * taken
+    shutil.copyfile(re.search(r'/proc/\d+/fd/\d+', str(caught.value))[0], copy)
+    assert values(copy) == [(5, encode_float64(1.5))]
     log.close()  # does nothing any more
-
-
-def test_where_the_disk_has_no_room_for_a_removed_log_no_part_of_it_is_left(tmp_path, monkeypatch):
-    path = tmp_path / 'run.mcap'
-    log = begun(path)
-    path.unlink()
-
-    def full(source, target, _):
-        target.write(source.read(100))
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(shutil, 'copyfileobj', full)
-    with pytest.raises(LogError, match=r'No space left on device\): copy it from /proc/\d+'):
-        log.flush()
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_log_that_is_renamed_goes_on_there(tmp_path):

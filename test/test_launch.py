@@ -101,34 +101,34 @@ def ros_arguments(node):
 
 
 @pytest.mark.parametrize('file', [DEMO, CONTROLLER], ids=lambda path: path.name)
-def test_every_argument_is_declared_with_a_meaning(file, monkeypatch):
-    stand_in(monkeypatch)
+def test_every_argument_is_declared_with_a_meaning(file, launched):
     *declared, _ = runpy.run_path(file)['generate_launch_description']().positional[0]
-    names = {action.positional[0] for action in declared}
+    names = {action.positional[0] for action in declared if action.description}
     assert names >= COMMON
+    assert len(names) == len(declared)
     assert ('frame_prefix' in names) == (file == DEMO)
-    assert all(action.description for action in declared)
 
 
-def test_without_arguments_the_demo_starts_the_preset_alone(launched):
-    nodes, words = launched(DEMO)
-    assert set(nodes) == {'linkage_node'}
+@pytest.mark.parametrize(
+    ('installed', 'rviz', 'started', 'said'),
+    [
+        (
+            (),
+            'false',
+            set(),
+            'robot_state_publisher is not installed, so there is no tf: sudo apt',
+        ),
+        (('robot_state_publisher',), 'false', {'robot_state_publisher'}, ''),
+        (('robot_state_publisher',), 'true', {'robot_state_publisher'}, 'rviz2 is not installed'),
+        (('robot_state_publisher', 'rviz2'), 'True', {'robot_state_publisher', 'rviz2'}, ''),
+    ],
+)
+def test_what_is_missing_is_said_where_it_is_asked_for(launched, installed, rviz, started, said):
+    nodes, words = launched(DEMO, *installed, rviz=rviz)
+    assert set(nodes) == {'linkage_node'} | started
+    assert len(words) == bool(said)
+    assert said in ''.join(words)
     assert configure(values_of(nodes['linkage_node'])).kind.mechanism == 'four_bar'
-    (line,) = words
-    assert line.startswith('robot_state_publisher is not installed, so there is no tf: sudo apt ')
-    assert line.endswith(' ros-jazzy-robot-state-publisher')
-
-
-def test_rviz_is_missed_only_where_it_is_asked_for(launched):
-    _, words = launched(DEMO, 'robot_state_publisher')
-    assert words == []
-    nodes, words = launched(DEMO, 'robot_state_publisher', rviz='true')
-    assert set(nodes) == {'linkage_node', 'robot_state_publisher'}
-    (line,) = words
-    assert 'rviz2 is not installed' in line
-    nodes, words = launched(DEMO, 'robot_state_publisher', 'rviz2', rviz='True')
-    assert 'rviz2' in nodes
-    assert words == []
 
 
 def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_path):
@@ -152,21 +152,20 @@ def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_p
     assert {node.namespace for node in nodes.values()} == {'left'}
 
 
-def test_a_file_of_another_namespace_is_refused(launched, tmp_path):
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ({'rpm': 'fast'}, "^rpm = 'fast': must be a number"),
+        ({'joint_prefix': 'l/'}, 'joint_prefix'),
+        ({'rviz': 'maybe'}, "^rviz = 'maybe': must be true or false$"),
+        ({'namespace': 'right'}, 'no parameters of right/linkage_node: .*/right/'),
+    ],
+)
+def test_wrong_values_are_refused_before_anything_is_started(launched, tmp_path, arguments, words):
     (tmp_path / 'own.yaml').write_text(OWN.partition('/**')[0])
-    with pytest.raises(
-        ConfigurationError, match=r'no parameters of right/linkage_node: .*/right/'
-    ):
-        launched(DEMO, params=str(tmp_path / 'own.yaml'), namespace='right')
-
-
-def test_wrong_values_are_refused_before_anything_is_started(launched):
-    with pytest.raises(ConfigurationError, match="rpm = 'fast': must be a number"):
-        launched(DEMO, rpm='fast')
-    with pytest.raises(ConfigurationError, match='joint_prefix'):
-        launched(DEMO, joint_prefix='l/')
-    with pytest.raises(ConfigurationError, match=r"^rviz = 'maybe': must be true or false$"):
-        launched(DEMO, rviz='maybe')
+    given = {'namespace': 'left', 'params': str(tmp_path / 'own.yaml'), **arguments}
+    with pytest.raises(ConfigurationError, match=words):
+        launched(DEMO, **given)
 
 
 def test_a_killed_launch_leaves_no_file(tmp_path):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 import signal
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -30,10 +30,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros import controller, node
 from linkage_ros import record as record_module
-from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.configuration import MechanismAndDrive, load, parameter_leaves
-from linkage_ros.parameters.drives import DRIVES
+from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
@@ -209,18 +207,6 @@ def test_a_bad_start_is_one_line_and_code_2(called, monkeypatch, arguments, word
 def test_parameters_before_ros_args_are_told_where_they_belong(called, module):
     words = 'unknown: -p rpm:=30; parameters stand behind --ros-args'
     assert_refused(*called(module, '-p', 'rpm:=30'), words)
-
-
-def test_the_help_lists_the_parameters_of_every_kind(called):
-    code, shown, _ = called(node, '--help')
-    assert code == 0
-    lines = shown.splitlines()
-    for mechanism, drive in product(MECHANISMS, DRIVES):
-        for name, quantity, _ in parameter_leaves(MechanismAndDrive(mechanism, drive)):
-            values = ', '.join(quantity.choices) if quantity.choices else quantity.span
-            found = [line for line in lines if line.startswith(f'  {name}: ')]
-            assert found, name
-            assert quantity.kind in ('text', 'switch') or any(values in line for line in found)
 
 
 def test_node_and_record_refuse_a_file_in_the_same_words(called, tmp_path):

