@@ -501,29 +501,8 @@ def test_other_files_are_refused_in_one_line(tmp_path, data, words):
     assert str(target) in str(caught.value)
 
 
-@pytest.mark.parametrize('data', [b'', b'\x89MCAP0\r\n'])
-def test_a_pipe_is_told_as_one_whatever_comes_out(tmp_path, data):
-    os.mkfifo(pipe := tmp_path / 'pipe.mcap')
-    end = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)  # so that both ends are open
-    try:
-        os.write(end, data)
-        with pytest.raises(LogError, match=r'pipe\.mcap cannot be used: it is a pipe, .*; name a'):
-            LogReader(pipe)
-    finally:
-        os.close(end)
-
-
 @pytest.mark.parametrize('arguments', [['info', ''], ['verify', ''], ['recover', 'run.mcap', '']])
 def test_an_empty_name_is_no_folder(called, arguments):
     assert_refused(
         *called(log_tool, *arguments), ".mcap: '' is no path: name one; see linkage_log"
     )
-
-
-def test_a_log_is_no_program(tmp_path):
-    before = os.umask(0o022)
-    try:
-        LogWriter(tmp_path / 'run.mcap', CONFIGURATION, overwrite=False).close()
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE((tmp_path / 'run.mcap').stat().st_mode) == 0o644
