@@ -220,22 +220,16 @@ def test_what_it_cannot_use_is_one_line_and_exit_code_2(called, monkeypatch, par
     assert_refused(*called(controller, '--ros-args', '-p', parameter), words)
 
 
-def test_it_says_what_it_controls_and_keeps_what_it_was_given(capfd):
-    arguments = ['--ros-args', '-p', 'rpm:=90', '-r', 'joint_states:=crank/states']
-    rclpy.init(args=arguments, domain_id=fresh_domain())
+def test_it_keeps_what_it_was_given(capfd):
+    rclpy.init(args=['--ros-args', '-p', 'rpm:=90'], domain_id=fresh_domain())
     try:
         node = ControllerNode()
         assert node.get_parameter('rpm').value == 90.0
-        described = node.describe_parameter('lead_time')
-        assert described.description.endswith('the time its command acts [s]')
-        assert described.floating_point_range[0].to_value == 10.0
+        assert node.describe_parameter('lead_time').floating_point_range[0].to_value == 10.0
         # Nothing listens to a change: it is refused, not taken and forgotten.
         (result,) = node.set_parameters([Parameter('rpm', value=60.0)])
-        assert not result.successful
-        assert 'read-only' in result.reason
+        assert (result.successful, 'read-only' in result.reason) == (False, True)
         node.destroy_node()
     finally:
         rclpy.shutdown()
-    said = capfd.readouterr().err
-    assert 'keeps the crank of quadrilateral at 90 rpm, with the exact torque fed forward' in said
-    assert 'waits for /crank/states' in said
+    assert 'at 90 rpm, with the exact torque fed forward' in capfd.readouterr().err

@@ -18,7 +18,9 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.playback.excerpt import excerpt_of
 from linkage_ros.playback.feed import feed
+from linkage_ros.playback.keyboard import RIGHT
 from linkage_ros.playback.pace import FASTEST, Pace
+from linkage_ros.playback.player import Player
 from linkage_ros.record import record
 
 PERIOD = 5_000_000
@@ -204,6 +206,17 @@ def test_a_step_goes_to_the_next_message_and_no_further():
     pace.expect(10 * MS)
     clock.time += S
     assert (pace.position(), pace.left(10 * MS)) == (5 * MS, math.inf)
+
+
+def test_the_right_arrow_steps_while_paused_only():
+    pace, _ = running()
+    pace.expect(S)
+    player = Player(pace, None, None, None)
+    player._obey(RIGHT, S)
+    assert pace.position() == 0
+    pace.toggle()
+    player._obey(RIGHT, S)
+    assert pace.position() == S
 
 
 def test_rates_go_up_and_down_by_a_tenth_and_come_back():
