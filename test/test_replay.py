@@ -116,14 +116,16 @@ def test_every_message_comes_again_byte_for_byte_and_in_its_rhythm_with_a_clock(
     assert abs(statistics.median(ahead)) < 20_000_000
 
 
-def test_a_piece_of_one_topic_is_played_faster_and_without_a_clock(log):
+def test_a_piece_of_one_topic_is_played_faster_and_its_end_is_on_the_clock(log):
     options = '--topics', TORQUE, '--rate', 4, '--start-offset', 1.0, '--playback-duration', 0.75
-    listener = played(log, *options)
+    listener = played(log, *options, '--clock', 0.1)
     piece = stored(log, TORQUE, 1_000_000_000, 1_750_000_000)
-    assert listener.received.pop(TORQUE) == piece
+    assert listener.received[TORQUE] == piece
     assert len(piece) == 150
-    assert not any(listener.received.values())
+    assert not any(listener.received[topic] for topic in (STATES, DESCRIPTION, COMMANDS))
     assert period(listener.arrived[TORQUE]) == pytest.approx(0.005 / 4, rel=0.3)
+    # Every 10 s, and once more at the end.
+    assert clock_times(listener)[-1] == 1_745_000_000
 
 
 def test_a_loop_goes_on_with_the_same_bytes_and_its_clock_never_goes_back(log):
@@ -221,6 +223,7 @@ def test_keys_change_the_rate_and_ctrl_c_gives_the_terminal_back(player):
         shell.send(b'\x03')
         shell.sees(rb'messages replayed.*ended 0')
         assert held(shell.terminal)
+    assert not listener.received['/clock']  # which was not asked for
 
 
 # ---------------------------------------------------------------- view
