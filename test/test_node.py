@@ -26,7 +26,6 @@ from ros_harness import (
     watched,
 )
 from test_node_parameters import set_parameter
-from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros import controller, node
 from linkage_ros import record as record_module
@@ -95,19 +94,6 @@ def test_node_and_record_give_equal_bits_at_equal_elapsed_times(run, tmp_path):
         assert by_elapsed[stamp - log.motions[0].stamp] == numbers
 
 
-def test_mechanism_state_has_the_numbers_of_the_joint_states(run):
-    _, _, received, *_ = run
-    states = dict(decoded(received[STATES]))
-    for data in received['/mechanism_state'][-100:]:
-        message = deserialize_message(data, JointTrajectory)
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        (point,) = message.points
-        assert message.joint_names == ['crank', 'coupler', 'rocker']
-        assert [*point.positions, *point.velocities, *point.effort] == [*states[stamp]]
-        assert len(point.accelerations) == 3
-        assert point.accelerations[0] == 0.0
-
-
 def test_diagnostics_come_once_a_second_with_figures(run):
     log, _, received, *_ = run
     told = [deserialize_message(data, DiagnosticArray) for data in received['/diagnostics'][:3]]
@@ -153,11 +139,6 @@ def test_rpm_is_set_live_and_sigterm_ends_with_a_complete_log(tmp_path):
         segment = [segment for segment in log.motions if segment.stamp <= stamp][-1]
         message = machine.snapshot_at(SpeedMotion(segment), stamp).messages[0]
         assert (stamp, numbers) == CODEC.decode(message)
-    for (t0, a), (t1, b) in pairwise(states):
-        seconds = (t1 - t0) * 1e-9
-        mean = (a[3] + b[3]) / 2
-        # The trapezoid is exact but where a ramp ends or begins inside the gap.
-        assert b[0] - a[0] == pytest.approx(mean * seconds, abs=40.0 * seconds**2)
 
 
 def test_a_namespace_moves_topics_and_log_and_sighup_ends_with_a_complete_log(tmp_path):
