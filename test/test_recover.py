@@ -8,6 +8,8 @@ import os
 import random
 import struct
 from itertools import accumulate
+from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from mcap.records import Chunk, Message
@@ -25,14 +27,31 @@ from linkage_ros.recovery.damaged_mcap import Losses
 from linkage_ros.recovery.recover import recover
 from linkage_ros.verification.verify import verify
 
-NOTHING = Losses()
+
+class Good(NamedTuple):
+    """An undamaged log: what is in it, and how many messages its first n chunks have."""
+
+    path: Path
+    data: bytes
+    messages: list
+    chunks: list
+    counts: list
+
+
+def described(path):
+    with path.open('rb') as stream:
+        records = list(StreamReader(stream, emit_chunks=True).records)
+    chunks = (record for record in records if isinstance(record, Chunk))
+    counts = (sum(isinstance(r, Message) for r in breakup_chunk(chunk)) for chunk in chunks)
+    data = path.read_bytes()
+    return Good(path, data, messages(path), spans(data, 'chunk'), [0, *accumulate(counts)])
 
 
 @pytest.fixture(scope='module')
 def whole(tmp_path_factory):
     """A live log of seven chunks with seven pieces of motion."""
     path = tmp_path_factory.mktemp('whole') / 'run.mcap'
-    return live(path, load('quadrilateral'), CHANGES)
+    return described(live(path, load('quadrilateral'), CHANGES))
 
 
 @pytest.fixture(scope='module')
@@ -40,23 +59,12 @@ def several(tmp_path_factory):
     """A record of several chunks, larger than a live run's."""
     path = tmp_path_factory.mktemp('several') / 'run.mcap'
     record(load('compressor'), path, duration=12.0)
-    assert len(spans(path.read_bytes(), 'chunk')) > 1
-    return path
+    return described(path)
 
 
 def messages(path):
     with LogReader(path) as log:
         return list(log.written())
-
-
-def chunk_messages(path):
-    """How many messages the first n chunks have, for n = 0, 1, ..."""
-    with path.open('rb') as stream:
-        chunks = [
-            r for r in StreamReader(stream, emit_chunks=True).records if isinstance(r, Chunk)
-        ]
-    counts = (sum(isinstance(r, Message) for r in breakup_chunk(chunk)) for chunk in chunks)
-    return [0, *accumulate(counts)]
 
 
 @pytest.fixture
@@ -81,12 +89,12 @@ def recovered(tmp_path):
 def test_complete_logs_come_back_byte_for_byte(tmp_path, whole, several):
     empty, out = tmp_path / 'empty.mcap', tmp_path / 'out.mcap'
     LogWriter(empty, load('quadrilateral'), overwrite=False).close()
-    for path in (whole, several, empty):
-        data = path.read_bytes()
-        done = recover(path, out, overwrite=True)
-        assert out.read_bytes() == data == path.read_bytes()
-        assert (done.messages, done.losses) == (len(messages(path)), NOTHING)
-    assert recover(several, out, overwrite=True).duration == pytest.approx(12.0, abs=0.01)
+    assert len(several.chunks) > 1
+    for log in (whole, described(empty), several):
+        done = recover(log.path, out, overwrite=True)
+        assert out.read_bytes() == log.data == log.path.read_bytes()
+        assert (done.messages, done.losses) == (len(log.messages), Losses())
+    assert done.duration == pytest.approx(12.0, abs=0.01)
     assert {item.name for item in tmp_path.iterdir()} == {'empty.mcap', 'out.mcap'}
 
 
@@ -94,15 +102,14 @@ def test_complete_logs_come_back_byte_for_byte(tmp_path, whole, several):
 
 
 def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, recovered):
-    data, good, counts = whole.read_bytes(), messages(whole), chunk_messages(whole)
-    chunks = spans(data, 'chunk')
+    data, chunks = whole.data, whole.chunks
     first = spans(data, 'metadata')[0][1]
     cuts = {first, *range(first, len(data), len(data) // 8), len(data) - 9, len(data) - 1}
     cuts |= {chunks[3][0] + n for n in (0, 1, 8, 9, 40, 60)} | {chunks[-1][1]}
     for cut in sorted(cuts):
         losses, saved, report = recovered(data[:cut])
-        assert saved == good[: len(saved)]
-        assert len(saved) >= counts[sum(end <= cut for _, end in chunks)]
+        assert saved == whole.messages[: len(saved)]
+        assert len(saved) >= whole.counts[sum(end <= cut for _, end in chunks)]
         assert losses.places == 0
         assert losses.tail < max(end - start for start, end in chunks)
         assert report.difference == ''
@@ -112,25 +119,23 @@ def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, rec
 
 def test_whole_blocks_of_a_cut_chunk_are_saved(several, recovered):
     """zstd packs blocks of 128 KiB, of which a chunk of a record has several."""
-    data, good, counts = several.read_bytes(), messages(several), chunk_messages(several)
-    start, end = spans(data, 'chunk')[1]
+    start, end = several.chunks[1]
     numbers = []
     for part in (0.0, 0.5, 0.9):
-        _, saved, report = recovered(data[: start + 9 + int(part * (end - start - 9))])
-        assert saved == good[: len(saved)]
+        _, saved, report = recovered(several.data[: start + 9 + int(part * (end - start - 9))])
+        assert saved == several.messages[: len(saved)]
         assert report.difference == ''
-        numbers.append(len(saved) - counts[1])
+        numbers.append(len(saved) - several.counts[1])
     assert numbers[0] == 0
     assert numbers == sorted(numbers)
-    assert numbers[2] > 0.6 * (counts[2] - counts[1])
+    assert numbers[2] > 0.6 * (several.counts[2] - several.counts[1])
 
 
 @pytest.mark.parametrize('tail', [bytes, random.Random(4).randbytes], ids=['zeros', 'garbage'])
 def test_a_tail_that_never_reached_the_disk_is_left_out(whole, recovered, tail):
-    data = whole.read_bytes()
-    cut = spans(data, 'chunk')[4][0] + 100
-    losses, saved, _ = recovered(data[:cut] + tail(len(data) - cut))
-    assert saved == messages(whole)[: chunk_messages(whole)[4]]
+    cut = whole.chunks[4][0] + 100
+    losses, saved, _ = recovered(whole.data[:cut] + tail(len(whole.data) - cut))
+    assert saved == whole.messages[: whole.counts[4]]
     assert losses.tail > 0 or losses.places > 0
 
 
@@ -138,20 +143,21 @@ def test_a_tail_that_never_reached_the_disk_is_left_out(whole, recovered, tail):
 
 
 @pytest.mark.parametrize(
-    ('number', 'where'),
+    ('number', 'where', 'bits'),
     [
-        *((2, where) for where in ('data', 'crc', 'length', 'opcode', 'compression')),
-        *((number, where) for number in (0, -1) for where in ('data', 'length', 'opcode')),
+        *((2, where, 0x40) for where in ('data', 'crc', 'length', 'opcode', 'compression')),
+        *((number, where, 0x40) for number in (0, -1) for where in ('data', 'length', 'opcode')),
+        # An end of the data, a schema, an index: one wrong bit makes a chunk look like these.
+        *((2, 'opcode', 6 ^ opcode) for opcode in (0x02, 0x03, 0x0E, 0x0F)),
     ],
 )
-def test_a_damaged_chunk_is_passed_over_and_the_others_kept(whole, recovered, number, where):
-    data, good, counts = bytearray(whole.read_bytes()), messages(whole), chunk_messages(whole)
-    chunks = spans(bytes(data), 'chunk')
-    start, end = chunks[number]
+def test_a_damaged_chunk_is_passed_over_and_the_others_kept(whole, recovered, number, where, bits):
+    data, good, counts = bytearray(whole.data), whole.messages, whole.counts
+    start, end = whole.chunks[number]
     offset = {'data': (end - start) // 2, 'crc': 9 + 24, 'length': 2, 'opcode': 0}.get(where, 42)
-    data[start + offset] ^= 0x40
+    data[start + offset] ^= bits
     losses, saved, report = recovered(data)
-    last, number = number == -1, number % len(chunks)
+    last, number = number == -1, number % len(whole.chunks)
     lost = counts[number + 1] - counts[number]
     if last and where == 'length':  # nothing follows, so that the chunk tells its own length
         assert saved == good
@@ -165,82 +171,48 @@ def test_a_damaged_chunk_is_passed_over_and_the_others_kept(whole, recovered, nu
     assert report.absent == (('robot_description',) if number == 0 else ())
 
 
-@pytest.mark.parametrize('opcode', [0x02, 0x03, 0x0E, 0x0F])
-def test_a_chunk_that_claims_to_be_something_else_is_lost_and_told(whole, recovered, opcode):
-    """An end of the data, a schema, an index: one wrong bit makes a chunk look like these."""
-    data, good, counts = bytearray(whole.read_bytes()), messages(whole), chunk_messages(whole)
-    start, end = spans(bytes(data), 'chunk')[2]
-    data[start] = opcode
-    losses, saved, _ = recovered(data)
-    assert saved == good[: counts[2]] + good[counts[3] :]
-    assert (losses.places, losses.damaged >= end - start) == (1, True)
-
-
 @pytest.mark.parametrize('bit', [12, 16, 21])
 def test_a_length_that_swallows_what_lies_behind_it_is_not_believed(whole, recovered, bit):
-    data = bytearray(whole.read_bytes())
-    start, _ = spans(bytes(data), 'metadata')[3]
+    data = bytearray(whole.data)
+    start, _ = spans(whole.data, 'metadata')[3]
     length = struct.unpack_from('<Q', data, start + 1)[0]
     struct.pack_into('<Q', data, start + 1, length ^ (1 << bit))
     losses, saved, _ = recovered(data)
-    assert (saved, losses.places) == (messages(whole), 1)
-
-
-def test_what_an_earlier_run_left_beside_the_target_is_left_alone(tmp_path, whole):
-    source, target = tmp_path / 'saved.mcap.part', tmp_path / 'saved.mcap'
-    source.write_bytes(whole.read_bytes())
-    recover(source, target)
-    assert source.read_bytes() == target.read_bytes() == whole.read_bytes()
-
-
-def test_devices_and_links_are_never_replaced(tmp_path, whole):
-    dangling, kept = tmp_path / 'dangling.mcap', tmp_path / 'kept.mcap'
-    kept.write_bytes(b'precious')
-    dangling.symlink_to(tmp_path / 'nowhere')
-    link = tmp_path / 'link.mcap'
-    link.symlink_to(kept)
-    os.mkfifo(tmp_path / 'pipe')
-    for target in (dangling, link, tmp_path / 'pipe', tmp_path):
-        for overwrite in (False, True):
-            with pytest.raises(LogError, match='is no file that could be replaced'):
-                recover(whole, target, overwrite=overwrite)
-    assert kept.read_bytes() == b'precious'
-    assert link.is_symlink()
+    assert (saved, losses.places) == (whole.messages, 1)
 
 
 def test_a_damaged_chunk_of_a_cut_file(whole, recovered):
-    data, good, counts = bytearray(whole.read_bytes()), messages(whole), chunk_messages(whole)
-    chunks = spans(bytes(data), 'chunk')
-    data[chunks[2][0] + 300] ^= 1
-    losses, saved, _ = recovered(data[: chunks[5][0] + 50])
+    data, good, counts = bytearray(whole.data), whole.messages, whole.counts
+    data[whole.chunks[2][0] + 300] ^= 1
+    losses, saved, _ = recovered(data[: whole.chunks[5][0] + 50])
     assert saved == good[: counts[2]] + good[counts[3] : counts[5]]
     assert losses == Losses(1, losses.damaged, counts[3] - counts[2], tail=50)
     # Without a summary nothing names the topics of a file whose first chunk is lost.
-    data[chunks[0][0] + 300] ^= 1
-    losses, saved, _ = recovered(data[: chunks[5][0]])
+    data[whole.chunks[0][0] + 300] ^= 1
+    losses, saved, _ = recovered(data[: whole.chunks[5][0]])
     assert (saved, losses.messages) == ([], counts[5])
 
 
 def test_of_two_faults_neither_lets_wrong_values_through(whole, recovered):
     """A chunk that tells its own length has to be right; so have topics that the end repeats."""
-    counts, chunks = chunk_messages(whole), spans(whole.read_bytes(), 'chunk')
-    data = bytearray(whole.read_bytes())
-    data[chunks[-1][0] + 2] ^= 0x40  # its length
-    data[chunks[-1][0] + 9 + 24] ^= 1  # its checksum
-    assert recovered(data)[1] == messages(whole)[: counts[-2]]
-    data = bytearray(whole.read_bytes())
-    data[chunks[0][0] + 300] ^= 1
-    data[data.index(b'/driving_torque', chunks[-1][1]) + 1] ^= 1
+    (first, _), *_, (last, end) = whole.chunks
+    data = bytearray(whole.data)
+    data[last + 2] ^= 0x40  # its length
+    data[last + 9 + 24] ^= 1  # its checksum
+    assert recovered(data)[1] == whole.messages[: whole.counts[-2]]
+    data = bytearray(whole.data)
+    data[first + 300] ^= 1
+    data[data.index(b'/driving_torque', end) + 1] ^= 1
     losses, saved, _ = recovered(data)
-    assert (saved, losses.messages) == ([], counts[-1])
+    assert (saved, losses.messages) == ([], whole.counts[-1])
 
 
 def test_a_damaged_motion_record_is_left_out(tmp_path, whole, recovered):
-    data = bytearray(whole.read_bytes())
-    start, _ = spans(bytes(data), 'metadata')[2]
+    data = bytearray(whole.data)
+    start, _ = spans(whole.data, 'metadata')[2]
     data[data.index(b'phase', start) + 9] ^= 1
     losses, saved, report = recovered(data)
-    assert (losses, saved) == (Losses(records=1), messages(whole))
+    assert (losses, saved) == (Losses(records=1), whole.messages)
     assert report.difference != ''
     with LogReader(tmp_path / 'out.mcap') as log:
         assert len(log.motions) == 6
@@ -248,11 +220,10 @@ def test_a_damaged_motion_record_is_left_out(tmp_path, whole, recovered):
 
 def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp_path, whole):
     """Whatever is recovered was there, and in that order."""
-    data, good = whole.read_bytes(), messages(whole)
-    numbers = {message: number for number, message in enumerate(good)}
+    numbers = {message: number for number, message in enumerate(whole.messages)}
     path, out, rng, refusals = tmp_path / 'broken', tmp_path / 'out', random.Random(6), set()
-    for place in [*range(8, 60, 4), *(rng.randrange(8, len(data)) for _ in range(60))]:
-        bad = bytearray(data)
+    for place in [*range(8, 60, 4), *(rng.randrange(8, len(whole.data)) for _ in range(60))]:
+        bad = bytearray(whole.data)
         bad[place] ^= 1 << rng.randrange(8)
         path.write_bytes(bad)
         try:
@@ -262,7 +233,7 @@ def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp
             continue
         order = [numbers[message] for message in messages(out)]
         assert order == sorted(order), place
-        assert len(order) > 0.5 * len(good), place
+        assert len(order) > 0.5 * len(numbers), place
     assert refusals == {'no configuration record: it cannot be recovered'}
 
 
@@ -280,26 +251,37 @@ def test_existing_files_are_kept(tmp_path, whole):
     target, text = tmp_path / 'out.mcap', tmp_path / 'text'
     target.write_bytes(b'precious')
     text.write_bytes(b'text')
-    refused(whole, target, r'out\.mcap exists already and is kept')
+    refused(whole.path, target, r'out\.mcap exists already and is kept')
     # Asked for, it is replaced, but only by a log.
     refused(text, target, 'is no MCAP file', overwrite=True)
     assert target.read_bytes() == b'precious'
-    recover(whole, target, overwrite=True)
-    assert target.read_bytes() == whole.read_bytes()
+    recover(whole.path, target, overwrite=True)
+    assert target.read_bytes() == whole.data
 
 
-def test_the_broken_log_itself_is_no_target(tmp_path, whole):
-    source, link = tmp_path / 'broken.mcap', tmp_path / 'link.mcap'
-    source.write_bytes(whole.read_bytes())
-    link.symlink_to(source)
-    for target in (source, link):
-        for overwrite in (False, True):
-            refused(source, target, 'is the broken log itself', overwrite=overwrite)
-    assert source.read_bytes() == whole.read_bytes()
+def test_devices_links_and_the_broken_log_itself_are_never_replaced(tmp_path, whole):
+    source, kept = tmp_path / 'saved.mcap.part', tmp_path / 'kept.mcap'
+    dangling, link, itself = (tmp_path / name for name in ('dangling', 'link', 'itself'))
+    source.write_bytes(whole.data)
+    kept.write_bytes(b'precious')
+    dangling.symlink_to(tmp_path / 'nowhere')
+    link.symlink_to(kept)
+    itself.symlink_to(source)
+    os.mkfifo(tmp_path / 'pipe')
+    for overwrite in (False, True):
+        for target in (source, itself):
+            with pytest.raises(LogError, match='is the broken log itself'):
+                recover(source, target, overwrite=overwrite)
+        for target in (dangling, link, tmp_path / 'pipe', tmp_path):
+            with pytest.raises(LogError, match='is no file that could be replaced'):
+                recover(source, target, overwrite=overwrite)
+    assert kept.read_bytes() == b'precious'
+    recover(source, tmp_path / 'saved.mcap')  # beside which an earlier run left the source
+    assert source.read_bytes() == whole.data
 
 
 def test_what_is_no_log_of_ours_is_refused(tmp_path, whole):
-    source, target, data = tmp_path / 'broken.mcap', tmp_path / 'out.mcap', whole.read_bytes()
+    source, target, data = tmp_path / 'broken.mcap', tmp_path / 'out.mcap', whole.data
     first = spans(data, 'metadata')[0]
     for content, words in (
         (b'', 'is no MCAP file'),
@@ -313,12 +295,11 @@ def test_what_is_no_log_of_ours_is_refused(tmp_path, whole):
         assert not target.exists()
     refused(tmp_path / 'missing.mcap', target, r'missing\.mcap cannot be read')
     refused(tmp_path, target, 'cannot be read')
-    refused(whole, tmp_path / 'no' / 'out.mcap', 'cannot be written')
+    refused(whole.path, tmp_path / 'no' / 'out.mcap', 'cannot be written')
 
 
 def test_the_command_says_in_one_line_what_was_saved_and_lost(tmp_path, whole, called):
-    data, counts = bytearray(whole.read_bytes()), chunk_messages(whole)
-    chunks = spans(bytes(data), 'chunk')
+    data, counts, chunks = bytearray(whole.data), whole.counts, whole.chunks
     data[chunks[2][0] + 300] ^= 1
     source, target = tmp_path / 'broken.mcap', tmp_path / 'out.mcap'
     source.write_bytes(data[:-5])
