@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arithmetic of all formulas: alike for floats and arrays, exact short sums, what is finite."""
+"""Arithmetic for floats and arrays: exact sums of lengths, angles of many turns, finite values."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.quantities import shown
 
 # A float, or an array of floats: the formulas are written once for both. Any, because no type
-# of today says "float gives float, array gives array" through plain arithmetic.
+# expresses "float gives float, array gives array" through plain arithmetic.
 Real: TypeAlias = Any
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -58,7 +58,7 @@ ARRAY = Functions(
 
 
 def by_element(function: Callable[..., float]) -> Callable[..., Array]:
-    """A function of floats, for arrays: to the bit, where NumPy's may differ in the last."""
+    """Applies a function of floats to arrays; NumPy's functions may differ in the last bit."""
 
     def apply(*values: Real) -> Array:
         rows = (x.tolist() if isinstance(x, np.ndarray) else itertools.repeat(x) for x in values)
@@ -87,7 +87,7 @@ def wrap(angle: Real, functions: Functions) -> Real:
 
 
 def nearest_turns(angle: float) -> int:
-    """How many whole turns bring an angle nearest to zero, exactly.
+    """The number of whole turns nearest to an angle, exactly.
 
     In doubles an odd multiple of pi would be a tie: the nearest double to 3 pi lies below it.
 
@@ -101,7 +101,7 @@ def nearest_turns(angle: float) -> int:
 
 
 def within_two_turns(angle: float) -> tuple[float, int]:
-    """An angle without its whole pairs of turns; a state repeats after at most two turns.
+    """Removes whole pairs of turns from an angle: a state repeats after at most two turns.
 
     Args:
         angle: rad.
@@ -141,14 +141,14 @@ def is_rounding(longest: float, total: float) -> bool:
 
 
 def equalities(longest: float, sums: Mapping[str, Sequence[float]]) -> Iterator[str]:
-    """Sums of lengths that are not 0 in binary and count as 0, in words.
+    """Describes the sums of lengths that count as 0 but are not 0 in binary.
 
     Args:
         longest: Longest link, m.
         sums: Their signed terms by their words.
 
     Yields:
-        A clause for people.
+        A clause for each.
     """
     for words, terms in sums.items():
         total = math.fsum(terms)
@@ -157,11 +157,11 @@ def equalities(longest: float, sums: Mapping[str, Sequence[float]]) -> Iterator[
 
 
 def rounded(length: float, *, up: bool) -> str:
-    """A bound in six digits: rounded to the side on which it still holds.
+    """A bound in six digits, rounded to the side on which it still holds.
 
     Args:
         length: The bound, m.
-        up: Whether it is a least value; otherwise a largest.
+        up: Whether it is a lower bound; otherwise an upper one.
 
     Returns:
         Its text.
@@ -184,7 +184,7 @@ def require_finite(**named: Real) -> None:
         ConfigurationError: A value is not finite.
     """
     for name, values in named.items():
-        # A sum is cheaper than a look at each; it may overflow where none of them is infinite.
+        # A sum is cheaper than a test of each value; it may overflow where all are finite.
         if not math.isfinite(values if isinstance(values, float) else np.sum(values)):
             for bad in np.extract(~np.isfinite(values), values)[:1]:
                 words = name.replace('_', ' ')
@@ -192,7 +192,7 @@ def require_finite(**named: Real) -> None:
 
 
 def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
-    """Takes arguments that have to be real numbers or arrays of them.
+    """Converts arguments to floats or arrays of floats.
 
     Args:
         **named: Numbers, arrays or nested sequences, by what errors call them, words joined by _.

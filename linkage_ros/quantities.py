@@ -52,7 +52,7 @@ class Quantity:
 
     @property
     def span(self) -> str:
-        """From where to where it goes, with its unit (numbers, whole ones too, and pairs)."""
+        """The range with its unit, of numbers, whole numbers and pairs."""
         return f'{self.low:g} to {self.high:g} {self.unit}'.rstrip()
 
     @property
@@ -118,7 +118,7 @@ class Quantity:
 
 
 def shown(value: object) -> str:
-    """A value as an error message shows it, short enough to leave room for the words about it."""
+    """A value for an error message, shortened."""
     try:
         return shortened(' '.join(repr(value).split()), _LONGEST)
     except ValueError:  # Python writes no whole number of thousands of digits

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""When a record ends: after a time, or once the crank has made its turns."""
+"""The end of a record: after a time, or after a number of turns of the crank."""
 
 from __future__ import annotations
 

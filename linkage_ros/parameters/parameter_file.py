@@ -3,9 +3,9 @@
 """Reads a ROS 2 parameter file as a node would, without ROS.
 
 A node gets its parameters from rcl, whose YAML is not PyYAML's: `1e2` is a float, `on` a bool,
-`010` is 8 and `[0, -9.81]` is refused. To work on the mechanism that the node runs, only the
-events of PyYAML are taken, with the meaning that rcl_yaml_param_parser/src/parse.c gives them.
-Refused is what rcl refuses, and for the node also what rcl drops or garbles without a word.
+`010` is 8 and `[0, -9.81]` is refused. To work on the mechanism that the node runs, this reader
+gives the events of PyYAML the meaning that rcl_yaml_param_parser/src/parse.c gives them. It
+refuses what rcl refuses, and for the node also what rcl silently drops or garbles.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
 
     Args:
         path: The YAML file.
-        node_name: A node with its namespace, such as left/linkage_node. Sections of others are
-            checked, not returned.
+        node_name: A node with its namespace, such as left/linkage_node. Sections of other nodes
+            are checked, but not returned.
 
     Returns:
         The values by dotted name. Where two sections set the same name, the later one wins.
@@ -79,7 +79,7 @@ class _Reader:
         return {name: value for own in self.sections.values() for name, value in own.items()}
 
     def nodes(self, name: str, depth: int) -> str:
-        """Reads a mapping of node names; returns the name that rcl goes on with after it."""
+        """Reads a mapping of node names; returns rcl's prefix for the names after it."""
         while key := self.key(name):
             in_section = key.startswith(_SECTION)  # rcl compares no further
             if in_section and not _NODE.fullmatch(name):
@@ -97,7 +97,7 @@ class _Reader:
         return name.rpartition('/')[0] if depth > 1 else ''
 
     def parameters(self, values: Parameters | None, group: str, depth: int) -> str:
-        """Reads a mapping of parameters; returns the group that rcl goes on with after it."""
+        """Reads a mapping of parameters; returns rcl's group for the names after it."""
         name = ''
         while key := self.key(group):
             if values and group in values:
@@ -190,7 +190,7 @@ def _matches(pattern: list[str], names: list[str]) -> bool:
 
 
 def _cure(names: list[str]) -> str:
-    """What to do where names lead to no mapping: a misspelt ros__parameters passes for a node."""
+    """Advice where a mapping is missing: a misspelt ros__parameters is read as a node's name."""
     near = [] if _SECTION in names else difflib.get_close_matches(_SECTION, names, n=1)
     return f'write {_SECTION} for {shown(near[0])}' if near else _LAYOUT
 

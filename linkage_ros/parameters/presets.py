@@ -50,7 +50,7 @@ def preset_path(name: str) -> Path:
 
 
 def find_file(source: str) -> Path:
-    """The parameter file that a path or the name of a preset stands for.
+    """Finds the parameter file for a path or the name of a preset.
 
     Args:
         source: Path of a ROS 2 parameter file, or the name of a preset.
@@ -59,7 +59,7 @@ def find_file(source: str) -> Path:
         The file, which need not exist where source is a path.
     """
     path = Path(source)
-    is_path = source and (path.suffix or is_there(path))  # '' would be the folder we are in
+    is_path = source and (path.suffix or is_there(path))  # '' would be the current folder
     return path if is_path else preset_path(source)
 
 
@@ -74,10 +74,10 @@ def _presets() -> dict[str, Path]:
 
 
 def _folders() -> Iterator[Path]:
-    """The folders that may hold presets, the one that counts most first."""
+    """The folders that may hold presets, in order of precedence."""
     share = Path('share', 'linkage_ros', 'config')
-    # Even code that runs from a checkout takes a sourced workspace's presets first: sourcing
-    # is how a ROS user says which installation counts, and how an overlay changes a preset.
+    # A sourced workspace comes first, also for code that runs from a checkout: by sourcing, a ROS
+    # user selects an installation, and an overlay replaces presets.
     for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
         if prefix:
             yield Path(prefix, share)
