@@ -88,7 +88,7 @@ class _Reader:
                 cure = _cure(f'{name}/{key}'.split('/'))
                 raise self.error(f'{_show(event)} where a mapping belongs; {cure}')
             if in_section:
-                ours = _matches(_parts(name), _parts(self.node_name))
+                ours = _matches(name, self.node_name)
                 self.parameters(self.sections.setdefault(name, {}) if ours else None, '', 0)
                 if key := self.key(name):
                     raise self.error(f'{key!r} follows ros__parameters; move it before')
@@ -175,18 +175,12 @@ class _Reader:
         return ConfigurationError(f'{self.file}, line {self.line}: {problem}')
 
 
-def _parts(name: str) -> list[str]:
-    return [part for part in name.split('/') if part]
-
-
-def _matches(pattern: list[str], names: list[str]) -> bool:
+def _matches(section: str, node: str) -> bool:
     """Whether a section is for a node: '**' stands for any number of names, '*' for one."""
-    if not pattern or not names:
-        return not names and set(pattern) <= {'**'}
-    first, rest = pattern[0], pattern[1:]
-    if first == '**':
-        return _matches(rest, names) or _matches(pattern, names[1:])
-    return first in {'*', names[0]} and _matches(rest, names[1:])
+    wildcards = {'**': '(/[^/]+)*', '*': '/[^/]+'}
+    section = re.sub(r'\*\*(/+\*\*)+', '**', section)  # many would take long to fail
+    parts = [wildcards.get(part, f'/{re.escape(part)}') for part in section.split('/') if part]
+    return re.fullmatch(''.join(parts), f'/{node.strip("/")}') is not None
 
 
 def _cure(names: list[str]) -> str:
