@@ -57,7 +57,7 @@ def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
     machine = Machine(configuration)
     motion = machine.begin(0)
     stamps = map(machine.elapsed, range(machine.tick_at(round(_TURN * NS_PER_S)) + 1))
-    return [(stamp, machine.snapshot_at(motion, stamp).messages[0]) for stamp in stamps]
+    return [(0, machine.snapshot_at(motion, stamp).messages[0]) for stamp in stamps]
 
 
 def _blueprint(configuration: Configuration) -> rrb.Blueprint:

@@ -176,7 +176,7 @@ class LinkageNode(ParameterNode):
         self._state = snapshot.state
         self._publish(*zip(self._machine.topics, snapshot.messages, strict=True))
         if self._view is not None:
-            self._view.offer(stamp, snapshot.messages[0])
+            self._view.offer(snapshot.messages[0])
 
     def _publish(self, *messages: tuple[Topic, bytes]) -> None:
         """Publishes messages, and logs them."""

@@ -138,7 +138,7 @@ def test_a_terminal_given_back_is_taken_again_though_no_signal_says_so(terminal)
     """As after a shell's fg of a job that it had let run: nobody sends SIGCONT."""
     master, slave = terminal
     with Keyboard(slave) as keyboard:
-        keyboard._give_back()
+        keyboard._restore()
         assert held(slave)
         os.write(master, b' ')
         assert keyboard.read(1.0) == SPACE

@@ -14,10 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from linkage_ros.errors import LogError
-from linkage_ros.log.reader import LogReader
+from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.parameters.configuration import configure
-from linkage_ros.playback.excerpt import excerpt_of
-from linkage_ros.playback.feed import feed
+from linkage_ros.playback.feed import Item, excerpt_of, feed
 from linkage_ros.playback.keyboard import RIGHT
 from linkage_ros.playback.pace import FASTEST, Pace
 from linkage_ros.playback.player import Player
@@ -100,7 +99,7 @@ def test_it_reads_a_few_thousand_messages_ahead_and_no_more(log, monkeypatch):
         assert 1000 < len(read) < 10_000
         assert len(list(itertools.islice(items, 10_000))) == 10_000
         assert len(read) > 10_000
-    assert 'reader' not in {thread.name for thread in threading.enumerate()}
+    assert 'reader_0' not in {thread.name for thread in threading.enumerate()}
 
 
 def test_damage_is_raised_where_items_are_taken(path, tmp_path):
@@ -208,15 +207,25 @@ def test_a_step_goes_to_the_next_message_and_no_further():
     assert (pace.position(), pace.left(10 * MS)) == (5 * MS, math.inf)
 
 
-def test_the_right_arrow_steps_while_paused_only():
-    pace, _ = running()
-    pace.expect(S)
-    player = Player(pace, None, None, None)
-    player._obey(RIGHT, S)
-    assert pace.position() == 0
-    pace.toggle()
-    player._obey(RIGHT, S)
-    assert pace.position() == S
+class HeldKey:
+    """A keyboard whose right arrow is held; reading it takes as long as it may."""
+
+    clock = 0
+
+    def read(self, timeout):
+        self.clock += round(timeout * 10**9)
+        return RIGHT
+
+
+@pytest.mark.parametrize('paused', [True, False])
+def test_right_arrow_steps_only_while_paused(paused):
+    keyboard, played = HeldKey(), []
+    pace = Pace(0, 1.0, lambda: keyboard.clock)
+    item = Item(10**9, LoggedMessage('/topic', 10**9, b'', 10**9))
+    player = Player(pace, keyboard, threading.Event(), lambda _: None)
+    assert player.play([item], [played.append], paused=paused) == 1
+    assert played == [item]
+    assert (keyboard.clock < 10**9) == paused
 
 
 def test_rates_go_up_and_down_by_a_tenth_and_come_back():

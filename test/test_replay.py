@@ -35,8 +35,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.playback import replay_view, republish
-from linkage_ros.playback.excerpt import excerpt_of
-from linkage_ros.playback.feed import feed
+from linkage_ros.playback.feed import excerpt_of, feed
 from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
@@ -257,7 +256,8 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
         ):
             while len(shown) < 50:
                 sink(next(items))
-    stamps = [stamp for stamp, _ in shown]
+    codec = JointStateCodec(('crank', 'coupler', 'rocker'))
+    stamps = [shift + codec.decode(data)[0] for shift, data in shown]
     assert stamps == [n * 5_000_000 for n in range(len(stamps))]
 
 
@@ -375,7 +375,7 @@ def test_a_viewer_that_does_not_answer_is_one_line_before_anything_is_played(log
 
 def test_what_no_middleware_publishes_is_one_line(called, monkeypatch, tmp_path):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
-    monkeypatch.setattr(republish, '_PATIENCE', 0.0)
+    monkeypatch.setattr(republish, '_DISCOVERY_SECONDS', 0.0)
     configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
     with LogWriter(path, configuration, overwrite=False) as log:
         channel = log.add_topic(DRIVING_TORQUE, '/driving_torque')
@@ -383,7 +383,7 @@ def test_what_no_middleware_publishes_is_one_line(called, monkeypatch, tmp_path)
         log.write(channel, 0, b'none' * 20)
     code, _, err = called(replay, path)
     assert code == 2
-    assert 'a message on /driving_torque is none of its type' in err
+    assert 'a message on /driving_torque is not of its type' in err
     assert 'Traceback' not in err
 
 

@@ -77,7 +77,7 @@ def run_of(configuration, count, rate=200, start=0):
 
 def feed(view, samples, configuration=CONFIGURATION):
     codec = Machine(configuration).joint_states
-    view.consume([(sample.stamp, codec.encode(*sample)) for sample in samples])
+    view.consume([(0, codec.encode(*sample)) for sample in samples])
 
 
 def show(path, samples, configuration=CONFIGURATION, batch=37, **options):
@@ -173,7 +173,7 @@ rerun_view._FILE_SECONDS = 0.0
 codec = JointStateCodec(('crank', 'coupler', 'rocker'))
 view = View(load('quadrilateral'), sys.argv[1])
 for k in range(100):
-    view.consume([(k * 10**7, codec.encode(0, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3))])
+    view.consume([(0, codec.encode(k * 10**7, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3))])
 os.kill(os.getpid(), signal.SIGKILL)
 """
     subprocess.run(
@@ -229,8 +229,8 @@ codec = JointStateCodec(('crank', 'coupler', 'rocker'))
 view = View(load('quadrilateral'), sys.argv[1])
 try:
     for k in range(1000):
-        message = codec.encode(0, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3)
-        view.consume([(k * 10**7, message)] * 10)
+        message = codec.encode(k * 10**7, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3)
+        view.consume([(0, message)] * 10)
 except ViewerError as error:
     print(error)
 view.close()
@@ -600,7 +600,7 @@ worker = Worker('view', view, capacity=100, period=0.005, on_error=errors.append
 longest, end = 0.0, time.monotonic() + 3.0
 while time.monotonic() < end:
     start = time.monotonic()
-    worker.offer((time.time_ns(), message))
+    worker.offer((0, message))
     longest = max(longest, time.monotonic() - start)
     time.sleep(0.0005)
 start = time.monotonic()

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Feeds a replay with an excerpt of a log, once or over and over, read ahead of its time."""
+"""Feeds a replay with an excerpt of a log, once or in a loop, read ahead in a thread."""
 
 from __future__ import annotations
 
@@ -13,20 +13,35 @@ from typing import NamedTuple
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.playback.excerpt import Excerpt
+from linkage_ros.units import NS_PER_S
 
-# Messages read ahead are at most the product, so that unpacking a chunk holds up no message.
-# Handing them over one by one would wake the reading thread at every message; where it works
-# for milliseconds on end, a subscriber that sleeps on the same processor gets its message late.
+# The product is the greatest number of messages read ahead, so that unpacking a chunk delays no
+# message. Handing them over one by one would wake the reading thread at every message; while that
+# works for milliseconds on end, a subscriber on the same processor gets its message late.
 _BATCH, _BATCHES = 16, 256
-_LOOK = 0.1  # s, within which the reading thread sees that nobody takes its batches any more
+_CHECK_SECONDS = 0.1  # within which the reading thread notices that the feed is closed
+
+
+class Excerpt(NamedTuple):
+    """A part of a log.
+
+    Attributes:
+        start: First log time, ns.
+        end: Log time before which it ends, ns. An excerpt that ends with the log ends one message
+            period after its last message, so that the rounds of a loop join.
+        topics: Fully qualified names.
+    """
+
+    start: int
+    end: int
+    topics: list[str]
 
 
 class Item(NamedTuple):
     """A message to play.
 
     Attributes:
-        time: Log time, ns, later by the length of the excerpt in each round: it never goes back.
+        time: Log time, ns; in each round of a loop later by the length of the excerpt.
         message: As it was logged.
     """
 
@@ -34,14 +49,35 @@ class Item(NamedTuple):
     message: LoggedMessage
 
 
+def excerpt_of(
+    log: LogReader, offset: float, duration: float | None, topics: list[str] | None
+) -> Excerpt:
+    """The excerpt of a log that options describe.
+
+    Args:
+        log: The log.
+        offset: s to leave out at the beginning.
+        duration: s to play from there; None: to the end.
+        topics: Fully qualified names; None: all.
+
+    Returns:
+        The excerpt.
+    """
+    start = log.start + round(offset * NS_PER_S)
+    end = log.end + round(NS_PER_S / log.configuration.session.rate_hz)
+    if duration is not None:
+        end = min(end, start + max(1, round(duration * NS_PER_S)))
+    return Excerpt(start, end, topics or [topic.name for topic in log.topics])
+
+
 @contextmanager
 def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[Item]]:
     """Reads an excerpt in a thread of its own.
 
     Args:
-        log: The log; only for the feed from here on.
-        excerpt: What to play of it; latched messages of earlier times come first.
-        loop: Whether to begin again at its end, for ever.
+        log: The log; from here on, only the feed may use it.
+        excerpt: The part to play; latched messages of earlier times come first.
+        loop: Whether to start again at its end, without limit.
 
     Yields:
         The items; raises a LogError where the file is damaged.
@@ -52,15 +88,15 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
     def put(batch: list[Item] | LinkageError | None) -> None:
         while not closed.is_set():
             with suppress(queue.Full):
-                batches.put(batch, timeout=_LOOK)
+                batches.put(batch, timeout=_CHECK_SECONDS)
                 return
 
     def read() -> None:
         try:
-            for batch in itertools.takewhile(
-                lambda _: not closed.is_set(), _batches(log, excerpt, loop=loop)
-            ):
+            for batch in _batches(log, excerpt, loop=loop):
                 put(batch)
+                if closed.is_set():
+                    return
             put(None)
         except LinkageError as error:
             put(error)
@@ -68,13 +104,13 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
     thread = threading.Thread(target=read, name='reader', daemon=True)
     thread.start()
     try:
-        yield _taken(batches)
+        yield _items(batches)
     finally:
         closed.set()
-        thread.join(1.0)  # a disk that hangs must not hold up the end
+        thread.join(1.0)  # a disk that hangs does not delay the end
 
 
-def _taken(batches: queue.Queue[list[Item] | LinkageError | None]) -> Iterator[Item]:
+def _items(batches: queue.Queue[list[Item] | LinkageError | None]) -> Iterator[Item]:
     while (batch := batches.get()) is not None:
         if isinstance(batch, LinkageError):
             raise batch
@@ -90,12 +126,12 @@ def _batches(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[list[I
         while batch := [Item(m.time + shift, m) for m in itertools.islice(messages, size)]:
             yield batch
             size = min(2 * size, _BATCH)
-        if not loop or size == 1:  # a round without a message would be followed by others
+        if not loop or size == 1:  # in a round without a message, the next would have none either
             return
 
 
 def _latched(log: LogReader, excerpt: Excerpt) -> list[Item]:
-    """What a subscriber of the latched topics would have got by the start of an excerpt."""
+    """Latched messages that a subscriber would have got by the start of an excerpt."""
     names = [topic.name for topic in log.topics if topic.latched and topic.name in excerpt.topics]
     if not names or excerpt.start <= log.start:
         return []

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a replay is in its log: it runs at a rate, stands while paused, waits for what lags."""
+"""The position of a replay in its log: it runs at a rate, and stands while paused."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from linkage_ros.units import NS_PER_S
 
 SLOWEST, FASTEST = 1e-3, 1e6
 
-# Real time, ns, up to which a message that comes late is caught up with. A process that was
-# suspended, or told a rate that no machine keeps, goes on from where it is instead.
-_LAG = NS_PER_S // 10
+# A replay that is late by more real time than this, ns, does not catch up: its process was
+# suspended, or its rate is too high for the machine.
+_LARGEST_LAG = NS_PER_S // 10
 
 
 class _Line(NamedTuple):
@@ -30,15 +30,15 @@ class _Line(NamedTuple):
 class Pace:
     """The position of a replay, ns of log time; it never goes back.
 
-    Deadlines are absolute: what one wait wakes late does not add up. The position does not pass
-    the next message before that is out, so that a clock made of it never leads the messages.
+    Deadlines are absolute: delays of single waits do not add up. The position does not pass the
+    next message before that is published, so that a clock made of it never leads the messages.
     One thread may steer it while others read it.
     """
 
     def __init__(
         self, start: int, rate: float, now: Callable[[], int] = time.monotonic_ns
     ) -> None:
-        """Stands at the start, paused.
+        """Starts paused.
 
         Args:
             start: Log time, ns.
@@ -46,23 +46,18 @@ class Pace:
             now: Real time, ns.
         """
         self._now = now
-        self._rate = rate
+        self.rate = rate  # log time over real time, while it is not paused
         # Replaced as a whole, so that a reader in another thread never sees half a change.
         self._line = _Line(start, now(), 0.0, start)
         self._passed = start - 1
 
     @property
-    def rate(self) -> float:
-        """Log time over real time, while it is not paused."""
-        return self._rate
-
-    @property
     def paused(self) -> bool:
-        """Whether it stands."""
+        """Whether it is paused."""
         return self._line.rate == 0
 
     def position(self) -> int:
-        """The log time that has come, ns."""
+        """Log time reached, ns."""
         line = self._line
         return min(line.log + round((self._now() - line.real) * line.rate), line.limit)
 
@@ -81,16 +76,16 @@ class Pace:
             time: Its log time, ns.
 
         Returns:
-            s; not above 0: now; infinite while paused.
+            s; 0 or less: now; infinite while paused.
         """
         line = self._line
-        if time <= self._passed:  # of one log time all come or none
+        if time <= self._passed:  # messages of one log time come together
             return 0.0
-        if line.rate == 0:
+        if self.paused:
             return math.inf
         now = self._now()
         left = line.real + (time - line.log) / line.rate - now
-        if left < -_LAG:
+        if left < -_LARGEST_LAG:
             self._line = line._replace(log=time, real=now)
         if left <= 0:
             self._passed = time
@@ -98,17 +93,17 @@ class Pace:
 
     def toggle(self) -> None:
         """Pauses, or goes on."""
-        self._turn(self._rate if self.paused else 0.0)
+        self._turn(self.rate if self.paused else 0.0)
 
     def change_rate(self, difference: float) -> None:
-        """Changes the rate; one out of bounds is left alone.
+        """Changes the rate, unless it would be out of bounds.
 
         Args:
             difference: To add.
         """
-        rate = round(self._rate + difference, 6)  # 1.1 - 0.1 is 1
+        rate = round(self.rate + difference, 6)  # 1.1 - 0.1 is 1
         if SLOWEST <= rate <= FASTEST:
-            self._rate = rate
+            self.rate = rate
             self._turn(0.0 if self.paused else rate)
 
     def go_to(self, time: int) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hands out the messages of a log when they are due, and does what keys ask for meanwhile."""
+"""Plays the messages of a log when they are due, steered by keys."""
 
 from __future__ import annotations
 
@@ -21,11 +21,10 @@ KEYS = (
 )
 
 Sink: TypeAlias = Callable[[Item], None]
-# Gets the log time of a moment, ns, for people.
+# Shows a log time, ns, to the user.
 Show: TypeAlias = Callable[[int], None]
 
-# s. A request to stop, which may not end a wait, and keys at high rates are seen within this.
-_LOOK = 0.1
+_CHECK_SECONDS = 0.1  # between two checks for keys and for a request to stop
 _RATE_STEP = 0.1
 
 
@@ -36,13 +35,13 @@ class Player:
         """Sets it up.
 
         Args:
-            pace: Says what is due.
+            pace: Determines when a message is due.
             keyboard: Steers the pace.
-            stop: Ends it early.
-            show: Is called a few times a second at least.
+            stop: Ends the replay early.
+            show: Called at least a few times a second.
         """
         self._pace, self._keyboard, self._stop, self._show = pace, keyboard, stop, show
-        self._look_at = 0.0
+        self._check_at = 0.0
 
     def play(self, items: Iterable[Item], sinks: Iterable[Sink], *, paused: bool) -> int:
         """Hands items to sinks, each when it is due.
@@ -59,29 +58,27 @@ class Player:
         for item in items:
             if count == 0 and not paused:
                 self._pace.toggle()  # not before: reading the first message takes a while
-            if not self._await(item):
+            if not self._wait_for(item):
                 break
             for sink in sinks:
                 sink(item)
             count += 1
         return count
 
-    def _await(self, item: Item) -> bool:
-        """Whether an item is due, and not the end."""
+    def _wait_for(self, item: Item) -> bool:
+        """Waits until an item is due; returns False if the replay is to stop."""
         self._pace.expect(item.time)
-        # Where every message is late, nothing waits; keys are looked at all the same.
-        while (left := self._pace.left(item.time)) > 0 or time.monotonic() >= self._look_at:
+        # If every message is late, nothing waits, but keys must be read all the same.
+        while (left := self._pace.left(item.time)) > 0 or time.monotonic() >= self._check_at:
             if self._stop.is_set():
                 return False
-            self._look_at = time.monotonic() + _LOOK
-            self._obey(self._keyboard.read(min(max(left, 0.0), _LOOK)), item.time)
+            self._check_at = time.monotonic() + _CHECK_SECONDS
+            key = self._keyboard.read(min(max(left, 0.0), _CHECK_SECONDS))
+            if key == SPACE:
+                self._pace.toggle()
+            elif key == RIGHT and self._pace.paused:
+                self._pace.go_to(item.time)
+            elif key in (UP, DOWN):
+                self._pace.change_rate(_RATE_STEP if key == UP else -_RATE_STEP)
             self._show(self._pace.position() + item.message.time - item.time)
         return True
-
-    def _obey(self, key: bytes | None, next_time: int) -> None:
-        if key == SPACE:
-            self._pace.toggle()
-        elif key == RIGHT and self._pace.paused:
-            self._pace.go_to(next_time)
-        elif key in (UP, DOWN):
-            self._pace.change_rate(_RATE_STEP if key == UP else -_RATE_STEP)

@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 from linkage_ros import cli
-from linkage_ros.errors import LogError, ViewerError
+from linkage_ros.errors import ViewerError
 from linkage_ros.log.channels import paired
 from linkage_ros.log.reader import LogReader
 from linkage_ros.playback.feed import Item
-from linkage_ros.run.machine import Machine
 from linkage_ros.run.worker import Worker
-from linkage_ros.view.rerun_view import View
+from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.wire.topics import JOINT_STATES
 
 _CAPACITY, _PERIOD = 1_000_000, 0.03  # samples, s
@@ -22,21 +21,19 @@ class ReplayView:
     """A view of a log; a sink of its messages."""
 
     def __init__(self, name: str, log: LogReader, target: str, *, alone: bool) -> None:
-        """Opens the view, on this machine alone, whatever the run's was.
+        """Opens the view, served to this machine alone.
 
         Args:
-            name: Of the program, for what it says.
+            name: Of the program, for its messages to the user.
             log: The log.
             target: As for a View.
-            alone: Whether nothing else is done with the messages: then it is no use to go on
-                without the view.
+            alone: Whether the messages go nowhere else, so that the replay ends with the view.
 
         Raises:
             ViewerError: No viewer answers, or the view cannot be opened.
         """
-        self._name, self._log, self._alone = name, log, alone
-        self._codec = Machine(log.configuration).joint_states
-        # Commands are of the same type.
+        self._name, self._alone = name, alone
+        # Commands have the same type.
         self._topics = {name for name, _ in paired(log, [JOINT_STATES])}
         self._view = View(log.configuration, target)
         if self._view.trouble:
@@ -45,27 +42,20 @@ class ReplayView:
             )
         if self._view.page:
             print(f'watch it in a browser: {self._view.page}', flush=True)
-        self._worker: Worker[tuple[int, bytes]] = Worker(
-            'view', self._view, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
+        self._worker: Worker[Sample] = Worker(
+            'view', self._view, capacity=_CAPACITY, period=_PERIOD, on_error=self._report
         )
 
     def __call__(self, item: Item) -> None:
-        """Shows a message, if it is of joint states.
+        """Shows a message, if it contains joint states.
 
         Raises:
-            LogError: It is none of this log's joints.
-            ViewerError: The view has ended, and nothing else is done.
+            ViewerError: The view has ended, and the messages go nowhere else.
         """
         self._check()
-        message = item.message
-        if message.topic not in self._topics:
-            return
-        try:
-            stamp, _ = self._codec.decode(message.data)
-        except ValueError as error:
-            raise LogError(f'{self._log.path}: a message on {message.topic} is {error}') from error
-        # A round of a loop goes on where the one before ended.
-        self._worker.offer((stamp + item.time - message.time, message.data))
+        if item.message.topic in self._topics:
+            # In a loop, each round follows the one before.
+            self._worker.offer((item.time - item.message.time, item.message.data))
 
     def __enter__(self) -> ReplayView:
         return self
@@ -83,6 +73,6 @@ class ReplayView:
         if self._alone and self._worker.error:
             raise ViewerError(f'the view ended: {self._worker.error}') from self._worker.error
 
-    def _fail(self, error: Exception) -> None:
+    def _report(self, error: Exception) -> None:
         if not self._alone:
             cli.print_error(self._name, f'the view ends here, the topics go on: {error}')

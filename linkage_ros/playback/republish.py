@@ -1,14 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes what a log holds on its topics, and the log's time on /clock."""
+"""Publishes the messages of a log on its topics, and the log's time on /clock."""
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -27,9 +28,9 @@ from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.wire.codecs import encode_clock
 from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
 
-# s given to subscribers to be found, because a replay loses what nobody hears, and for the last
-# messages.
-_PATIENCE, _SETTLE, _ACKNOWLEDGE = 3.0, 0.5, 2.0
+# s: to find a subscriber, because messages without one are lost; for subscribers to find the
+# node; and for them to receive the last messages.
+_DISCOVERY_SECONDS, _MATCH_SECONDS, _LAST_SECONDS = 3.0, 0.5, 2.0
 
 
 @contextmanager
@@ -46,17 +47,17 @@ def republishing(
     Args:
         name: Of the node.
         arguments: ROS's part of the command line.
-        log: Tells types and quality of service.
+        log: Determines types and quality of service.
         topics: Fully qualified names of those to publish.
-        pace: Tells the time.
-        clock_hz: How often a second, of real time, to publish that on /clock; None: never.
+        pace: The position in the log.
+        clock_hz: Rate, in real time, of publishing the position on /clock; None: never.
 
     Yields:
-        Takes the messages.
+        The function that publishes a message.
 
     Raises:
         ConfigurationError: The command line sets a parameter; the node has none of its own.
-        LogError: A topic has a type that linkage_ros does not write, or a name that is none.
+        LogError: A topic has a type that linkage_ros does not write, or an invalid name.
     """
     with ExitStack() as stack:
         stack.enter_context(on_ros(arguments))
@@ -69,8 +70,8 @@ def republishing(
         stack.enter_context(served(node))
         publishers = _publishers(node, log, set(topics))
         if clock_hz is not None:
-            stack.enter_context(_ticking(node, pace, clock_hz))
-        if not await_listeners(publishers.values(), _PATIENCE, _SETTLE):
+            stack.enter_context(_clock(node, pace, clock_hz))
+        if not await_listeners(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
             node.get_logger().info('nobody listens so far; --delay S gives them time')
 
         def publish(item: Item) -> None:
@@ -78,12 +79,12 @@ def republishing(
                 publishers[item.message.topic].publish(item.message.data)
             except RuntimeError as error:  # RCLError, which has no public name
                 raise LogError(
-                    f'{log.path}: a message on {item.message.topic} is none of its type: no '
-                    'middleware publishes it; --topics leaves a topic out'
+                    f'{log.path}: a message on {item.message.topic} is not of its type and cannot '
+                    'be published; --topics leaves a topic out'
                 ) from error
 
         yield publish
-        end = time.monotonic() + _ACKNOWLEDGE
+        end = time.monotonic() + _LAST_SECONDS
         for publisher in publishers.values():
             left = max(0.0, end - time.monotonic())
             publisher.wait_for_all_acked(Duration(seconds=left))
@@ -93,10 +94,8 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
     interfaces = (topic.interface for topic in (*TOPICS, effort_commands('')))
     known = {interface.name: interface for interface in interfaces}
     publishers = {}
-    for channel in log.topics:
+    for channel in (channel for channel in log.topics if channel.name in topics):
         name, latched = channel.name, channel.latched
-        if name not in topics:
-            continue
         if channel.type not in known:
             raise LogError(f'{log.path}: {name} has the foreign type {channel.type}')
         topic = Topic(name, known[channel.type], latched, 1 if latched else 10)
@@ -109,25 +108,17 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
 
 
 @contextmanager
-def _ticking(node: Node, pace: Pace, frequency: float) -> Iterator[None]:
-    """Publishes the time at a frequency, standing or running, and once more at the end."""
+def _clock(node: Node, pace: Pace, frequency: float) -> Iterator[None]:
+    """Publishes the position on /clock, also while paused, and once more at the end."""
     publisher = create_publisher(node, SIMULATED_CLOCK)
-    done = threading.Event()
 
     def publish() -> None:
         publisher.publish(encode_clock(pace.position()))
 
-    def tick() -> None:
-        due = time.monotonic()
-        while not done.wait(max(0.0, due - time.monotonic())):
-            publish()
-            due = max(due + 1 / frequency, time.monotonic())  # what was missed stays so
-
-    thread = threading.Thread(target=tick, name='clock', daemon=True)
-    thread.start()
+    real_time = Clock(clock_type=ClockType.STEADY_TIME)  # the node's own may be /clock
+    timer = node.create_timer(1 / frequency, publish, clock=real_time)
     try:
         yield
     finally:
-        done.set()
-        thread.join()
+        timer.cancel()
         publish()

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.run.health import Health
 from linkage_ros.run.worker import Worker
-from linkage_ros.view.rerun_view import View
+from linkage_ros.view.rerun_view import Sample, View
 
 # States that wait for the viewer, 4 s at 1 kHz, and s between batches.
 _CAPACITY, _PERIOD = 4_000, 0.03
@@ -40,13 +40,13 @@ class LiveView:
                 f'the view is served at {view.url} to whoever reaches it; viewer_bind = '
                 '127.0.0.1 keeps it on this machine'
             )
-        self._worker: Worker[tuple[int, bytes]] = Worker(
+        self._worker: Worker[Sample] = Worker(
             'view', view, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
         )
 
-    def offer(self, stamp: int, joint_states: bytes) -> None:
+    def offer(self, joint_states: bytes) -> None:
         """Shows a message of joint states, CDR bytes, once the viewer is ready for it."""
-        self._worker.offer((stamp, joint_states))
+        self._worker.offer((0, joint_states))
 
     def health(self) -> Health:
         """What has become of it so far."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from linkage_ros.errors import ViewerError
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.viewers import SPAWN, WEB
 from linkage_ros.run.machine import Machine
@@ -34,7 +35,7 @@ _BATCH = 20_000  # greatest number of samples sent at once
 _FILE_SECONDS = 1.0  # between the batches of a file: small batches take four times the space
 
 
-# Stamp, ns, and CDR bytes of a message on joint_states.
+# CDR bytes of a message on joint_states, and the time by which its stamp is to be shifted, ns.
 Sample: TypeAlias = tuple[int, bytes]
 
 
@@ -158,8 +159,13 @@ class View:
                 self.dropped += len(batch)
 
     def _send(self, samples: Sequence[Sample]) -> None:
-        stamps = np.array([stamp for stamp, _ in samples])
-        numbers = np.array([self._codec.decode(message)[1] for _, message in samples])
+        try:
+            decoded = [self._codec.decode(data) for _, data in samples]
+        except ValueError as error:
+            raise ViewerError(f'a message of joint states is {error}') from error
+        pairs = zip(decoded, samples, strict=True)
+        stamps = np.array([stamp + shift for (stamp, _), (shift, _) in pairs])
+        numbers = np.array([numbers for _, numbers in decoded])
         values = np.split(numbers, len(JOINT_FIELDS), axis=1)
         if self._wall_clock is None:
             self._wall_clock = bool(stamps[0] >= _WALL_CLOCK)
