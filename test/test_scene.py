@@ -11,6 +11,7 @@ import pytest
 from test_rerun_view import read, run_of, show
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.view.drawing import Drawing
@@ -183,12 +184,42 @@ def test_moving_points_stay_on_their_paths(drawn):
         assert abs(np.diff(path)).max() < 3 * step
 
 
-def test_names_are_beside_their_pins(drawn):
+def test_names_are_beside_their_pins_and_off_their_links(drawn):
     configuration, _, found, _ = drawn
-    width = np.ptp(Drawing(configuration.mechanism).bounds, axis=0).max()
+    drawing = Drawing(configuration.mechanism)
     pins = complex_of(found['/linkage/pins'], 'Points2D:positions')
-    names = complex_of(found['/linkage/pins/names'], 'Points2D:positions')
-    assert 0.02 * width < abs(names - pins).min() < abs(names - pins).max() < 0.12 * width
+    places = complex_of(found['/linkage/pins/names'], 'Points2D:positions')
+    away = places - 0.7j * drawing._mark - pins  # a name hangs down from its place
+    width = np.ptp(drawing.bounds, axis=0).max()
+    assert 0.03 * width < abs(away).min() < abs(away).max() < 0.08 * width
+    for link in drawing.turning:
+        line = lines_of(found, link)
+        for start, end in ((0, 1), (1, 0)):
+            at_pin = abs(pins - line[:, [start]]) < 1e-6
+            way = line[:, [end]] - line[:, [start]]
+            assert (abs(np.angle(away / way))[at_pin] > 0.7).all()
+
+
+def test_plots_show_the_curves_of_the_run(drawn):
+    configuration, _, found, blueprint = drawn
+    plots = set()
+    for name, columns in blueprint.items():
+        if 'SeriesLines:names' in columns:
+            entity = name.split('/overrides')[1].split('/visualizers')[0]
+            pairs = zip(columns['SeriesLines:names'][0], columns['SeriesLines:visible_series'][0],
+                        strict=True)  # fmt: skip
+            plots.add((entity, *(curve for curve, is_shown in pairs if is_shown)))
+    (joints,) = found['/joint_states/position']['SeriesLines:names']
+    turning = [joint for joint in joints if joint != 'slider']
+    expected = {('/joint_states/effort', 'crank'), ('/rates', *turning),
+                ('/directions', *turning[1:])}  # fmt: skip
+    if 'slider' in joints:
+        expected |= {(f'/joint_states/{field}', 'slider') for field in ('position', 'velocity')}
+    if isinstance(configuration.drive, TorqueDrive):
+        expected |= {('/joint_states/velocity', 'crank'),
+                     ('/energies', 'kinetic', 'potential', 'total')}  # fmt: skip
+    assert plots == expected
+    assert all(entity in found for entity, *_ in plots)
 
 
 @pytest.mark.parametrize(

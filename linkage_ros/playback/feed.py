@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import itertools
-import queue
-import threading
+from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import NamedTuple
 
-from linkage_ros.errors import LinkageError
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.units import NS_PER_S
 
@@ -19,7 +18,6 @@ from linkage_ros.units import NS_PER_S
 # message. Handing them over one by one would wake the reading thread at every message; while that
 # works for milliseconds on end, a subscriber on the same processor gets its message late.
 _BATCH, _BATCHES = 16, 256
-_CHECK_SECONDS = 0.1  # within which the reading thread notices that the feed is closed
 
 
 class Excerpt(NamedTuple):
@@ -82,39 +80,23 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
     Yields:
         The items; raises a LogError where the file is damaged.
     """
-    batches: queue.Queue[list[Item] | LinkageError | None] = queue.Queue(_BATCHES)
-    closed = threading.Event()
+    batches = _batches(log, excerpt, loop=loop)
+    with ThreadPoolExecutor(1, 'reader') as reader:
 
-    def put(batch: list[Item] | LinkageError | None) -> None:
-        while not closed.is_set():
-            with suppress(queue.Full):
-                batches.put(batch, timeout=_CHECK_SECONDS)
-                return
+        def read() -> Future[list[Item] | None]:
+            return reader.submit(next, batches, None)
 
-    def read() -> None:
+        ahead = deque(read() for _ in range(_BATCHES))
+
+        def items() -> Iterator[Item]:
+            while (batch := ahead.popleft().result()) is not None:
+                ahead.append(read())
+                yield from batch
+
         try:
-            for batch in _batches(log, excerpt, loop=loop):
-                put(batch)
-                if closed.is_set():
-                    return
-            put(None)
-        except LinkageError as error:
-            put(error)
-
-    thread = threading.Thread(target=read, name='reader', daemon=True)
-    thread.start()
-    try:
-        yield _items(batches)
-    finally:
-        closed.set()
-        thread.join(1.0)  # a disk that hangs does not delay the end
-
-
-def _items(batches: queue.Queue[list[Item] | LinkageError | None]) -> Iterator[Item]:
-    while (batch := batches.get()) is not None:
-        if isinstance(batch, LinkageError):
-            raise batch
-        yield from batch
+            yield items()
+        finally:
+            reader.shutdown(cancel_futures=True)
 
 
 def _batches(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[list[Item]]:
