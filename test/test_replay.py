@@ -231,7 +231,7 @@ def test_keys_change_the_rate_and_ctrl_c_gives_the_terminal_back(player):
 class View:
     """Takes what a view is given, or fails."""
 
-    page, trouble, dropped = None, '', 0
+    page, trouble, dropped, period = None, '', 0, 0.03
 
     def __init__(self, shown, *, fails=False):
         self._shown, self._fails = shown, fails

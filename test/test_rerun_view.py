@@ -165,11 +165,9 @@ def test_series_have_the_names_that_an_opened_log_has(tmp_path):
 def test_file_of_a_killed_run_is_readable(tmp_path):
     code = """
 import os, signal, sys
-from linkage_ros.view import rerun_view
 from linkage_ros.parameters.configuration import load
 from linkage_ros.view.rerun_view import View
 from linkage_ros.wire.codecs import JointStateCodec
-rerun_view._FILE_SECONDS = 0.0
 codec = JointStateCodec(('crank', 'coupler', 'rocker'))
 view = View(load('quadrilateral'), sys.argv[1])
 for k in range(100):
@@ -219,11 +217,11 @@ def test_full_disk_is_one_error(tmp_path):
     code = """
 import resource, sys
 from linkage_ros import ViewerError
-from linkage_ros.view import rerun_sender, rerun_view
+from linkage_ros.view import rerun_sender
 from linkage_ros.parameters.configuration import load
 from linkage_ros.view.rerun_view import View
 from linkage_ros.wire.codecs import JointStateCodec
-rerun_sender._WRITE_SECONDS, rerun_view._FILE_SECONDS = 0.5, 0.0
+rerun_sender._WRITE_SECONDS = 0.5
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 codec = JointStateCodec(('crank', 'coupler', 'rocker'))
 view = View(load('quadrilateral'), sys.argv[1])

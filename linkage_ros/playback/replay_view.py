@@ -13,7 +13,7 @@ from linkage_ros.run.worker import Worker
 from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.wire.topics import JOINT_STATES
 
-_CAPACITY, _PERIOD = 1_000_000, 0.03  # samples, s
+_CAPACITY = 1_000_000  # samples
 _CLOSE_SECONDS = 10.0
 
 
@@ -43,7 +43,7 @@ class ReplayView:
         if self._view.page:
             print(f'watch it in a browser: {self._view.page}', flush=True)
         self._worker: Worker[Sample] = Worker(
-            'view', self._view, capacity=_CAPACITY, period=_PERIOD, on_error=self._report
+            'view', self._view, capacity=_CAPACITY, period=self._view.period, on_error=self._report
         )
 
     def __call__(self, item: Item) -> None:

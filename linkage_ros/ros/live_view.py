@@ -11,8 +11,7 @@ from linkage_ros.run.health import Health
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.rerun_view import Sample, View
 
-# States that wait for the viewer, 4 s at 1 kHz, and s between batches.
-_CAPACITY, _PERIOD = 4_000, 0.03
+_CAPACITY = 4_000  # states that wait for the viewer, 4 s at 1 kHz
 
 
 class LiveView:
@@ -41,7 +40,7 @@ class LiveView:
                 '127.0.0.1 keeps it on this machine'
             )
         self._worker: Worker[Sample] = Worker(
-            'view', view, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
+            'view', view, capacity=_CAPACITY, period=view.period, on_error=self._fail
         )
 
     def offer(self, joint_states: bytes) -> None:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, count from a start
 _BATCH = 20_000  # greatest number of samples sent at once
-_FILE_SECONDS = 1.0  # between the batches of a file: small batches take four times the space
+_PERIOD, _FILE_PERIOD = 0.03, 1.0  # s between batches
 
 
 # CDR bytes of a message on joint_states, and the time by which its stamp is to be shifted, ns.
@@ -55,6 +54,8 @@ class View:
     Attributes:
         page: URL of the page for a browser; None: there is none.
         dropped: Samples left out because the viewer lagged, or was not there.
+        period: Time between calls of `consume`, s: a file takes four times the space with small
+            batches.
     """
 
     def __init__(
@@ -79,8 +80,6 @@ class View:
         self.page: str | None = None
         self.dropped = 0
         self._target = target
-        self._waiting: list[Sample] = []
-        self._due = 0.0
         self._configuration, self._scene = configuration, Scene(configuration)
         self._codec = Machine(configuration).joint_states
         self._wall_clock: bool | None = None
@@ -88,6 +87,7 @@ class View:
             require_screen()
         binary = find_viewer() if target in (SPAWN, WEB) else None
         self._sender = Sender(target, bind, self._begin, overwrite=overwrite)
+        self.period = _FILE_PERIOD if self._sender.is_file else _PERIOD
         self._process: ViewerProcess | None = None
         if binary and self.url and target == SPAWN:
             self._process = open_window(binary, self.url)
@@ -121,19 +121,19 @@ class View:
         """
         if self._process:
             self._process.check()
-        self._waiting += samples
-        if time.monotonic() >= self._due or len(self._waiting) >= _BATCH:
-            self._send_waiting()
+        for start in range(0, len(samples), _BATCH):
+            batch = samples[start : start + _BATCH]
+            if self._sender.ready():
+                self._send(batch)
+            else:
+                self.dropped += len(batch)
 
     def close(self) -> None:
         """Sends what is left and disconnects: within 3 s, even from a viewer that hangs."""
         if self._process:
             self._process.release()
             self._process = None
-        try:
-            self._send_waiting()
-        finally:
-            self._sender.close()
+        self._sender.close()
 
     def discard(self) -> None:
         """Closes the view and removes its file, if any."""
@@ -146,17 +146,6 @@ class View:
         stream.send_blueprint(layout(self._configuration, drawing))
         for entity, components in fixed_components(drawing).items():
             stream.log(entity, components, static=True, strict=True)
-
-    def _send_waiting(self) -> None:
-        samples, self._waiting = self._waiting, []
-        if self._sender.is_file:
-            self._due = time.monotonic() + _FILE_SECONDS
-        for start in range(0, len(samples), _BATCH):
-            batch = samples[start : start + _BATCH]
-            if self._sender.ready():
-                self._send(batch)
-            else:
-                self.dropped += len(batch)
 
     def _send(self, samples: Sequence[Sample]) -> None:
         try:

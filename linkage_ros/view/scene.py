@@ -103,27 +103,16 @@ class Energies:
             velocity: Their rates.
 
         Returns:
-            Kinetic, potential and total, shape (n, 3); nan where no such state exists.
+            Kinetic, potential and total, shape (n, 3); nan if one of the states is impossible.
         """
         q, u = (tuple(rows[:, i] for i in self._columns) for rows in (position, velocity))
         with np.errstate(all='ignore'):
             try:
                 kinetic, potential = np.broadcast_arrays(*self._solver.energy(q, u))
-            except LinkageError:
-                states = np.stack([*q, *u], axis=-1).tolist()
-                kinetic, potential = np.array([self._single(*state) for state in states]).T
+            except LinkageError:  # a state in the log is impossible: a gap in the curves
+                return np.full((len(position), len(ENERGIES)), np.nan)
             potential = potential - self._offset
             return np.stack([kinetic, potential, kinetic + potential], axis=-1)
-
-    def _single(self, *state: float) -> tuple[float, float]:
-        # Any log can be replayed, and a state at the very end of a limited crank's arc may lie
-        # beyond it by a rounding: that is a gap in the curves and ends no view.
-        try:
-            count = len(self._columns)
-            kinetic, potential = self._solver.energy(state[:count], state[count:])
-        except LinkageError:
-            return math.nan, math.nan
-        return kinetic, potential
 
 
 class Scene:
