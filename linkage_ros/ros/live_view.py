@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live view of a node, and what its log says of where it is served."""
+"""The live view of a node."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class LiveView:
         """Opens the view that a configuration asks for.
 
         Args:
-            node: Says where a page is, who can see it and how it ends.
+            node: Its logger reports where a page is, who can read the data, and an error.
             configuration: Of the run.
 
         Raises:
@@ -40,7 +40,7 @@ class LiveView:
                 '127.0.0.1 keeps it on this machine'
             )
         self._worker: Worker[Sample] = Worker(
-            'view', view, capacity=_CAPACITY, period=view.period, on_error=self._fail
+            'view', view, capacity=_CAPACITY, period=view.period, on_error=self._report
         )
 
     def offer(self, joint_states: bytes) -> None:
@@ -48,19 +48,19 @@ class LiveView:
         self._worker.offer((0, joint_states))
 
     def health(self) -> Health:
-        """What has become of it so far."""
-        # Dropped on the way to the view, and by the view for a viewer that lags.
+        """States lost so far, the error that ended the view, and its present trouble."""
+        # States are lost on the way to the view, and in the view if the viewer lags.
         lost = self._worker.dropped + self._view.dropped
         return Health(self._target, lost, self._worker.error, self._view.trouble)
 
     def close(self) -> None:
-        """Lets the viewer go."""
+        """Disconnects from the viewer."""
         self._worker.close(timeout=5.0)
 
     def discard(self) -> None:
-        """Closes the view and removes the file that it has made, if any."""
+        """Closes the view and removes its file, if any."""
         self.close()
         self._view.discard()
 
-    def _fail(self, error: Exception) -> None:
+    def _report(self, error: Exception) -> None:
         self._logger.error(f'the view ends here, the motion goes on: {error}')

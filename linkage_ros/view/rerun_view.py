@@ -52,6 +52,8 @@ class View:
     from 0 is marked 0 s, 1 s, 2 s and not with dates in 1970.
 
     Attributes:
+        url: Where viewers connect; None: nothing is served here.
+        exposed: Whether other machines can read the data that are served.
         page: URL of the page for a browser; None: there is none.
         dropped: Samples left out because the viewer lagged, or was not there.
         period: Time between calls of `consume`, s: a file takes four times the space with small
@@ -87,22 +89,13 @@ class View:
             require_screen()
         binary = find_viewer() if target in (SPAWN, WEB) else None
         self._sender = Sender(target, bind, self._begin, overwrite=overwrite)
+        self.url, self.exposed = self._sender.url, self._sender.exposed
         self.period = _FILE_PERIOD if self._sender.is_file else _PERIOD
         self._process: ViewerProcess | None = None
         if binary and self.url and target == SPAWN:
             self._process = open_window(binary, self.url)
         elif binary and self.url:
             self._process, self.page = serve_page(binary, self.url, bind)
-
-    @property
-    def url(self) -> str | None:
-        """Where viewers connect; None: nothing is served here."""
-        return self._sender.url
-
-    @property
-    def exposed(self) -> bool:
-        """Whether other machines can read the data that are served."""
-        return self._sender.exposed
 
     @property
     def trouble(self) -> str:
