@@ -48,7 +48,7 @@ def handlers():
     assert [signal.getsignal(number) for number in numbers] == before
 
 
-def test_signals_that_the_caller_handles_stay_the_callers(terminal):
+def test_callers_signal_handlers_are_kept(terminal):
     _, slave = terminal
     heard = []
     before = signal.signal(signal.SIGHUP, lambda *_: heard.append(1))
@@ -61,7 +61,7 @@ def test_signals_that_the_caller_handles_stay_the_callers(terminal):
     assert heard == [1, 1]
 
 
-def test_keys_come_one_by_one_without_enter_and_unseen(terminal):
+def test_keys_are_read_singly_and_not_echoed(terminal):
     master, slave = terminal
     with Keyboard(slave) as keyboard:
         assert not held(slave)
@@ -73,7 +73,7 @@ def test_keys_come_one_by_one_without_enter_and_unseen(terminal):
     assert held(slave)
 
 
-def test_a_sequence_may_come_in_pieces(terminal):
+def test_cursor_key_may_arrive_in_pieces(terminal):
     master, slave = terminal
     with Keyboard(slave) as keyboard:
         for piece in (b'\x1b', b'['):
@@ -87,7 +87,7 @@ def test_a_sequence_may_come_in_pieces(terminal):
         assert keyboard.read(1.0) == SPACE
 
 
-def test_where_there_is_no_terminal_any_more_it_waits_and_reads_nothing(tmp_path):
+def test_without_a_terminal_it_waits_and_reads_nothing(tmp_path):
     path = tmp_path / 'file'
     path.write_text(' ')
     master, slave = os.openpty()
@@ -126,7 +126,7 @@ def shell(program):
     ],
     ids=['exception', 'interrupt', 'quit', 'hangup', 'kill'],
 )  # fmt: skip
-def test_every_end_but_a_kill_gives_the_terminal_back(shell, key, code, back):
+def test_every_end_but_a_kill_restores_the_terminal(shell, key, code, back):
     number = int(shell.sees(rb'ready (\d+)\s')[1])
     assert not held(shell.terminal)
     shell.send(key) if isinstance(key, bytes) else os.kill(number, key)
@@ -134,7 +134,7 @@ def test_every_end_but_a_kill_gives_the_terminal_back(shell, key, code, back):
     assert held(shell.terminal) == back
 
 
-def test_a_terminal_given_back_is_taken_again_though_no_signal_says_so(terminal):
+def test_restored_terminal_is_taken_again_without_a_signal(terminal):
     """As after a shell's fg of a job that it had let run: nobody sends SIGCONT."""
     master, slave = terminal
     with Keyboard(slave) as keyboard:
@@ -146,7 +146,7 @@ def test_a_terminal_given_back_is_taken_again_though_no_signal_says_so(terminal)
     assert held(slave)
 
 
-def test_a_stopped_program_gives_it_back_and_takes_it_again(program):
+def test_stopped_program_restores_the_terminal_and_takes_it_again(program):
     with Shell('-i') as shell:
         shell.send(f'{program}\n'.encode())
         shell.sees(rb'ready')
