@@ -75,9 +75,9 @@ def run_of(configuration, count, rate=200, start=0):
     return samples, states
 
 
-def feed(view, samples, configuration=CONFIGURATION):
+def feed(view, samples, configuration=CONFIGURATION, shift=0):
     codec = Machine(configuration).joint_states
-    view.consume([(0, codec.encode(*sample)) for sample in samples])
+    view.consume([(shift, codec.encode(*sample)) for sample in samples])
 
 
 def show(path, samples, configuration=CONFIGURATION, batch=37, **options):
@@ -143,6 +143,17 @@ def test_more_samples_than_a_batch_are_all_shown(tmp_path, monkeypatch):
     assert show(tmp_path / 'run.rrd', samples, batch=450).dropped == 0
     stamps = read(tmp_path / 'run.rrd')['/joint_states/position']['ros2_timestamp']
     assert stamps == [sample.stamp for sample in samples]
+
+
+def test_stamps_of_a_later_round_are_shifted(tmp_path):
+    samples, _ = run_of(CONFIGURATION, 3)
+    view = View(CONFIGURATION, str(tmp_path / 'run.rrd'))
+    for shift in (0, 10**9):
+        feed(view, samples, shift=shift)
+    view.close()
+    stamps = read(tmp_path / 'run.rrd')['/joint_states/position']['ros2_timestamp']
+    first = [sample.stamp for sample in samples]
+    assert stamps == first + [stamp + 10**9 for stamp in first]
 
 
 def test_series_have_the_names_that_an_opened_log_has(tmp_path):

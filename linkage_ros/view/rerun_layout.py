@@ -29,10 +29,8 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-# Turns plotted: at least the first number, at most the second unless they pass too fast to see.
-_FEW_TURNS, _MANY_TURNS, _VISIBLE, _LONGEST = 4, 10, 2.0, 60.0  # s the last two
-_STANDING_SECONDS = 10.0  # plotted if the crank stands still,
-_DRIVEN_SECONDS = 5.0  # and under a torque
+_TURNS, _LONGEST = 5, 60.0  # plotted at a speed: turns, but no more seconds than these
+_STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
 _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _THICK, _PIN = -1.0, -3.5, -5.0  # radii; negative: points on the screen
 
@@ -96,10 +94,7 @@ def _plots(
 
 def _plotted_seconds(rpm: float) -> float:
     """How much of the past is plotted at a speed, s."""
-    if not rpm:
-        return _STANDING_SECONDS
-    turn = 60 / abs(rpm)
-    return min(max(min(_VISIBLE, _MANY_TURNS * turn), _FEW_TURNS * turn), _LONGEST)
+    return min(_TURNS * 60 / abs(rpm), _LONGEST) if rpm else _STANDING_SECONDS
 
 
 def _plot(

@@ -18,7 +18,6 @@ from pathlib import Path
 from linkage_ros.errors import ViewerError, missing_library
 from linkage_ros.quantities import shown
 
-_LOOPBACK = '127.0.0.1'
 _MEMORY = '1GB'  # beyond which a window drops its oldest data
 _TIMEOUT = 1.0  # s for a page's server to end
 # Exit codes of a window that the user has closed, or ended with a signal.
@@ -102,7 +101,7 @@ def open_window(binary: Path, data: str) -> ViewerProcess:
         ViewerError: The program cannot be run.
     """
     # It also accepts data itself, at a port that must not be open to other machines.
-    options = ['--bind', _LOOPBACK, '--port', 'auto', '--hide-welcome-screen']
+    options = ['--bind', '127.0.0.1', '--port', 'auto', '--hide-welcome-screen']
     return ViewerProcess([binary, data, *options, '--memory-limit', _MEMORY], outlives=True)
 
 
