@@ -68,14 +68,10 @@ class Keyboard(AbstractContextManager['Keyboard']):
             key = self._next_key()
         return key
 
-    def close(self) -> None:
-        """Restores the terminal."""
+    def __exit__(self, *error: object) -> None:
         for number in self._handled:
             signal.signal(number, signal.SIG_DFL)
         self._restore()
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
     def _receive(self) -> None:
         data = b''
@@ -94,10 +90,9 @@ class Keyboard(AbstractContextManager['Keyboard']):
         return None
 
     def _is_in_foreground(self) -> bool:
-        try:
+        with suppress(OSError):
             return os.tcgetpgrp(self._descriptor) == os.getpgrp()
-        except OSError:
-            return True  # a terminal without job control
+        return True  # a terminal without job control
 
     def _take(self, *_: object) -> None:
         # A process in the background would be stopped (SIGTTOU) for touching the terminal.

@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run as lines, points and curves, and how these get into Rerun: the files named rerun_."""
+"""The view of a run: its drawing and curves, sent to Rerun by the files named rerun_."""

@@ -101,8 +101,9 @@ class Drawing:
         everything = np.concatenate([everything, *self.ground, self.pivot_labels])
         low, high = everything.min(axis=0), everything.max(axis=0)
         room = (_DISTANCE + _NAME) * mark  # for the names of the pins
-        self.scale_length = _round_below(_SCALE * (high - low).max())
-        self.scale = _bar(low - room, self.scale_length, mark)
+        self.scale_length = length = _round_below(_SCALE * (high - low).max())
+        end = 0.4 * mark  # the ends of the bar are turned up
+        self.scale = low - room + np.array([(0, end), (0, 0), (length, 0), (length, end)])
         self.bounds = np.array([low - room - [mark, 2 * mark], high + room])
 
     def _find_owners(self, moving: dict[str, Point]) -> dict[str, str]:
@@ -250,13 +251,6 @@ def _round_below(length: float) -> float:
     """The longest of 1, 2 and 5 times a power of ten that is no longer."""
     decade = 10.0 ** math.floor(math.log10(length))
     return max(digit * decade for digit in (1.0, 2.0, 5.0) if digit * decade <= length)
-
-
-def _bar(start: Array, length: float, mark: float) -> Array:
-    """A scale from a point to the right, with its ends turned up."""
-    up = 0.4 * mark
-    bar: Array = start + np.array([(0.0, up), (0.0, 0.0), (length, 0.0), (length, up)])
-    return bar
 
 
 def _rail(path: Array, axis: complex, size: float) -> list[Array]:

@@ -86,9 +86,8 @@ def _plots(
         energies = dict(zip(ENERGIES, (FIRST, SECOND, GREY), strict=True))
         second.insert(0, plot('Energies, J', ENERGY, energies))
     if drawing.output not in turning:
-        slider = drawing.output
-        second.insert(0, of_joint('Slider, m/s', 'velocity', slider))
-        second.insert(0, of_joint('Slider, m', 'position', slider))
+        second.insert(0, of_joint('Slider, m/s', 'velocity', drawing.output))
+        second.insert(0, of_joint('Slider, m', 'position', drawing.output))
     return first, second
 
 
@@ -159,8 +158,9 @@ def fixed_components(drawing: Drawing) -> dict[str, rr.AsComponents]:
         DIRECTIONS: rr.SeriesLines(names=list(drawing.turning[1:])),
     }
     for link, path in drawing.paths.items():
-        strip = path.astype(np.float32)
-        fixed[f'{LINKAGE}/paths/{link}'] = line(strip, colors=color_of(link), radii=_THIN)
+        fixed[f'{LINKAGE}/paths/{link}'] = line(
+            path.astype(np.float32), colors=color_of(link), radii=_THIN
+        )
     for joint in drawing.joints:
         # The crank above the others: a coupler's triangle would hide it.
         order = _FRONT - 1 if joint == 'crank' else _FRONT - 2

@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, TypeAlias
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
@@ -39,8 +39,6 @@ from linkage_ros.view.viewer_process import free_address, public_host
 if TYPE_CHECKING:
     import rerun as rr
 
-    Begin: TypeAlias = Callable[[rr.RecordingStream], None]
-
 _SERVED = '64MB'  # of the past, for windows that connect late
 _SEND_SECONDS = 2.0  # a viewer may delay a batch for so long
 _LAGGING_SECONDS = 0.05  # likewise after it has done so once
@@ -60,7 +58,14 @@ class Sender:
         trouble: Why nothing can be sent now, in words; empty: it can.
     """
 
-    def __init__(self, target: str, bind: str, begin: Begin, *, overwrite: bool) -> None:
+    def __init__(
+        self,
+        target: str,
+        bind: str,
+        begin: Callable[[rr.RecordingStream], None],
+        *,
+        overwrite: bool,
+    ) -> None:
         """Opens it.
 
         Args:

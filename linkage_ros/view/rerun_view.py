@@ -145,8 +145,7 @@ class View:
             decoded = [self._codec.decode(data) for _, data in samples]
         except ValueError as error:
             raise ViewerError(f'a message of joint states is {error}') from error
-        pairs = zip(decoded, samples, strict=True)
-        stamps = np.array([stamp + shift for (stamp, _), (shift, _) in pairs])
+        stamps = np.array([stamp for stamp, _ in decoded]) + [shift for shift, _ in samples]
         numbers = np.array([numbers for _, numbers in decoded])
         values = np.split(numbers, len(JOINT_FIELDS), axis=1)
         if self._wall_clock is None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rerun's viewer as a process started here: a window, or a page for a browser; and addresses."""
+"""Rerun's viewer as a process started here: a window, or a page for a browser."""
 
 from __future__ import annotations
 
@@ -131,8 +131,7 @@ def require_screen() -> None:
     Raises:
         ViewerError: There is no screen.
     """
-    screens = ('DISPLAY', 'WAYLAND_DISPLAY', 'WAYLAND_SOCKET')
-    if not any(os.environ.get(name) for name in screens):
+    if not any(map(os.environ.get, ('DISPLAY', 'WAYLAND_DISPLAY', 'WAYLAND_SOCKET'))):
         raise ViewerError(
             'no screen for a viewer window (neither DISPLAY nor WAYLAND_DISPLAY is set): '
             'give web for a page, an .rrd file or the URL of a viewer on another machine'
