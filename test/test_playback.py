@@ -44,7 +44,7 @@ def taken(log, piece, loop=False, count=None):
         return list(itertools.islice(items, count))
 
 
-def test_a_feed_is_the_messages_of_a_log_and_its_pieces_join(log):
+def test_feed_yields_the_messages_and_excerpts_join(log):
     stored = list(log.messages())
     items = taken(log, excerpt_of(log, 0, None, None))
     assert [item.message for item in items] == stored
@@ -54,12 +54,12 @@ def test_a_feed_is_the_messages_of_a_log_and_its_pieces_join(log):
     assert list(itertools.chain(*parts)) == taken(log, excerpt_of(log, 0, None, STATES))
 
 
-def test_a_piece_may_be_longer_than_the_log(log):
+def test_excerpt_may_be_longer_than_the_log(log):
     assert excerpt_of(log, 0.5, 1e9, None) == excerpt_of(log, 0.5, None, None)
     assert excerpt_of(log, 0.5, None, None).end == 400 * PERIOD
 
 
-def test_rounds_follow_each_other_at_one_period(log):
+def test_rounds_of_a_loop_join_at_one_period(log):
     piece = excerpt_of(log, 0.5, 0.25, STATES)
     items = taken(log, piece, loop=True, count=170)
     assert [item.time for item in items] == [(100 + n) * PERIOD for n in range(170)]
@@ -71,7 +71,7 @@ def test_rounds_follow_each_other_at_one_period(log):
     assert [item.time for item in end] == [(380 + n) * PERIOD for n in range(45)]
 
 
-def test_latched_messages_from_before_come_first_and_once(log):
+def test_earlier_latched_messages_come_first_and_once(log):
     items = taken(log, excerpt_of(log, 1.5, 0.01, None), loop=True, count=13)
     names = [item.message.topic for item in items]
     assert names[0] == '/robot_description'
@@ -82,11 +82,11 @@ def test_latched_messages_from_before_come_first_and_once(log):
     }
 
 
-def test_a_loop_over_nothing_ends(log):
+def test_loop_over_an_empty_excerpt_ends(log):
     assert len(taken(log, excerpt_of(log, 1.0, 0.5, ['/robot_description']), loop=True)) == 1
 
 
-def test_it_reads_a_few_thousand_messages_ahead_and_no_more(log, monkeypatch):
+def test_read_ahead_is_bounded(log, monkeypatch):
     read, messages = [], log.messages
     monkeypatch.setattr(
         log, 'messages', lambda *part: (read.append(1) or message for message in messages(*part))
@@ -102,7 +102,7 @@ def test_it_reads_a_few_thousand_messages_ahead_and_no_more(log, monkeypatch):
     assert 'reader_0' not in {thread.name for thread in threading.enumerate()}
 
 
-def test_damage_is_raised_where_items_are_taken(path, tmp_path):
+def test_damage_is_raised_to_the_consumer(path, tmp_path):
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 0xFF
     damaged = tmp_path / 'damaged.mcap'
@@ -131,7 +131,7 @@ def running(rate=1.0, start=0):
     return pace, clock
 
 
-def test_it_stands_until_it_is_told_to_run():
+def test_starts_paused():
     clock = Clock()
     pace = Pace(7, 1.0, clock)
     pace.expect(S)
@@ -155,7 +155,7 @@ def test_deadlines_are_absolute(rate):
         assert clock.time - begin == pytest.approx(n * 5 * MS / rate + MS, abs=2)
 
 
-def test_the_position_waits_for_the_message():
+def test_position_waits_for_the_message():
     pace, clock = running()
     pace.expect(5 * MS)
     clock.time += 9 * MS
@@ -164,7 +164,7 @@ def test_the_position_waits_for_the_message():
     assert pace.position() == 9 * MS
 
 
-def test_what_is_late_by_a_little_is_caught_up_with_and_by_much_is_not():
+def test_small_lag_is_caught_up_and_large_lag_is_not():
     for late, left in ((99, -0.094), (101, 0.005)):
         pace, clock = running()
         pace.expect(5 * MS)
@@ -174,7 +174,7 @@ def test_what_is_late_by_a_little_is_caught_up_with_and_by_much_is_not():
         assert pace.left(10 * MS) == pytest.approx(left)
 
 
-def test_pausing_keeps_the_place():
+def test_pausing_keeps_the_position():
     pace, clock = running(2.0)
     pace.expect(S)
     clock.time += 100 * MS
@@ -186,7 +186,7 @@ def test_pausing_keeps_the_place():
     assert pace.left(S) == pytest.approx(0.4)
 
 
-def test_messages_of_one_time_come_together_even_if_it_is_paused_between_them():
+def test_messages_of_one_time_come_together_even_when_paused():
     pace, clock = running()
     pace.expect(5 * MS)
     clock.time += 5 * MS
@@ -195,7 +195,7 @@ def test_messages_of_one_time_come_together_even_if_it_is_paused_between_them():
     assert pace.left(5 * MS) <= 0
 
 
-def test_a_step_goes_to_the_next_message_and_no_further():
+def test_step_goes_to_the_next_message_only():
     pace, clock = running()
     pace.toggle()
     pace.expect(5 * MS)
@@ -228,7 +228,7 @@ def test_right_arrow_steps_only_while_paused(paused):
     assert (keyboard.clock < 10**9) == paused
 
 
-def test_rates_go_up_and_down_by_a_tenth_and_come_back():
+def test_rate_changes_by_tenths_and_back():
     pace, clock = running()
     pace.expect(10 * S)
     clock.time += S
@@ -247,7 +247,7 @@ def test_rates_go_up_and_down_by_a_tenth_and_come_back():
 
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 400 * MS)), max_size=60))
-def test_the_position_never_goes_back(actions):
+def test_position_never_goes_back(actions):
     pace, clock = running()
     expected, before = 0, 0
     pace.expect(expected)

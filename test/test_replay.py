@@ -96,7 +96,7 @@ def clock_times(listener):
 # ---------------------------------------------------------------- bytes and times
 
 
-def test_every_message_comes_again_byte_for_byte_and_in_its_rhythm_with_a_clock(log):
+def test_messages_are_replayed_byte_for_byte_at_their_times_with_a_clock(log):
     listener = played(log, '--rate', 0.5, '--playback-duration', 0.6, '--clock', 50)
     for topic in (STATES, TORQUE, DESCRIPTION, COMMANDS):
         assert listener.received[topic] == stored(log, topic, end=600_000_000), topic
@@ -115,7 +115,7 @@ def test_every_message_comes_again_byte_for_byte_and_in_its_rhythm_with_a_clock(
     assert abs(statistics.median(ahead)) < 20_000_000
 
 
-def test_a_piece_of_one_topic_is_played_faster_and_its_end_is_on_the_clock(log):
+def test_excerpt_of_one_topic_at_a_higher_rate_ends_on_the_clock(log):
     options = '--topics', TORQUE, '--rate', 4, '--start-offset', 1.0, '--playback-duration', 0.75
     listener = played(log, *options, '--clock', 0.1)
     piece = stored(log, TORQUE, 1_000_000_000, 1_750_000_000)
@@ -127,7 +127,7 @@ def test_a_piece_of_one_topic_is_played_faster_and_its_end_is_on_the_clock(log):
     assert clock_times(listener)[-1] == 1_745_000_000
 
 
-def test_a_loop_goes_on_with_the_same_bytes_and_its_clock_never_goes_back(log):
+def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
     options = '--loop', '--start-offset', 1, '--playback-duration', 0.25, '--clock', 100
     with watched(TYPES, log, *options, module='replay') as (listener, process):
         listener.await_more(160)
@@ -173,7 +173,7 @@ def quiet(listener, seconds=0.3):
     return before
 
 
-def test_keys_pause_step_and_go_on(log, player):
+def test_keys_pause_step_and_resume(log, player):
     start, listener = player
     with start('--start-paused', '--clock', '--playback-duration', 1) as shell:
         shell.sees(rb'0\.000/1\.000 s, rate 1, paused')
@@ -204,7 +204,7 @@ def test_keys_pause_step_and_go_on(log, player):
     assert clock_times(listener) == sorted(clock_times(listener))
 
 
-def test_keys_change_the_rate_and_ctrl_c_gives_the_terminal_back(player):
+def test_keys_change_the_rate_and_ctrl_c_restores_the_terminal(player):
     start, listener = player
     with start('--rate', 0.5, '--loop', '--delay', 0.1) as shell:
         shell.sees(rb'looks for listeners.*begins in 0\.1 s.*rate 0\.5')
@@ -245,7 +245,7 @@ class View:
         pass
 
 
-def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
+def test_view_of_a_loop_has_rising_stamps(log, monkeypatch):
     shown = []
     monkeypatch.setattr(replay_view, 'View', lambda *_: View(shown))
     with LogReader(log) as reader:
@@ -262,9 +262,7 @@ def test_a_view_of_a_loop_goes_on_too(log, monkeypatch):
 
 
 @pytest.mark.parametrize('alone', [True, False])
-def test_a_view_that_fails_ends_the_replay_where_it_is_all_there_is(
-    log, monkeypatch, capsys, alone
-):
+def test_failed_view_ends_the_replay_only_without_topics(log, monkeypatch, capsys, alone):
     monkeypatch.setattr(replay_view, 'View', lambda *_: View([], fails=True))
 
     def play():
@@ -286,7 +284,7 @@ def test_a_view_that_fails_ends_the_replay_where_it_is_all_there_is(
     assert capsys.readouterr().err == ('' if alone else words)
 
 
-def test_what_a_viewer_was_not_shown_is_said(log, monkeypatch, capsys):
+def test_states_that_a_viewer_missed_are_reported(log, monkeypatch, capsys):
     view = View([])
     view.dropped = 7
     monkeypatch.setattr(replay_view, 'View', lambda *_: view)
@@ -296,7 +294,7 @@ def test_what_a_viewer_was_not_shown_is_said(log, monkeypatch, capsys):
     assert capsys.readouterr().err == words
 
 
-def test_commands_in_a_log_are_no_states_to_show(called, tmp_path):
+def test_commands_in_a_log_are_not_shown(called, tmp_path):
     configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
     machine = Machine(configuration)
     motion = machine.begin(0)
@@ -317,7 +315,7 @@ def test_commands_in_a_log_are_no_states_to_show(called, tmp_path):
 # ---------------------------------------------------------------- memory
 
 
-def test_a_long_log_takes_no_more_memory_than_what_is_read_ahead(tmp_path):
+def test_memory_does_not_grow_with_the_log(tmp_path):
     configuration, path = configure({'rpm': 60.0}), tmp_path / 'long.mcap'
     motion = Machine(configuration).begin(0)
     data = Machine(configuration).snapshot_at(motion, 0).messages[0]
@@ -367,13 +365,13 @@ def test_bad_options_are_one_line_and_code_2(log, called, monkeypatch, options, 
     assert_refused(*called(replay, log, *options), words)
 
 
-def test_a_viewer_that_does_not_answer_is_one_line_before_anything_is_played(log, called):
+def test_absent_viewer_is_one_line_before_the_replay(log, called):
     url = f'rerun+http://127.0.0.1:{free_port()}/proxy'
     words = f'no viewer answers at {re.escape(url)}: start one there first, with `rerun`'
     assert_refused(*called(replay, log, '--no-ros', '--viewer', url), words)
 
 
-def test_what_no_middleware_publishes_is_one_line(called, monkeypatch, tmp_path):
+def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_path):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
     monkeypatch.setattr(republish, '_DISCOVERY_SECONDS', 0.0)
     configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
@@ -388,7 +386,7 @@ def test_what_no_middleware_publishes_is_one_line(called, monkeypatch, tmp_path)
 
 
 @pytest.mark.parametrize('step', [-1_000_000_000, 1_000_000_000])
-def test_a_clock_that_was_set_back_is_said(called, tmp_path, step):
+def test_clock_set_back_is_reported(called, tmp_path, step):
     path, configuration = tmp_path / 'run.mcap', configure({})
     motion = Machine(configuration).begin(10**10)
     with LogWriter(path, configuration, overwrite=False) as writer:
@@ -399,7 +397,7 @@ def test_a_clock_that_was_set_back_is_said(called, tmp_path, step):
     assert ('the clock was set back during this run' in err) == (step < 0)
 
 
-def test_what_is_no_log_is_refused_with_one_line(called, tmp_path):
+def test_file_that_is_not_a_log_is_one_line(called, tmp_path):
     (tmp_path / 'text.mcap').write_text('no log')
     for name, words in (('text.mcap', "it begins with 'no log'"), ('', "'' is no path")):
         assert_refused(*called(replay, name and tmp_path / name), words)
