@@ -326,6 +326,15 @@ def test_what_stood_still_for_long_goes_on_from_where_it_was():
     assert machine.snapshot_at(motion, later).coordinates == before.coordinates
 
 
+def test_another_motor_torque_leaves_the_command_in_force():
+    machine = Machine(QUADRILATERAL)
+    motion = machine.begin(START)
+    motion.command(START, 3.0)
+    motor = replace(QUADRILATERAL.drive.motor, torque=5.0)
+    motion.follow(START, replace(QUADRILATERAL.drive, motor=motor))
+    assert machine.snapshot_at(motion, START).state.torque == pytest.approx(8.0)
+
+
 def forge(path, claimed, real):
     """A record of one run under the configuration of another."""
     machine, motion = Machine(real), Machine(real).begin(0, AdaptiveSteps)

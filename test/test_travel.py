@@ -169,6 +169,12 @@ def test_words_have_the_figures_and_their_units():
     ]
 
 
+def test_middle_of_a_swing_through_the_seam_is_within_half_a_turn():
+    for angle in np.linspace(-3, 3, 25).tolist():
+        low, high = travel(Solver(four_bar((0.1, 0.315, 0.5, 0.425), angle))).extremes
+        assert abs(low + high) / 2 <= math.pi
+
+
 def test_a_crank_that_does_not_turn_has_no_travel():
     with pytest.raises(MechanismError, match='cannot turn fully'):
         travel(Solver(slider_crank((2.0, 1.0, 0.0))))
