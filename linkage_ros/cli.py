@@ -155,13 +155,18 @@ class Stop(threading.Event):
 
     def __init__(self) -> None:
         super().__init__()
-        numbers = [signal.SIGINT, signal.SIGTERM]
+        self._signals = [signal.SIGINT, signal.SIGTERM]
         if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-            numbers.append(signal.SIGHUP)
-        for number in numbers:
-            signal.signal(number, lambda *_: self.set())
+            self._signals.append(signal.SIGHUP)
+        for number in self._signals:
+            signal.signal(number, self._ask)
             # While Python ends it takes its handlers back; a second Ctrl-C would kill it.
             atexit.register(signal.signal, number, signal.SIG_IGN)
+
+    def _ask(self, *_: object) -> None:
+        for number in self._signals:  # of a flood, one would interrupt the other for ever
+            signal.signal(number, signal.SIG_IGN)
+        self.set()
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:
