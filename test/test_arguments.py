@@ -210,18 +210,6 @@ def test_nested_sequences_are_arrays():
     assert np.array_equal(found, pump.accelerations(tuple(rows), (2.0, 0.1), 6.0))
 
 
-def test_empty_arrays_give_empty_arrays():
-    nothing = np.zeros((2, 0))
-    for mechanism in (FOUR_BAR, LIMITED):
-        solver = Solver(mechanism)
-        assert solver.state(nothing).torque.shape == (2, 0)
-        assert solver.matrix(nothing)[0][0].shape == (2, 0)
-        assert solver.reactions(solver.state(nothing)).torque.shape == (2, 0)
-        assert solver.accelerations(nothing, 1.0, 1.0).shape == (2, 0)
-    found = Solver(PUMP).accelerations((nothing, 1.5), (1.0, 0.0), 1.0)
-    assert [x.shape for x in found] == [(2, 0), (2, 0)]
-
-
 @pytest.mark.parametrize('mechanism', [*LINKAGES, PUMP])
 def test_energy_that_overflows_is_refused(mechanism):
     solver = Solver(mechanism)

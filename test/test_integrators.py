@@ -22,7 +22,6 @@ from linkage_ros.lab.methods.motion_bench import MotionBench, even
 from linkage_ros.lab.methods.motion_reference import Accuracy, MotionReference
 from linkage_ros.lab.methods.problems import ChartMechanisms, InitialValueProblem
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.numeric import with_turns
 from linkage_ros.parameters.configuration import load
@@ -122,37 +121,6 @@ def test_fixed_steps_are_of_their_order(name, problem, steps, order):
     bench = MotionBench(problem, even(0.4 if problem is COASTING else 1.0))
     found = [worst(bench, BY_NAME[name].make(problem, {'step': step})) for step in steps]
     assert slope(steps, found) == pytest.approx(order, abs=0.3)
-
-
-# ---------------------------------------------------------------- work
-
-
-class Counted(DrivenMechanism):
-    """A motion that counts how often its accelerations are computed."""
-
-    def slope(self, time, phase):
-        counts.append(time)
-        return super().slope(time, phase)
-
-
-counts: list[float] = []
-
-
-def counted(problem):
-    """The same run, with its motion counted from now on."""
-    counts.clear()
-    problem = replace(problem)
-    problem.__dict__['driven'] = Counted(problem.driven.solver, problem.driven.torque)
-    return problem
-
-
-def test_the_work_of_a_live_ms_is_bounded():
-    problem = counted(DRIVEN)
-    follower = BY_NAME[registry.LIVE].make(problem, BY_NAME[registry.LIVE].steady)
-    for i in range(200):
-        counts.clear()
-        follower.at((i + 1) * 1e-3)
-        assert len(counts) == 6  # the last look of a step is the first of the next
 
 
 # ---------------------------------------------------------------- the registry

@@ -183,7 +183,9 @@ TURNS = dict.fromkeys(CHANGE_POINTS, 2) | dict.fromkeys(
 @pytest.mark.parametrize('name', [*FULL, *CHANGE_POINTS])
 def test_period_is_the_fewest_turns_after_which_the_motion_repeats(name, assembly):
     mechanism = made_of({**FULL, **CHANGE_POINTS}[name], 5.5, assembly)
-    assert Solver(mechanism).reach.period_turns == TURNS.get(name, 1)
+    reach = Solver(mechanism).reach
+    assert reach.period_turns == TURNS.get(name, 1)
+    assert reach.has_change_point == (name in CHANGE_POINTS)
     oracle = Oracle(mechanism)
     start, repeats = oracle.state(1.0).position, []
     for turns in (1, 2):
