@@ -28,7 +28,6 @@ from linkage_ros import (
     chart_tool,
 )
 from linkage_ros.dynamics.period import SpeedDrivenPeriod, extent
-from linkage_ros.lab.charts.motion import _wrapped
 from linkage_ros.lab.pump.settled import SettledTurn
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_names, preset_path
@@ -164,13 +163,6 @@ def test_the_name_of_file_and_kind_is_said_once(drawn, preset, words):
     assert drawn[preset].said.startswith(words)
 
 
-def test_a_number_stands_beside_its_unit():
-    for length in range(20, 48):
-        lines = _wrapped('x' * length + ' 19.0986 rpm')
-        assert lines[-1].endswith('19.0986 rpm')
-        assert max(map(len, lines)) <= 48
-
-
 def test_a_wind_pump_is_drawn_as_it_settles(drawn):
     speed, stroke = 2.604, 0.519
     assert f'settled at {speed} rad/s' in drawn['wind_pump'].said
@@ -240,7 +232,7 @@ def test_mean_power_is_the_mean_of_the_power(preset):
     assert period.mean_power == pytest.approx(power.mean, rel=1e-6, abs=1e-12 * power.rms)
 
 
-@pytest.mark.parametrize('gap', [1e-3, 1e-5, 1e-7, 1e-9, 1e-12])
+@pytest.mark.parametrize('gap', [1e-3, 1e-9])
 def test_no_spike_next_to_a_change_point_is_missed(gap):
     """The faster the motion, the finer the angles; a grid of 0.5 deg sees nothing of it."""
     crank, body = Body(0.1), {'mass': 1.0, 'inertia': 0.01}

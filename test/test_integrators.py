@@ -8,6 +8,7 @@ import itertools
 import math
 from dataclasses import replace
 from decimal import Decimal
+from functools import partial
 
 import numpy as np
 import oracle_pump
@@ -15,12 +16,15 @@ import pytest
 from mpmath import mp
 from oracle import Oracle
 
-from linkage_ros.lab.methods import linkages, motion_accuracy, registry
+from linkage_ros import FourBar, Solver
+from linkage_ros.formulas import Vector
+from linkage_ros.lab.methods import accuracy, linkages, registry
 from linkage_ros.lab.methods.bench import LIMIT
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.methods.motion_bench import MotionBench, even
-from linkage_ros.lab.methods.motion_reference import Accuracy, MotionReference
-from linkage_ros.lab.methods.problems import ChartMechanisms, InitialValueProblem
+from linkage_ros.lab.reference.motions import MotionReference
+from linkage_ros.lab.reference.multibody import Multibody, eliminate
+from linkage_ros.lab.reference.problems import ChartMechanisms, InitialValueProblem
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.numeric import with_turns
@@ -50,8 +54,8 @@ def slope(x, y):
 
 
 @pytest.mark.parametrize('problem', [COASTING, MECHANISMS.freed(9.0)])
-def test_the_reference_is_the_same_with_other_steps_of_another_order(problem):
-    other = MotionReference(problem, Accuracy(Decimal('0.03'), 9, Decimal('1e-22')))
+def test_reference_is_the_same_with_shorter_steps(problem):
+    other = MotionReference(problem, longest=0.03)
     mine = MotionReference(problem)
     for time in (0.2, 0.4):
         for x, y in zip(mine.at(time), other.at(time), strict=True):
@@ -99,10 +103,44 @@ def test_a_motion_that_does_not_end_has_no_end():
     assert MotionReference(DRIVEN).end(0.5) is None
 
 
-def test_the_reference_says_where_it_cannot_go_on():
-    parallelogram = replace(linkages.four_bar((0.25, 0.75, 0.25, 0.75)), gravity=(0.0, 0.0))
+def test_reference_stops_where_its_equations_are_singular():
+    parallelogram = linkages.four_bar((0.25, 0.75, 0.25, 0.75))
+    reference = MotionReference(InitialValueProblem(parallelogram, (-0.5, 2.0)))
+    reference._state[1:7] = [Decimal(x) for x in (1, 0, 1, 0, 1, 0)]  # all links in line
     with pytest.raises(ArithmeticError, match='cannot be followed beyond'):
-        MotionReference(InitialValueProblem(parallelogram, (-0.5, 2.0))).at(1.0)
+        reference.at(1.0)
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_multibody_accelerates_as_virtual_power_does(seed):
+    random = np.random.default_rng(seed)
+    problems = [
+        InitialValueProblem(
+            MECHANISMS.pump, (*random.uniform((0, 1.3), (7, 1.7)), *random.uniform(-5, 5, 2))
+        )
+    ]
+    while len(problems) < 3:
+        mechanism = linkages.turning(random)
+        if isinstance(mechanism, FourBar):
+            problems.append(InitialValueProblem(mechanism, tuple(random.uniform(-5, 5, 2))))
+    for problem in problems:
+        start = tuple(map(float, problem.start))
+        q, u = start[: problem.count], start[problem.count :]
+        solver = Solver(problem.mechanism)
+        state = solver.state(q, u, (0.0,) * problem.count)
+        places = [Vector.at(x) for x in state.position[:3]]
+        places += [Vector(x, 0.0) for x in state.position[3:]]
+        bodies = Multibody(problem.mechanism, float, Vector.at)
+        found = bodies.accelerations(places, list(state.velocity), 3.0, eliminate)
+        chosen = (found[0], *found[3:])
+        assert chosen == pytest.approx(solver.accelerations(q, u, 3.0), rel=1e-10)
+
+
+def test_elimination_takes_the_largest_pivot():
+    rows, right = [[0.0, 2.0, 1.0], [1.0, 1.0, 1.0], [4.0, 0.0, -1.0]], [3.0, 2.0, 1.0]
+    assert eliminate(rows, right) == pytest.approx(np.linalg.solve(rows, right))
+    with pytest.raises(ZeroDivisionError):
+        eliminate([[1.0, 2.0], [2.0, 4.0]], [1.0, 1.0])
 
 
 # ---------------------------------------------------------------- orders
@@ -192,21 +230,21 @@ def test_a_loop_that_is_closed_from_coordinates_does_not_open():
 
 
 def test_a_method_that_fails_has_no_time_and_an_error_without_bound():
-    job = motion_accuracy._Job(
-        BY_NAME['RK4'], {'step': 0.05}, MotionBench(MECHANISMS.driven(2.0, 6.0), even(0.5)), []
-    )
-    job.follow()
-    point = job.point('wind_pump', 'trajectory', [])
-    assert (point.max_error, math.isnan(point.us_per_state)) == (math.inf, True)
+    bench = MotionBench(MECHANISMS.driven(2.0, 6.0), even(0.5))
+    point = accuracy.Measurement('RK4', '', '', 'trajectory', '', 0.0, 0.0)
+    error = bench.worst_error(BY_NAME['RK4'], {'step': 0.05}, 'trajectory')
+    run = partial(accuracy._mean_time, BY_NAME['RK4'], {'step': 0.05}, bench)
+    accuracy._take_times([accuracy._Timed(point, run)], 1, lambda items, _: items)
+    assert (error, math.isnan(point.us_per_state)) == (math.inf, True)
 
 
 def test_only_steps_up_to_a_ms_have_a_slowest_ms():
     methods = [replace(BY_NAME['RK4'], settings=({'step': 0.01}, {'step': 1e-3}))]
-    points = motion_accuracy.measure_motion_accuracy(
+    points = accuracy.measure_motion_accuracy(
         MECHANISMS, quick=True, progress=lambda items, _: items, methods=methods
     )
     assert len(points) == 2 * (2 + 1 + 2)
-    slowest = [p for p in points if p.mode == motion_accuracy.SLOWEST]
+    slowest = [p for p in points if p.mode == accuracy.SLOWEST]
     assert [p.setting for p in slowest] == ['step 0.001'] * 2
     for point in points:
         assert 0 < point.us_per_state < 1e4

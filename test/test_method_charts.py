@@ -18,19 +18,16 @@ from matplotlib.text import Text
 from test_chart import chart
 
 from linkage_ros import __version__
-from linkage_ros.lab.charts.accuracy import draw_accuracy
-from linkage_ros.lab.charts.integration import draw_integration
+from linkage_ros.lab.charts.accuracy import draw_accuracy, draw_integration
 from linkage_ros.lab.charts.stability import draw_stability
-from linkage_ros.lab.methods.accuracy import NEAR, Measurement
+from linkage_ros.lab.methods.accuracy import MEAN, NEAR, SLOWEST, Measurement
 from linkage_ros.lab.methods.bench import LIMIT
 from linkage_ros.lab.methods.chain import BATCH, ONE, OWN, QUANTITIES
-from linkage_ros.lab.methods.motion_accuracy import MEAN, SLOWEST
 from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY
 from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import OUTCOMES, Cell
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, METHODS, label
 from linkage_ros.lab.methods.situations import SITUATIONS
-from linkage_ros.parameters.presets import preset_path
 
 EPSILON = 2.0**-52
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
@@ -168,20 +165,6 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, monkeypatch, capsys,
     assert capsys.readouterr().err == expected
 
 
-@pytest.mark.parametrize('command', ['accuracy', 'stability'])
-def test_a_preset_of_another_kind_is_one_line(tmp_path, monkeypatch, capsys, command):
-    config = tmp_path / 'share' / 'linkage_ros' / 'config'
-    config.mkdir(parents=True)
-    (hiding := config / 'quadrilateral.yaml').symlink_to(preset_path('slider_crank'))
-    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
-    assert chart(monkeypatch, command, '--out', tmp_path / 'out') == 2
-    assert capsys.readouterr().err == (
-        f'linkage_chart: {hiding} describes a slider_crank in place of the '
-        "package's quadrilateral: rename it\n"
-    )
-    assert not (tmp_path / 'out').exists()
-
-
 def test_every_method_and_situation_has_its_place_in_the_docs():
     page = Path(__file__).parents[1].joinpath('docs', 'methods.md').read_text()
     for method in METHODS:
@@ -215,8 +198,6 @@ def redrawn():
         patch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
         draw_all()
     assert len(pages) == 5
-    for figure in pages:
-        figure.draw_without_rendering()
     return pages
 
 
@@ -240,42 +221,8 @@ def draw_all():
     )  # fmt: skip
 
 
-def overlaps(figure):
-    """Pairs of texts in the panels of a figure that hide each other, or leave the picture."""
-    for axes in figure.axes:
-        places = [(text.get_text(), text.get_window_extent()) for text in axes.texts]
-        for (one, box), (other, place) in itertools.combinations(places, 2):
-            if box.overlaps(place):
-                yield one, other
-        for words, box in places:
-            if not (figure.bbox.x0 < box.x0 and box.x1 < figure.bbox.x1):
-                yield words, 'the edge'
-
-
 def test_charts_can_be_read_at_half_their_size(redrawn):
     for figure in redrawn:
         pixels = 700 / figure.get_figwidth() / 72  # of a point
         sizes = [text.get_fontsize() * pixels for text in figure.findobj(Text) if text.get_text()]
         assert min(sizes) > 7.9
-        assert list(overlaps(figure)) == []
-
-
-def test_settings_hide_neither_points_nor_lines(redrawn):
-    for figure in redrawn[:2]:
-        for axes in figure.axes:
-            boxes = [text.get_window_extent() for text in axes.texts]
-            assert len(boxes) >= 3
-            for line in axes.lines:
-                path = line.get_transform().transform_path(line.get_path())
-                assert not any(path.intersects_bbox(box, filled=False) for box in boxes)
-                assert not any(box.contains(*point) for box in boxes for point in path.vertices)
-
-
-def test_letters_that_hide_each_other_are_seen():
-    figure = Figure()
-    axes = figure.subplots()
-    axes.text(0.5, 0.5, 'one')
-    axes.text(0.51, 0.51, 'two')
-    axes.text(1.2, 0.1, 'beyond')
-    figure.draw_without_rendering()
-    assert list(overlaps(figure)) == [('one', 'two'), ('beyond', 'the edge')]

@@ -25,8 +25,6 @@ from linkage_ros.lab.methods.outcomes import (
     measure_outcomes,
 )
 from linkage_ros.lab.methods.positions import factored
-from linkage_ros.lab.methods.problems import ChartMechanisms
-from linkage_ros.lab.methods.reference import Reference
 from linkage_ros.lab.methods.registry import (
     INTEGRATORS,
     MOTION,
@@ -34,6 +32,8 @@ from linkage_ros.lab.methods.registry import (
     Method,
 )
 from linkage_ros.lab.methods.situations import SITUATIONS
+from linkage_ros.lab.reference.problems import ChartMechanisms
+from linkage_ros.lab.reference.states import Reference
 from linkage_ros.numeric import SCALAR
 from linkage_ros.parameters.configuration import load
 
@@ -166,9 +166,9 @@ def test_a_refusal_at_one_angle_hides_nothing_at_the_others():
 def test_where_no_state_exists_every_angle_has_to_be_refused():
     refused = []
 
-    def locate(_, right, crank):
-        if not refused:
-            refused.append(crank)
+    def locate(task, right, crank):
+        if task not in refused:  # at the first angle of each case
+            refused.append(task)
             right(crank)
         return 0.1, 0.2
 
@@ -194,7 +194,7 @@ def test_situations_are_the_same_every_time_and_as_many_as_asked(situation):
 
 def test_beyond_its_reach_a_crank_has_no_state():
     for case in BY_NAME['no assembly'].cases(3):
-        reference = Reference(case.task, case.lengths)
+        reference = Reference(case.task.mechanism, 1.0, 0.0)
         for crank in case.cranks:
             with pytest.raises(UnreachableError, match='does not close'):
                 reference.state(crank)

@@ -18,15 +18,12 @@ from linkage_ros import ConfigurationError, UnreachableError
 from linkage_ros.errors import MotionError
 from linkage_ros.lab.charts.pump import draw_pump
 from linkage_ros.lab.pump.averaging import Averaging
-from linkage_ros.lab.pump.basins import LEAVES
 from linkage_ros.lab.pump.boundaries import FOLD, PERIOD_DOUBLING
 from linkage_ros.lab.pump.branch import find_states, follow_branch
-from linkage_ros.lab.pump.ensemble import Ensemble
-from linkage_ros.lab.pump.fourier import extremum
+from linkage_ros.lab.pump.periodic import extremum
 from linkage_ros.lab.pump.poincare import PoincareMap
 from linkage_ros.lab.pump.pump import analyse
 from linkage_ros.lab.pump.runs import follow_run
-from linkage_ros.lab.pump.settled import SettledTurn
 from linkage_ros.lab.pump.states_table import states_table
 from linkage_ros.motion.drives import Motor
 from linkage_ros.parameters.configuration import load
@@ -62,24 +59,9 @@ def followed(mechanism, low, high, count, damping=MOTOR.damping):
     return poincare, follow_branch(poincare, averaged, plain)
 
 
-class Bars(dict):
-    """How many of the items that a bar promised have not come, by its words."""
-
-    def __call__(self, items, words):
-        self[words] = len(items) if hasattr(items, '__len__') else 0
-        for item in items:
-            self[words] = max(0, self[words] - 1)
-            yield item
-
-
 @pytest.fixture(scope='module')
-def bars():
-    return Bars()
-
-
-@pytest.fixture(scope='module')
-def analysis(bars):
-    return analyse(PUMP, MOTOR, speeds=(2.0, 6.0), quick=True, progress=bars)
+def analysis():
+    return analyse(PUMP, MOTOR, speeds=(2.0, 6.0), quick=True, progress=plain)
 
 
 # ---------------------------------------------------------------- document 3's figure 3
@@ -123,16 +105,6 @@ def test_the_multipliers_shrink_phase_space_as_resistance_does(analysis, number)
     assert math.prod(state.multipliers) == pytest.approx(expected, rel=1e-7)
 
 
-def test_the_multipliers_are_what_deviations_are_multiplied_with(analysis):
-    state = analysis.states[1]
-    point = np.array([state.point]).T
-    moved, sizes = point + 1e-7, []
-    for _ in range(9):
-        moved = analysis.poincare.image(moved, MOTOR.torque)[:3]
-        sizes.append(np.linalg.norm(moved - point))
-    assert sizes[-1] / sizes[-2] == pytest.approx(state.radius, rel=1e-4)
-
-
 def test_averaging_with_one_harmonic_comes_near(analysis):
     speeds = [state.speed for state in analysis.averaged_states]
     assert speeds == pytest.approx([2.6046, 3.8871, 6.3015], abs=5e-5)
@@ -150,7 +122,7 @@ def test_two_stable_states_exist_between_two_folds(analysis):
 
 @pytest.mark.parametrize(('torque', 'stable'), [(7.27, 1), (12.64, 2)])
 def test_next_to_the_folds_states_appear_and_vanish(analysis, torque, stable):
-    found = find_states(analysis.poincare, analysis.branch, torque)
+    (found,) = find_states(analysis.poincare, analysis.branch, [torque])
     assert [state.motion.stable for state in found].count(True) == stable
     assert len(found) == 2 * stable - 1
 
@@ -181,48 +153,8 @@ def test_runs_end_at_the_states(analysis):
         '2% above 3.952 rad/s': 2,
     }
     slow, fast, *_ = analysis.runs
-    assert slow.last_speed == pytest.approx(LOW['speed'], abs=1e-6)
-    assert fast.last_speed == pytest.approx(HIGH['speed'], abs=0.01)  # it settles slowly
-    assert np.diff(slow.passages[:, 0])[-1] == pytest.approx(analysis.states[0].period, abs=1e-6)
-    assert slow.passages[-1, 1:] == pytest.approx(LOW['point'], abs=1e-6)
-
-
-def test_basins_are_told_for_every_start(analysis):
-    basins = analysis.basins
-    outcomes = {
-        (round(w, 9), round(v, 9)): outcome
-        for v, row in zip(basins.velocities.tolist(), basins.outcomes.tolist(), strict=True)
-        for w, outcome in zip(basins.speeds.tolist(), row, strict=True)
-    }
-    still = {w: outcome for (w, v), outcome in outcomes.items() if v == 0}
-    # At rest, the slower starts settle at the slow state and the faster ones at the fast one.
-    assert list(still.values()) == sorted(still.values())
-    assert set(still.values()) == {0, 2}
-    assert 3.7 < max(w for w, outcome in still.items() if outcome == 0) < 4.3
-    assert sum(basins.share(outcome) for outcome in (0, 2, LEAVES)) == 1
-    # Document 3's coordinates do not describe what a slider as fast as 5 m/s leads to.
-    assert all(outcome == LEAVES for (_, v), outcome in outcomes.items() if abs(v) > 5)
-
-
-def test_a_flow_of_many_follows_each_as_the_map_does(analysis):
-    low, _, high = analysis.states
-    phases = np.array([(0.0, x, w, v) for x, v, w in (low.point, high.point, (1.5, 6.0, 2.0))]).T
-    ensemble, times, spans = Ensemble(PUMP, MOTOR), np.zeros(3), np.full(3, 1e-3)
-    ends = np.array([low.period, high.period, 1.0])
-    for _ in range(200):
-        spans = np.minimum(spans, ends - times)
-        phases, made, spans = ensemble.advance(phases, spans)
-        times += made
-    for number, state in enumerate((low, high)):
-        x, v, w = state.point
-        assert times[number] == pytest.approx(state.period)
-        assert phases[:, number] == pytest.approx((2 * math.pi, x, w, v), abs=2e-5)
-    # This one comes to the edge, where coupler and rod are in one line.
-    assert spans[2] < 1e-7
-    assert times[2] < 0.3
-    sine, words = analysis.poincare.solver.alignment(phases[:2, 2].tolist())
-    assert sine < 1e-3
-    assert words.endswith('stretched')
+    assert LOW['speed'] == pytest.approx(np.mean(slow.speeds[-400:]), rel=0.01)
+    assert HIGH['speed'] == pytest.approx(np.mean(fast.speeds[-400:]), rel=0.01)
 
 
 def test_a_turn_that_is_none_is_refused():
@@ -245,22 +177,20 @@ def test_a_speed_at_which_a_period_doubles_is_told_from_a_fold():
 
 def test_without_resistance_nothing_settles():
     poincare, branch = followed(slid(damping=0.0), 6.9, 7.1, 2)
-    states = find_states(poincare, branch, MOTOR.torque)
+    (states,) = find_states(poincare, branch, [MOTOR.torque])
     # The pump takes no power: the motor turns at its own speed, about which a motion wavers.
     assert all(state.motion.speed == pytest.approx(7, abs=0.01) for state in states)
     assert not any(state.motion.stable for state in states)
 
 
 def test_a_weaker_motor_keeps_up_one_state(analysis):
-    ((state, _),) = find_states(analysis.poincare, analysis.branch, 5.0)
+    (((state, _),),) = find_states(analysis.poincare, analysis.branch, [5.0])
     assert state.stable
     assert len(states_table(analysis._replace(states=[state]))) == 3
 
 
 def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
-    none = analysis._replace(states=[], averaged_states=[], sensitivities=[], ends=[-2] * 4)
-    basins = none.basins._replace(outcomes=np.full_like(none.basins.outcomes, -2))
-    none = none._replace(basins=basins)
+    none = analysis._replace(states=[], averaged_states=[], sensitivities=[], ends=[None] * 4)
     assert states_table(none) == ['no settled motion found']
     draw_pump(none, 'no state', tmp_path / 'none.png')
     record = json.loads(json.dumps(none.record(), allow_nan=False))
@@ -269,7 +199,7 @@ def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
 
 
 def test_too_weak_a_motor_has_no_state(analysis):
-    assert find_states(analysis.poincare, analysis.branch, 0.3) == []
+    assert find_states(analysis.poincare, analysis.branch, [0.3]) == [[]]
 
 
 @pytest.mark.parametrize(
@@ -287,12 +217,6 @@ def test_what_cannot_turn_is_refused_at_once(changes, torque, speeds, error, mes
         analyse(slid(**changes), Motor(torque, 1.2), speeds=speeds, quick=True, progress=plain)
 
 
-def test_every_bar_comes_to_its_end(analysis, bars):
-    SettledTurn(PUMP, MOTOR, 2.0, bars)
-    words = 'load curve', 'boundaries', 'starts', 'runs', 'other torques', 'turns'
-    assert bars == dict.fromkeys(words, 0)
-
-
 def test_a_run_that_leaves_says_where(analysis):
     found = follow_run(analysis.poincare.solver, MOTOR, (1.5, 6.0, 2.0), 9.0, 'fast')
     assert 'the motion ends at t = 0.2' in found.ended
@@ -308,9 +232,7 @@ def test_the_record_has_every_number(analysis):
     assert record['states'][0]['speed'] == analysis.states[0].speed
     assert [run['settles_at_state'] for run in record['runs']] == [0, 2, 0, 2]
     assert record['torques_with_two_stable_states'][0]['low'] == pytest.approx(7.28, abs=0.01)
-    assert len(record['basins']['outcomes']) == len(record['basins']['slider_velocities'])
-    assert {len(row) for row in record['basins']['outcomes']} == {28}
-    assert len(record['runs'][0]['passages']['time']) > 30
+    assert [run['duration'] > 30 for run in record['runs']] == [True] * 4
     assert '2.604252' in '\n'.join(states_table(analysis))
 
 
@@ -333,9 +255,9 @@ def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch, tmp_pat
     pixels = 700 / figure.get_figwidth() / 72  # of a point
     texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
     assert min(text.get_fontsize() for text in texts) * pixels > 7.9
-    for axes in figure.axes[:3]:  # those with a legend below
-        below = axes.get_legend().get_window_extent()
-        assert not below.overlaps(axes.xaxis.label.get_window_extent())
+    plane = figure.axes[0]
+    below = plane.get_legend().get_window_extent()
+    assert not below.overlaps(plane.xaxis.label.get_window_extent())
     table = figure.axes[-1].texts[0].get_window_extent()
     assert figure.bbox.x0 < table.x0
     assert table.x1 < figure.bbox.x1

@@ -1,121 +1,246 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Speed against accuracy, as a picture for each mechanism."""
+"""Speed against accuracy: a picture for each mechanism, and one for all integrators."""
 
 from __future__ import annotations
 
+import itertools
+import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from linkage_ros.lab.charts.pareto_panel import (
-    CEILING,
-    Style,
-    Wording,
-    draw_panel,
-    front_handles,
-    method_handle,
-    write_words,
-)
 from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.lab.methods.accuracy import Measurement
+from linkage_ros.lab.methods.accuracy import MEAN, SLOWEST, Measurement
+from linkage_ros.lab.methods.bench import LIMIT
 from linkage_ros.lab.methods.chain import BATCH, ONE, QUANTITIES
-from linkage_ros.lab.methods.registry import DEFAULT, METHODS
-from linkage_ros.palette import BLACK, BLUE, DARK, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY
+from linkage_ros.lab.methods.registry import (
+    DEFAULT,
+    INTEGRATORS,
+    LIVE,
+    METHODS,
+    RECORDS,
+    Way,
+    label,
+)
+from linkage_ros.palette import (
+    BLACK,
+    BLUE,
+    DARK,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Color,
+    fractions,
+)
 
-_SPAN = (3e-15, 0.2)  # errors between which settings are written
-_SHORT = {'tolerance': '', 'steps': 'n=', 'nodes': 'N=', 'harmonics': 'H=', 'step': 'h='}
+_CEILING = 10.0  # where larger errors are drawn
+_LEAST = 1e-17  # where an error of 0 is drawn
 
-# The default has the colour that stands out most.
+
+class _Style(NamedTuple):
+    """The look of a method; the defaults have the colour that stands out most."""
+
+    marker: str
+    color: Color
+    filled: bool = True
+    size: float = 6.0
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """For matplotlib."""
+        color = fractions(self.color)
+        face = color if self.filled else 'white'
+        return {
+            'marker': self.marker, 'color': color, 'markersize': self.size,
+            'markerfacecolor': face,
+        }  # fmt: skip
+
+
 _STYLES = {
-    DEFAULT: Style('*', VERMILION, size=13, above=True),
-    'factored, float32': Style('*', VERMILION, filled=False, size=9),
-    'half-angle': Style('s', BLUE),
-    'inverse cosine': Style('D', SKY),
-    'Newton-Raphson, warm': Style('^', GREEN),
-    'Newton-Raphson, cold': Style('v', GREEN, filled=False),
-    'table, cubic Hermite': Style('o', PURPLE),
-    'Fourier series': Style('o', PURPLE, filled=False),
-    '2x2 solve': Style('P', ORANGE, size=7),
-    'sine formula': Style('X', SKY, size=7),
-    'central differences': Style('.', DARK, size=7),
-    'power balance': Style('h', BLACK, size=7),
-    'constrained Newton-Euler': Style('X', BLACK, size=7),
+    DEFAULT: _Style('*', VERMILION, size=13),
+    'factored, float32': _Style('*', VERMILION, filled=False, size=9),
+    'half-angle': _Style('s', BLUE),
+    'inverse cosine': _Style('D', SKY),
+    'Newton-Raphson, warm': _Style('^', GREEN),
+    'Newton-Raphson, cold': _Style('v', GREEN, filled=False),
+    'table, cubic Hermite': _Style('o', PURPLE),
+    'Fourier series': _Style('o', PURPLE, filled=False),
+    '2x2 solve': _Style('P', ORANGE, size=7),
+    'sine formula': _Style('X', SKY, size=7),
+    'central differences': _Style('.', DARK, size=7),
+    'power balance': _Style('h', BLACK, size=7),
+    'constrained Newton-Euler': _Style('X', BLACK, size=7),
+    LIVE: _Style('o', VERMILION),
+    RECORDS: _Style('*', VERMILION, filled=False, size=11),
+    'DOP853': _Style('s', BLUE),
+    'RK4': _Style('^', GREEN),
+    'Radau': _Style('D', PURPLE),
+    'multipliers, unstabilised': _Style('X', DARK),
 }
-_OTHER = Style('d', DARK, filled=False)  # of a method from outside the package
+_OTHER = _Style('d', DARK, filled=False)  # of a method from outside the package
+_STEADY = _Style('*', VERMILION, size=13)  # of the live default at its own setting
+_ROLES = {DEFAULT: 'default', LIVE: 'live; star: steps of 1 ms', RECORDS: 'default for records'}
+
+
+class _Panel(NamedTuple):
+    title: str
+    points: Sequence[Measurement]
 
 
 def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None:
-    """Draws the panels of one mechanism.
+    """Draws a row for each quantity and a column for each mode, of one mechanism.
 
     Args:
-        points: Its points.
-        title: Of the picture.
+        points: Points of the mechanism.
+        title: Title of the picture.
         path: The PNG file; replaced if there is one.
 
     Raises:
         OSError: The picture cannot be written.
     """
-    figure = Figure(figsize=(WIDTH, 10.8), dpi=DPI, layout='constrained')
+    rows = [
+        [
+            _Panel(
+                f'{quantity}, {mode}',
+                [p for p in points if (p.quantity, p.mode) == (quantity, mode)],
+            )
+            for mode in (ONE, BATCH)
+        ]
+        for quantity in QUANTITIES
+    ]
+    _draw(rows, METHODS, ('time per state', 'relative (angles: rad)'), title, path)
+
+
+def draw_integration(points: Sequence[Measurement], title: str, path: Path) -> None:
+    """Draws a row for each mechanism: trajectory, energy, and the slowest millisecond.
+
+    Args:
+        points: Points of all mechanisms.
+        title: Title of the picture.
+        path: The PNG file; replaced if there is one.
+
+    Raises:
+        OSError: The picture cannot be written.
+    """
+    columns = (
+        (TRAJECTORY, MEAN, 'trajectory'), (ENERGY, MEAN, 'energy'),
+        (TRAJECTORY, SLOWEST, 'trajectory, slowest ms'),
+    )  # fmt: skip
+    rows = [
+        [
+            _Panel(
+                f'{name.replace("_", " ")}, {caption}',
+                [p for p in points if (p.mechanism, p.quantity, p.mode) == (name, quantity, mode)],
+            )
+            for quantity, mode, caption in columns
+        ]
+        for name in dict.fromkeys(point.mechanism for point in points)
+    ]
+    axes = 'time per simulated ms', 'rad, crank lengths, or relative'
+    _draw(rows, INTEGRATORS, axes, title, path)
+
+
+def _draw(
+    rows: list[list[_Panel]],
+    methods: Sequence[Way[Any]],
+    labels: tuple[str, str],
+    title: str,
+    path: Path,
+) -> None:
+    """Draws panels and a legend; the labels are those of time and error."""
+    figure = Figure(figsize=(WIDTH, 2.6 + 2.2 * len(rows)), dpi=DPI, layout='constrained')
     figure.suptitle(title, fontsize=TITLE)
-    wording = Wording(_series, _style, _words, _SPAN)
-    # One row for each quantity, one column for each way to ask: what all share is written once.
-    panels = figure.subplots(len(QUANTITIES), 2, sharey=True, sharex='col')
-    drawn = []
-    for row, quantity in zip(panels, QUANTITIES, strict=True):
-        for axes, mode in zip(row, (ONE, BATCH), strict=True):
-            chosen = [p for p in points if p.mode == mode and p.quantity == quantity]
-            draw_panel(axes, chosen, wording)
-            drawn.append((axes, chosen))
-            axes.set_title(f'{quantity}, {mode}', fontsize=TEXT)
-    for axes in panels[-1]:
-        axes.set_xlabel('time per state, \N{MICRO SIGN}s', fontsize=TEXT)
-    figure.supylabel('largest error, relative (angles: rad)', fontsize=TEXT)
-    _add_legend(figure)
-    figure.draw_without_rendering()  # places the panels
-    for axes, chosen in drawn:
-        write_words(axes, chosen, wording)
+    grid = figure.subplots(len(rows), len(rows[0]), sharey=True, sharex='col', squeeze=False)
+    for axes, panel in zip(grid.flat, itertools.chain(*rows), strict=True):
+        _draw_panel(axes, panel.points)
+        axes.set_title(panel.title, fontsize=TEXT)
+    for axes in grid[-1]:
+        axes.set_xlabel(f'{labels[0]}, \N{MICRO SIGN}s', fontsize=TEXT)
+    figure.supylabel(f'largest error: {labels[1]}', fontsize=TEXT)
+    handles = [
+        Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0, label=_name(method.name),
+               **_STYLES.get(method.name, _OTHER).options)
+        for method in methods
+    ]  # fmt: skip
+    handles += [
+        Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right answers'),
+        Line2D([], [], color='0.85', linewidth=7, label=f'worse than {LIMIT:g}: not on the front'),
+    ]
+    figure.legend(
+        handles=handles, loc='outside lower center', ncols=3, fontsize=SMALL, frameon=False,
+        title_fontsize=SMALL, title=textwrap.fill(_settings(methods), 115),
+    )  # fmt: skip
     figure.savefig(path)
 
 
-def _series(point: Measurement) -> tuple[str, bool]:
-    """What is joined by a line: settings of one kind. Newton's steps are a kind of their own."""
-    return point.method, _values(point.setting).get('steps', '360') != '360'
-
-
-def _style(point: Measurement) -> Style:
-    return _STYLES.get(point.method, _OTHER)._replace(dotted=_series(point)[1])
-
-
-def _words(point: Measurement) -> str:
-    """The value that is varied: '1e-06', 'n=36', 'N=256'."""
-    values = _values(point.setting)
-    if not values:
-        return ''
-    name = 'steps' if _series(point)[1] else next(iter(values))
-    return f'{_SHORT.get(name, f"{name}=")}{values[name]}'
-
-
-def _values(setting: str) -> dict[str, str]:
-    """The names and values of a setting in words."""
-    return dict(part.rsplit(' ', 1) for part in setting.split(', ')) if setting else {}
-
-
-def _add_legend(figure: Figure) -> None:
-    handles = [
-        method_handle(method, style._replace(size=style.size * 0.9), _name(method.name))
-        for method in METHODS
-        for style in [_STYLES.get(method.name, _OTHER)]
-    ]
-    figure.legend(
-        handles=[*handles, *front_handles()], loc='outside lower center', ncols=3, fontsize=SMALL,
-        frameon=False, title_fontsize=SMALL,
-        title=f'Settings, the first of a line and the last with an error above {_SPAN[0]:g}: '
-        'N nodes, H harmonics, h step in rad,\nn steps a turn; a bare number is '
-        f"Newton's tolerance. Errors above {CEILING:g} are drawn at {CEILING:g}.",
+def _draw_panel(axes: Axes, points: Sequence[Measurement]) -> None:
+    axes.set_xscale('log')
+    axes.set_yscale('log')
+    axes.grid(visible=True, which='major', color='0.9', linewidth=0.6)
+    axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
+    drawn = [p for p in points if math.isfinite(p.max_error) and math.isfinite(p.us_per_state)]
+    for (method, by_steps), group in itertools.groupby(drawn, key=_series):
+        found = list(group)
+        axes.plot(
+            [p.us_per_state for p in found], [_height(p) for p in found], ':' if by_steps else '-',
+            linewidth=0.9, zorder=5 if method in _ROLES else 3,
+            **_STYLES.get(method, _OTHER).options,
+        )  # fmt: skip
+    for point in drawn:
+        if (point.method, point.setting) == (LIVE, label(INTEGRATORS[0].steady)):
+            axes.plot([point.us_per_state], [_height(point)], zorder=6, **_STEADY.options)
+    front = sorted((p for p in points if p.pareto), key=lambda p: p.us_per_state)
+    axes.step(
+        [p.us_per_state for p in front], [_height(p) for p in front], where='post',
+        color=fractions(BLACK), linewidth=1.2, alpha=0.7, zorder=2,
     )  # fmt: skip
+    failed = dict.fromkeys(p.method for p in points if p not in drawn)
+    if failed:
+        axes.text(
+            0.98, 0.565, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
+            fontsize=SMALL, ha='right', va='top', transform=axes.transAxes, color='0.3',
+        )  # fmt: skip
+    axes.set_ylim(2e-17, 30 * _CEILING)
+    axes.set_yticks([10.0**exponent for exponent in range(-15, 1, 3)])
+    axes.tick_params(labelsize=SMALL)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(NullLocator())
+
+
+def _series(point: Measurement) -> tuple[str, bool]:
+    """Points joined by a line: Newton's steps per turn are a series of their own."""
+    return point.method, 'steps' in point.setting and not point.setting.endswith('steps 360')
+
+
+def _height(point: Measurement) -> float:
+    return float(np.clip(point.max_error, _LEAST, _CEILING))
+
+
+def _settings(methods: Sequence[Way[Any]]) -> str:
+    """The settings along the lines."""
+    kinds: dict[str, list[str]] = {}
+    for method in methods:
+        for name in dict.fromkeys(itertools.chain(*method.settings)):
+            values = sorted({setting[name] for setting in method.settings if name in setting})
+            if len(values) > 1:
+                words = f'{name} ' + ', '.join(f'{value:g}' for value in values)
+                kinds.setdefault(words, []).append(method.name)
+    joined = '; '.join(f'{", ".join(names)}: {words}' for words, names in kinds.items())
+    return f'Settings along the lines: {joined}. Errors above {_CEILING:g} are drawn there.'
 
 
 def _name(method: str) -> str:
-    return f'{method} (default)' if method == DEFAULT else method
+    return f'{method} ({_ROLES[method]})' if method in _ROLES else method

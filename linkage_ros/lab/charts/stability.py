@@ -7,7 +7,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,7 +23,7 @@ from linkage_ros.lab.methods.outcomes import (
     WRONG_BRANCH,
     Cell,
 )
-from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
+from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS, Way
 from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
@@ -50,51 +50,30 @@ _TOP, _FOOT = 0.35, 0.75
 _NAMES, _SAID = 16, 52  # letters in a line, of situations and of what is said of them
 
 
-class _Grid(NamedTuple):
-    """A part of the picture.
-
-    Attributes:
-        columns: Names of methods.
-        rows: Names of situations, and what they are called.
-        good: Of each row, the outcomes that are no failure.
-        words: Of each row, what is written to its right.
-    """
-
-    columns: list[str]
-    rows: dict[str, str]
-    good: dict[str, tuple[str, ...]]
-    words: dict[str, str]
-
-    @property
-    def height(self) -> float:
-        """With the names above, inches."""
-        return _ABOVE + _HIGH * len(self.rows)
-
-
 def draw_stability(cells: Sequence[Cell], motions: Sequence[Cell], title: str, path: Path) -> None:
-    """Draws both grids.
+    """Draws a grid for the linkages, and one for the motions below.
 
     Args:
-        cells: Of the methods for linkages.
-        motions: Of the integrators.
-        title: Of the picture.
+        cells: Cells of the methods for linkages.
+        motions: Cells of the integrators.
+        title: Title of the picture.
         path: Where to write it; replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.
     """
-    grids = [
-        (_of_linkages(), cells),
-        (_of_motions(), motions),
-    ]
-    height = _TOP + sum(grid.height for grid, _ in grids) + _FOOT
+    grids: list[tuple[Sequence[Way[Any]], Sequence[Any], Sequence[Cell]]] = [
+        (METHODS, SITUATIONS, cells), (INTEGRATORS, MOTION_SITUATIONS, motions),
+    ]  # fmt: skip
+    heights = [_ABOVE + _HIGH * len(situations) for _, situations, _ in grids]
+    height = _TOP + sum(heights) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
     y, wide = height - _TOP, (WIDTH - _LEFT - _RIGHT) / len(METHODS)
-    for grid, chosen in grids:
-        y -= grid.height
-        across, down = wide * len(grid.columns), _HIGH * len(grid.rows)
+    for (methods, situations, chosen), room in zip(grids, heights, strict=True):
+        y -= room
+        across, down = wide * len(methods), room - _ABOVE
         axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
-        _draw_grid(axes, grid, chosen)
+        _draw_grid(axes, [method.name for method in methods], situations, chosen)
     figure.suptitle(title, fontsize=TITLE, y=1 - 0.15 / height)
     figure.legend(
         handles=[
@@ -106,56 +85,41 @@ def draw_stability(cells: Sequence[Cell], motions: Sequence[Cell], title: str, p
     figure.savefig(path)
 
 
-def _of_linkages() -> _Grid:
-    exists = {situation.name: situation.exists for situation in SITUATIONS}
-    return _Grid(
-        [method.name for method in METHODS],
-        {name: name if exists[name] else f'{name}, no state exists' for name in exists},
-        {name: (RIGHT,) if exists[name] else (REFUSED,) for name in exists},
-        {},
-    )
-
-
-def _of_motions() -> _Grid:
-    return _Grid(
-        [method.name for method in INTEGRATORS],
-        {situation.name: situation.name for situation in MOTION_SITUATIONS},
-        # Beyond the end of the coordinates another assembly goes on: who follows it is right too.
-        {s.name: (RIGHT,) if s.exists else (RIGHT, REFUSED) for s in MOTION_SITUATIONS},
-        {situation.name: situation.words for situation in MOTION_SITUATIONS},
-    )
-
-
-def _draw_grid(axes: Axes, grid: _Grid, cells: Sequence[Cell]) -> None:
-    rows = list(grid.rows)
-    axes.set_xlim(0, len(grid.columns))
+def _draw_grid(
+    axes: Axes, methods: list[str], situations: Sequence[Any], cells: Sequence[Cell]
+) -> None:
+    rows = {situation.name: (i, situation) for i, situation in enumerate(situations)}
+    axes.set_xlim(0, len(methods))
     axes.set_ylim(len(rows), 0)
     for cell in cells:
-        x, y = grid.columns.index(cell.method), rows.index(cell.situation)
+        x, (y, situation) = methods.index(cell.method), rows[cell.situation]
         fill, ink = map(fractions, _COLORS[cell.outcome])
         axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
-        good = cell.outcome in grid.good[cell.situation]
-        axes.text(
-            x + 0.5, y + 0.3, _SHORT.get(cell.outcome, cell.outcome), ha='center', va='center',
-            color=ink, fontsize=NUMBERS, fontweight='normal' if good else 'bold',
-        )  # fmt: skip
+        # Where no state exists, a refusal is right; beyond the end of the coordinates a motion
+        # that goes on in another assembly is right too.
+        good = cell.outcome == RIGHT or (cell.outcome == REFUSED and not situation.exists)
+        words = _SHORT.get(cell.outcome, cell.outcome)
         if cell.worst_error is not None:
-            words = f'{cell.worst_error:.0e}' + (' s' if cell.outcome == REFUSED else '')
-            axes.text(
-                x + 0.5, y + 0.74, words, ha='center', va='center', color=ink, fontsize=NUMBERS
-            )
-    for name, words in grid.words.items():
+            words += f'\n{cell.worst_error:.0e}' + (' s' if cell.outcome == REFUSED else '')
         axes.text(
-            len(grid.columns) + 0.15, rows.index(name) + 0.5, textwrap.fill(words, _SAID),
-            va='center', fontsize=SMALL, color='0.3',
+            x + 0.5, y + 0.52, words, ha='center', va='center', color=ink, fontsize=NUMBERS,
+            fontweight='normal' if good else 'bold',
         )  # fmt: skip
-    axes.set_xticks([i + 0.5 for i in range(len(grid.columns))])
-    axes.set_xticklabels(map(_name, grid.columns), rotation=52, ha='left', fontsize=SMALL)
+    labels = []
+    for y, situation in rows.values():
+        absent = '' if situation.exists or situation in MOTION_SITUATIONS else ', no state exists'
+        labels.append(textwrap.fill(situation.name + absent, _NAMES))
+        if situation in MOTION_SITUATIONS:
+            axes.text(
+                len(methods) + 0.15, y + 0.5, textwrap.fill(situation.words, _SAID),
+                va='center', fontsize=SMALL, color='0.3',
+            )  # fmt: skip
+    axes.set_xticks(
+        [i + 0.5 for i in range(len(methods))], map(_name, methods),
+        rotation=52, ha='left', fontsize=SMALL,
+    )  # fmt: skip
     axes.xaxis.tick_top()
-    axes.set_yticks([i + 0.5 for i in range(len(rows))])
-    axes.set_yticklabels(
-        [textwrap.fill(words, _NAMES) for words in grid.rows.values()], fontsize=SMALL
-    )
+    axes.set_yticks([i + 0.5 for i in range(len(rows))], labels, fontsize=SMALL)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
 

@@ -7,9 +7,7 @@ from __future__ import annotations
 import argparse
 
 from linkage_ros.lab.commands.output import about, folder, progress, save_records
-from linkage_ros.lab.commands.presets import moving_presets, preset
-from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.slider_crank import SliderCrank
+from linkage_ros.lab.commands.presets import moving_presets, solved_presets
 
 
 def accuracy(options: argparse.Namespace) -> None:
@@ -19,20 +17,17 @@ def accuracy(options: argparse.Namespace) -> None:
         options: Of the command line.
 
     Raises:
-        ConfigurationError: A preset is another's, or the folder cannot be written.
+        ConfigurationError: The folder cannot be written.
     """
-    from linkage_ros.lab.charts.accuracy import draw_accuracy
-    from linkage_ros.lab.charts.integration import draw_integration
-    from linkage_ros.lab.methods.accuracy import measure_accuracy, tasks
+    from linkage_ros.lab.charts.accuracy import draw_accuracy, draw_integration
+    from linkage_ros.lab.methods.accuracy import measure_accuracy, measure_motion_accuracy, tasks
     from linkage_ros.lab.methods.bench import Bench
-    from linkage_ros.lab.methods.motion_accuracy import measure_motion_accuracy
 
-    mechanisms = preset('quadrilateral', FourBar)[0], preset('slider_crank', SliderCrank)[0]
     movers = moving_presets()
     with folder(options.out):
         benches = {
             name: Bench(task, 72 if options.quick else 360)
-            for name, task in tasks(*mechanisms).items()
+            for name, task in tasks(*solved_presets()).items()
         }
         points = measure_accuracy(benches, quick=options.quick, progress=progress)
         moved = measure_motion_accuracy(movers, quick=options.quick, progress=progress)

@@ -8,6 +8,7 @@ import argparse
 from typing import cast
 
 from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.commands.output import folder, progress, save_table
@@ -38,9 +39,9 @@ def motion(options: argparse.Namespace) -> None:
 
     configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
-    if isinstance(mechanism, WindPump):
-        drive = cast('TorqueDrive', configuration.drive)  # a wind pump has no other
-        period, words = _settled(options, mechanism, drive)
+    if Solver(mechanism).mobility is None:  # it moves as its motor drives it
+        drive = cast('TorqueDrive', configuration.drive)
+        period, words = _settled(options, cast('WindPump', mechanism), drive)
     else:
         period, words = _driven(options, mechanism, configuration.drive)
     kind, (group, *lines) = configuration.kind.mechanism, words

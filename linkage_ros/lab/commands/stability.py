@@ -17,7 +17,7 @@ def stability(options: argparse.Namespace) -> None:
         options: Of the command line.
 
     Raises:
-        ConfigurationError: A preset is another's, or the folder cannot be written.
+        ConfigurationError: The folder cannot be written.
     """
     from linkage_ros.lab.charts.stability import draw_stability
     from linkage_ros.lab.methods.motion_outcomes import measure_motion_outcomes

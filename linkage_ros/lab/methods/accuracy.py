@@ -1,34 +1,46 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Speed against accuracy: every method and setting, measured on three mechanisms."""
+"""Speed against accuracy: every method and setting, on three mechanisms and on motions.
+
+A motion's time, `us_per_state`, is that of one simulated ms, at which the live default makes one
+state: 1000 us would be real time. Its error is the largest at all of its times; a state is asked
+for every 50 ms, and read by the method's own means if its steps are longer.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.lab.methods.bench import LIMIT, Bench, time_pass
-from linkage_ros.lab.methods.chain import (
-    FUNCTIONS,
-    ONE,
-    OWN,
-    QUANTITIES,
-    Function,
-    Task,
-    make_task,
-)
+from linkage_ros.errors import LinkageError
+from linkage_ros.lab.methods.bench import FAILURES, LIMIT, Bench, time_pass
+from linkage_ros.lab.methods.chain import FUNCTIONS, ONE, OWN, QUANTITIES, Task, make_task
 from linkage_ros.lab.methods.loop import Linkage
-from linkage_ros.lab.methods.registry import METHODS, Method, label
+from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY, MotionBench, even
+from linkage_ros.lab.methods.registry import (
+    INTEGRATORS,
+    METHODS,
+    Integrator,
+    Method,
+    Setting,
+    label,
+)
+from linkage_ros.lab.reference.problems import ChartMechanisms
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.slider_crank import SliderCrank
-from linkage_ros.numeric import Array
 
 NEAR = 'near a change point'
+# Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
+MEAN, SLOWEST = 'motion', 'motion, slowest ms'
 _QUICK_STEPS = 360
+_TICK = 1e-3  # s
 
 
 @dataclass
@@ -38,7 +50,7 @@ class Measurement:
     Attributes:
         method: Name from the registry.
         setting: In words; empty where there is nothing to set.
-        mechanism: What it was measured on.
+        mechanism: Name of the mechanism.
         quantity: 'position', 'rate', 'acceleration' or 'torque'; of a motion under a torque
             'trajectory' or 'energy'.
         mode: 'one at a time' or 'batch'; 'motion' or 'motion, slowest ms'.
@@ -67,9 +79,10 @@ class Measurement:
 
 
 class _Timed(NamedTuple):
+    """A point, and a run that returns its time, us."""
+
     point: Measurement
-    function: Function
-    cranks: list[float] | Array  # for the time
+    run: Callable[[], float]
 
 
 def tasks(quadrilateral: FourBar, slider_crank: SliderCrank) -> dict[str, Task]:
@@ -77,7 +90,7 @@ def tasks(quadrilateral: FourBar, slider_crank: SliderCrank) -> dict[str, Task]:
 
     Args:
         quadrilateral: The four-bar of document 1.
-        slider_crank: Of document 4.
+        slider_crank: The slider-crank of document 4.
 
     Returns:
         Tasks by name; the third is nearly a kite: its crank pin passes the rocker pivot at
@@ -98,12 +111,12 @@ def tasks(quadrilateral: FourBar, slider_crank: SliderCrank) -> dict[str, Task]:
 def measure_accuracy(
     benches: dict[str, Bench], *, quick: bool, progress: Callable[[Iterable[Any], str], Any]
 ) -> list[Measurement]:
-    """Measures all points.
+    """Measures the methods that solve a linkage.
 
     Args:
         benches: By name of the mechanism.
         quick: Whether fewer rounds and settings will do.
-        progress: Wraps what is gone through, with a word for it: a progress bar.
+        progress: Wraps an iterable in a progress bar with a word for it.
 
     Returns:
         The points, fronts marked.
@@ -112,36 +125,113 @@ def measure_accuracy(
     for name, bench in benches.items():
         for method in progress(METHODS, f'errors, {name}'):
             timed += _points(name, bench, method, quick=quick)
-    times = []
-    for _ in progress(range(2 if quick else 15), 'times'):
-        with np.errstate(all='ignore'):
-            times.append([time_pass(one.function, one.cranks) for one in timed])
-    points = [one.point for one in timed]
-    for point, fastest in zip(points, np.min(times, axis=0).tolist(), strict=True):
-        point.us_per_state = fastest
-    mark_fronts(points)
-    return points
+    return _take_times(timed, 2 if quick else 15, progress)
 
 
-def _points(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterable[_Timed]:
+def _points(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterator[_Timed]:
     first = min(QUANTITIES.index(quantity) for quantity in OWN[method.stage])
     ones, batch = bench.aside(72 if quick else 360), 1024 if quick else 4096
     for setting in method.settings:
         if quick and setting.get('steps', 0) > _QUICK_STEPS:
             continue
-        for mode in method.modes:
-            for quantity in QUANTITIES[first:]:
-                error = bench.worst_error(method, setting, mode, quantity)
-                point = Measurement(
-                    method.name, label(setting), name, quantity, mode, math.nan, error
-                )
-                cranks = bench.even(int(setting['steps'])) if method.sequential else ones
-                made = method.make(bench.task, setting, FUNCTIONS[mode])
-                yield _Timed(
-                    point,
-                    getattr(made, quantity),
-                    cranks.tolist() if mode == ONE else np.resize(cranks, batch),
-                )
+        for mode, quantity in itertools.product(method.modes, QUANTITIES[first:]):
+            error = bench.worst_error(method, setting, mode, quantity)
+            cranks = bench.even(int(setting['steps'])) if method.sequential else ones
+            asked = cranks.tolist() if mode == ONE else np.resize(cranks, batch)
+            function = getattr(method.make(bench.task, setting, FUNCTIONS[mode]), quantity)
+            yield _Timed(
+                Measurement(method.name, label(setting), name, quantity, mode, math.nan, error),
+                partial(time_pass, function, asked),
+            )
+
+
+def measure_motion_accuracy(
+    mechanisms: ChartMechanisms,
+    *,
+    quick: bool,
+    progress: Callable[[Iterable[Any], str], Any],
+    methods: Sequence[Integrator] = INTEGRATORS,
+) -> list[Measurement]:
+    """Measures the integrators: the pump at its fast speed, the quadrilateral coasting.
+
+    Args:
+        mechanisms: The mechanisms that move.
+        quick: Whether a fifth of the time and fewer rounds will do.
+        progress: Wraps an iterable in a progress bar with a word for it.
+        methods: The integrators.
+
+    Returns:
+        The points, fronts marked.
+    """
+    seconds = 2.0 if quick else 10.0
+    coasting = MotionBench(mechanisms.coasting(5 * math.pi), even(seconds * 0.4))
+    driven = MotionBench(mechanisms.driven(6.0), even(seconds))
+    free = MotionBench(mechanisms.freed(6.0), even(seconds))
+    kinds = [(method, setting) for method in methods for setting in method.settings]
+    timed: list[_Timed] = []
+    for name, moved, kept in (('wind_pump', driven, free), ('quadrilateral', coasting, coasting)):
+        for method, setting in progress(kinds, f'motions, {name}'):
+            timed += _motion_points(name, moved, kept, method, setting, 300 if quick else 1000)
+    return _take_times(timed, 1 if quick else 3, progress)
+
+
+def _motion_points(
+    name: str, moved: MotionBench, kept: MotionBench, method: Integrator, setting: Setting,
+    ticks: int,
+) -> Iterator[_Timed]:  # fmt: skip
+    def timed(bench: MotionBench, quantity: str, mode: str, run: Callable[[], float]) -> _Timed:
+        error = bench.worst_error(method, setting, quantity)
+        point = Measurement(method.name, label(setting), name, quantity, mode, math.nan, error)
+        return _Timed(point, run)
+
+    yield timed(moved, TRAJECTORY, MEAN, partial(_mean_time, method, setting, moved))
+    if setting.get('step', 0) <= _TICK:
+        run = partial(_slowest_time, method, setting, moved, ticks)
+        yield timed(moved, TRAJECTORY, SLOWEST, run)
+    yield timed(kept, ENERGY, MEAN, partial(_mean_time, method, setting, kept))
+
+
+def _mean_time(method: Integrator, setting: Setting, bench: MotionBench) -> float:
+    """The time of a simulated ms of the whole motion, us."""
+    follower = method.make(bench.problem, setting)
+    start = time.perf_counter()
+    for moment in bench.times:
+        follower.at(moment)
+    return (time.perf_counter() - start) / bench.times[-1] * 1e3
+
+
+def _slowest_time(method: Integrator, setting: Setting, bench: MotionBench, count: int) -> float:
+    """The time of the slowest ms of the first ones, asked for every ms, us."""
+    fastest = [math.inf] * count
+    for _ in range(3):
+        follower = method.make(bench.problem, setting)
+        for i in range(count):
+            start = time.perf_counter()
+            follower.at((i + 1) * _TICK)
+            fastest[i] = min(fastest[i], time.perf_counter() - start)
+    return max(fastest) * 1e6
+
+
+def _take_times(
+    timed: list[_Timed], rounds: int, progress: Callable[[Iterable[Any], str], Any]
+) -> list[Measurement]:
+    """The points with the shortest times of all rounds; no time where a method fails."""
+    for point, _ in timed:
+        point.us_per_state = math.inf
+    with np.errstate(all='ignore'):
+        for _ in progress(range(rounds), 'times'):
+            for point, run in timed:
+                point.us_per_state = min(_time(run), point.us_per_state)
+    points = [one.point for one in timed]
+    mark_fronts(points)
+    return points
+
+
+def _time(run: Callable[[], float]) -> float:
+    try:
+        return run()
+    except (LinkageError, *FAILURES):
+        return math.nan
 
 
 def mark_fronts(points: list[Measurement]) -> None:

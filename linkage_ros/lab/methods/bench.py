@@ -8,13 +8,14 @@ import math
 import time
 from collections.abc import Iterable
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.lab.methods.chain import FUNCTIONS, ONE, QUANTITIES, Function, Task
-from linkage_ros.lab.methods.reference import Exact, Reference
 from linkage_ros.lab.methods.registry import Method, Setting
+from linkage_ros.lab.reference.states import Reference
 from linkage_ros.numeric import Array
 
 _EVEN = 48  # angles, over a period or an arc
@@ -22,6 +23,14 @@ _NOTHING = 1e-12  # of the largest value of a quantity
 LIMIT = 1e-6  # the error of a right answer at most
 # What arithmetic raises where a formula has no answer.
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
+
+
+class _Pair(NamedTuple):
+    """A number in many digits, and as the sum of two doubles."""
+
+    high: float
+    low: float
+    number: Any
 
 
 class Truth:
@@ -43,16 +52,16 @@ class Truth:
             lengths: As for `Reference`.
         """
         self.task = task
-        self._reference = Reference(task, lengths)
+        self._reference = Reference(task.mechanism, task.speed, task.acceleration, lengths)
         self._solver = Solver(task.mechanism)
         self._slides = self._solver.structure.links[-1].slides
-        self._states: dict[float, Exact] = {}
-        self._pairs: dict[tuple[str, float], list[tuple[float, float]]] = {}
+        self._states: dict[float, dict[str, list[_Pair]]] = {}
 
-    def exact(self, crank: float) -> Exact:
+    def _exact(self, crank: float) -> dict[str, list[_Pair]]:
         """The reference state."""
         if crank not in self._states:
-            self._states[crank] = self._reference.state(crank)
+            state = self._reference.state(crank)._asdict()
+            self._states[crank] = {name: [*map(_split, row)] for name, row in state.items()}
         return self._states[crank]
 
     @cached_property
@@ -73,32 +82,24 @@ class Truth:
             sizes[quantity] = tuple(x if x > _NOTHING * max(largest) else 0.0 for x in largest)
         return sizes
 
-    def _pair(self, quantity: str, crank: float) -> list[tuple[float, float]]:
-        """The exact values as sums of two doubles."""
-        found = self._pairs.get((quantity, crank))
-        if found is None:
-            exact = getattr(self.exact(crank), quantity)
-            found = self._pairs[quantity, crank] = [
-                (float(value), -Reference.difference(float(value), value, is_angle=False))
-                for value in exact
-            ]
-        return found
-
     def error(self, quantity: str, crank: float, values: Iterable[float]) -> float:
-        """The largest relative error of values; inf where one is no number."""
-        worst = 0.0
-        pairs, sizes = self._pair(quantity, crank), self._sizes[quantity]
-        for i, (value, (high, low), size) in enumerate(zip(values, pairs, sizes, strict=True)):
+        """The largest relative error of values; inf if one is not finite."""
+        worst, exact, sizes = 0.0, self._exact(crank)[quantity], self._sizes[quantity]
+        for i, (value, true, size) in enumerate(zip(values, exact, sizes, strict=True)):
             if not math.isfinite(value):
                 return math.inf
             is_angle = quantity == 'position' and not (i == 1 and self._slides)
-            apart = abs(value - high - low)
+            apart = abs(value - true.high - true.low)
             if is_angle and apart > 1.0:
-                exact = getattr(self.exact(crank), quantity)[i]
-                apart = abs(Reference.difference(value, exact, is_angle=True))
-            scale = 1.0 if is_angle else max(size, abs(high))
-            worst = max(worst, apart / scale if size else apart)
+                apart = abs(Reference.difference(value, true.number, is_angle=True))
+            scale = 1.0 if is_angle or not size else max(size, abs(true.high))
+            worst = max(worst, apart / scale)
         return worst
+
+
+def _split(number: Any) -> _Pair:
+    high = float(number)
+    return _Pair(high, -Reference.difference(high, number, is_angle=False), number)
 
 
 class Bench(Truth):
@@ -183,15 +184,12 @@ def time_pass(function: Function, cranks: list[float] | Array) -> float:
         cranks: rad.
 
     Returns:
-        Time per state, us; nan if it fails at an angle.
+        Time per state, us.
     """
     start = time.perf_counter()
-    try:
-        if isinstance(cranks, list):
-            for crank in cranks:
-                function(crank)
-        else:
-            function(cranks)
-    except FAILURES:
-        return math.nan
+    if isinstance(cranks, list):
+        for crank in cranks:
+            function(crank)
+    else:
+        function(cranks)
     return (time.perf_counter() - start) / len(cranks) * 1e6

@@ -16,8 +16,9 @@ import numpy as np
 from scipy import integrate
 
 from linkage_ros.dynamics.state import loop_residual
-from linkage_ros.lab.methods.cut_loop import CutLoop, Number, Row
-from linkage_ros.lab.methods.problems import InitialValueProblem, Phase
+from linkage_ros.formulas import Vector
+from linkage_ros.lab.reference.multibody import Multibody
+from linkage_ros.lab.reference.problems import InitialValueProblem, Phase
 from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.numeric import Array, with_turns
 
@@ -153,10 +154,10 @@ class OfScipy(Follower):
 
 
 class Multipliers(OfScipy):
-    """The loop cut open (`cut_loop`), followed by DOP853; nothing closes it again.
+    """The multibody equations in doubles, followed by DOP853; nothing closes the loop again.
 
-    Constraints hold in their second derivatives alone: what is lost stays lost, and a rate that
-    is lost opens the loop further and further.
+    Constraints hold in their second derivatives alone: an error stays, and an error of a rate
+    opens the loop further and further.
     """
 
     def __init__(self, problem: InitialValueProblem, tolerance: float) -> None:
@@ -166,41 +167,33 @@ class Multipliers(OfScipy):
             problem: The motion and its start.
             tolerance: Relative, and absolute in rad and crank lengths.
         """
-        self._loop = CutLoop(problem.mechanism, float, lambda x: (math.cos(x), math.sin(x)))
-        self._count = 4 if self._loop.slides else 3
-        q, u = problem.start[: problem.count], problem.start[problem.count :]
-        state = problem.driven.solver.state(q, u, (0.0,) * problem.count)
-        start = *state.position[: self._count], *state.velocity[: self._count]
-        units = (1.0, 1.0, 1.0, problem.mechanism.crank.length)[: self._count] * 2
-        self._values: Sequence[float] = start
-        super().__init__(problem, 'DOP853', tolerance, start, units)
+        mechanism, count = problem.mechanism, problem.count
+        self._bodies = Multibody(mechanism, float, Vector.at)
+        q, u = problem.start[:count], problem.start[count:]
+        state = problem.driven.solver.state(q, u, (0.0,) * count)
+        self._values: Sequence[float] = *state.position, *state.velocity
+        units = [mechanism.crank.length if slides else 1.0 for slides in self._bodies.slides]
+        super().__init__(problem, 'DOP853', tolerance, tuple(self._values), (*units, *units))
+
+    def _places(self, values: Sequence[float]) -> list[Vector]:
+        pairs = zip(values, self._bodies.slides, strict=False)
+        return [Vector(x, 0.0) if slides else Vector.at(x) for x, slides in pairs]
 
     def _slope(self, _: float, phase: Array) -> Array:
-        values, count, motor = phase.tolist(), self._count, self.problem.motor
-        spins = values[count : count + 3]
-        found = self._loop.accelerations(
-            _directions(values), spins, values[-1] if self._loop.slides else None,
-            motor.at(spins[0]), _solve,
-        )  # fmt: skip
-        return np.array([*values[count:], *found])
+        values, motor = phase.tolist(), self.problem.motor
+        rates = values[len(values) // 2 :]
+        torque = motor.at(rates[0])
+        found = self._bodies.accelerations(self._places(values), rates, torque, np.linalg.solve)
+        return np.array([*rates, *found])
 
     def _advance(self, time: float) -> Phase:
         values = self._values = super()._advance(time)
-        return tuple([values[i] for i in ((0, 3, 4, 7) if self._loop.slides else (0, 3))])
+        half = len(values) // 2
+        return values[0], *values[3:half], values[half], *values[half + 3 :]
 
     def gap(self) -> float:
-        """By how much the loop does not close by now, m."""
-        place = self._values[3] if self._loop.slides else None
-        return math.hypot(*self._loop.gap(_directions(self._values), place))
-
-
-def _directions(values: Sequence[float]) -> list[tuple[float, float]]:
-    return [(math.cos(angle), math.sin(angle)) for angle in values[:3]]
-
-
-def _solve(rows: list[Row], right: Row) -> list[Number]:
-    found: list[Number] = np.linalg.solve(np.array(rows), np.array(right)).tolist()
-    return found
+        """How far the loop is from being closed by now, m."""
+        return math.hypot(*self._bodies.gap(self._places(self._values)))
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:

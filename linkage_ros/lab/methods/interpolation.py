@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,97 +24,85 @@ from linkage_ros.numeric import SCALAR, Array, Functions, Real
 _OVERSAMPLED = 4
 
 
-class _PeriodSamples:
+class _Samples(NamedTuple):
     """Even samples of one period of coupler and output, as smooth curves.
 
-    A link that turns with the crank gains turns; what is left without them is periodic.
+    A link that turns with the crank gains turns; the rest is periodic.
+
+    Attributes:
+        length: Length of the period, rad.
+        gain: Turns of coupler and output per turn of the crank.
+        values: The periodic rest of both; the last sample is the first one again.
+        slopes: Its derivatives by the crank angle.
     """
 
-    def __init__(self, mechanism: Linkage, count: int) -> None:
-        solver = Solver(mechanism)
-        solver.reach.require_full_turn()
-        turns = solver.reach.period_turns
-        self.length = turns * 2 * math.pi
-        self.step = self.length / count
-        # Finer than the samples, so that no link turns by half a turn between two.
-        fine = max(1, math.ceil(720 * turns / count))
-        cranks = np.arange(count * fine + 1) * (self.step / fine)
-        state = solver.state(cranks, 1.0)
-        curves = np.unwrap(np.stack(state.position[1:]), axis=1)
-        if solver.structure.links[-1].slides:
-            curves[1] = state.position[2]
-        self.gain = (curves[:, -1] - curves[:, 0]) / self.length
-        self.gain = np.round(self.gain * turns) / turns  # whole turns per period, or none
-        periodic = curves - self.gain[:, None] * cranks
-        self.values: Array = periodic[:, ::fine]
-        self.slopes: Array = np.stack(state.velocity[1:])[:, ::fine] - self.gain[:, None]
+    length: float
+    gain: Array
+    values: Array
+    slopes: Array
+
+
+def _sample(mechanism: Linkage, count: int) -> _Samples:
+    solver = Solver(mechanism)
+    solver.reach.require_full_turn()
+    turns = solver.reach.period_turns
+    # Finer than the samples, so that no link turns by half a turn between two.
+    fine = max(1, math.ceil(720 * turns / count))
+    cranks = np.arange(count * fine + 1) * (turns * 2 * math.pi / (count * fine))
+    state = solver.state(cranks, 1.0)
+    curves = np.unwrap(np.stack(state.position[1:]), axis=1)
+    if solver.structure.links[-1].slides:
+        curves[1] = state.position[2]
+    # Whole turns per period, or none.
+    gain = np.round((curves[:, -1] - curves[:, 0]) / (2 * math.pi)) / turns
+    slopes = np.stack(state.velocity[1:]) - gain[:, None]
+    values = curves - gain[:, None] * cranks
+    return _Samples(turns * 2 * math.pi, gain, values[:, ::fine], slopes[:, ::fine])
 
 
 # A chart asks for each table several times in a row.
 @lru_cache(maxsize=2)
 def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
     """A table of positions and rates, read by cubic interpolation; `nodes` per period."""
-    period = _PeriodSamples(mechanism, nodes)
-    length, step, gain = period.length, period.step, period.gain
-    at, slope = period.values, period.slopes * step
-    change = at[:, 1:] - at[:, :-1]
+    length, gain, at, slopes = _sample(mechanism, nodes)
+    slope, change = slopes * (length / nodes), np.diff(at)
     square = 3 * change - 2 * slope[:, :-1] - slope[:, 1:]
     cube = slope[:, :-1] + slope[:, 1:] - 2 * change
-    table = np.stack([at[:, :-1], slope[:, :-1], square, cube])
-    (g1, g2), per_step = gain, 1 / step
-    if f is SCALAR:
-        rows = [tuple(map(float, column)) for column in table.reshape(8, -1).T]
-        g1, g2 = float(g1), float(g2)
+    table = np.concatenate([at[:, :-1], slope[:, :-1], square, cube])
+    (g1, g2), per_step = gain.tolist(), nodes / length
+    rows = table.T.tolist()
 
-        def look_up(crank: float) -> tuple[float, float]:
-            place = (crank % length) * per_step
-            index = min(int(place), nodes - 1)
-            t = place - index
+    def look_up(crank: Real) -> tuple[Real, Real]:
+        place = (crank % length) * per_step
+        if f is SCALAR:
+            index: Any = min(int(place), nodes - 1)
             a1, a2, b1, b2, c1, c2, d1, d2 = rows[index]
-            return (
-                a1 + t * (b1 + t * (c1 + t * d1)) + g1 * crank,
-                a2 + t * (b2 + t * (c2 + t * d2)) + g2 * crank,
-            )
-
-        return look_up
-
-    def look_up_all(crank: Real) -> tuple[Real, Real]:
-        place = np.mod(crank, length) * per_step
-        index = np.minimum(place.astype(np.intp), nodes - 1)
+        else:
+            index = np.minimum(place.astype(np.intp), nodes - 1)
+            a1, a2, b1, b2, c1, c2, d1, d2 = table[:, index]
         t = place - index
-        a, b, c, d = table[:, :, index]
-        first, second = a + t * (b + t * (c + t * d))
-        return first + g1 * crank, second + g2 * crank
+        return (
+            a1 + t * (b1 + t * (c1 + t * d1)) + g1 * crank,
+            a2 + t * (b2 + t * (c2 + t * d2)) + g2 * crank,
+        )
 
-    return look_up_all
+    return look_up
 
 
 @lru_cache(maxsize=2)
 def fourier(mechanism: Linkage, harmonics: int, f: Functions) -> Locate:
     """A truncated Fourier series of the period, its coefficients by the fast transform."""
-    period = _PeriodSamples(mechanism, max(64, _OVERSAMPLED * harmonics))
-    samples = period.values[:, :-1]
-    spectrum = np.fft.rfft(samples, axis=1)[:, : harmonics + 1] / samples.shape[1]
+    length, gain, values, _ = _sample(mechanism, max(64, _OVERSAMPLED * harmonics))
+    spectrum = np.fft.rfft(values[:, :-1], axis=1, norm='forward')[:, : harmonics + 1]
     spectrum[:, 1:] *= 2
-    rate = 2 * math.pi / period.length
-    (g1, g2) = map(float, period.gain)
-    if f is SCALAR:
-        pairs = [tuple(map(complex, pair)) for pair in spectrum.T[::-1]]
+    rate, (g1, g2) = 2 * math.pi / length, gain.tolist()
+    pairs = spectrum.T[::-1].tolist()
 
-        def add_up(crank: float) -> tuple[float, float]:
-            z = complex(math.cos(rate * crank), math.sin(rate * crank))
-            first = second = 0j
-            for one, other in pairs:  # Horner
-                first, second = first * z + one, second * z + other
-            return first.real + g1 * crank, second.real + g2 * crank
-
-        return add_up
-
-    def add_up_all(crank: Real) -> tuple[Real, Real]:
-        z = np.exp(1j * rate * crank)
+    def add_up(crank: Real) -> tuple[Real, Real]:
+        z = f.cos(rate * crank) + 1j * f.sin(rate * crank)
         first = second = 0j
-        for one, other in spectrum.T[::-1]:
+        for one, other in pairs:  # Horner
             first, second = first * z + one, second * z + other
         return first.real + g1 * crank, second.real + g2 * crank
 
-    return add_up_all
+    return add_up

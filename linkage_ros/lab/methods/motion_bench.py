@@ -4,13 +4,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from decimal import Decimal
 from functools import cached_property
 
-from linkage_ros.lab.methods.motion_reference import MotionReference
-from linkage_ros.lab.methods.problems import InitialValueProblem, Phase
+from linkage_ros.errors import LinkageError
+from linkage_ros.lab.methods.bench import FAILURES
+from linkage_ros.lab.methods.registry import Integrator, Setting
+from linkage_ros.lab.reference.motions import MotionReference
+from linkage_ros.lab.reference.problems import InitialValueProblem, Phase
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
 _ASKED = 0.05  # s between two states that are compared
@@ -58,12 +62,12 @@ class MotionBench:
         """How far a phase is from the true one.
 
         Args:
-            index: Of the time.
+            index: Index of the time.
             phase: Coordinates, the crank with all its turns, then their rates.
 
         Returns:
             The largest of its errors: in rad, crank lengths and, of rates, relative to the
-            largest of the motion; inf where one is no number.
+            largest of the motion; inf if one is not finite.
         """
         if not all(map(math.isfinite, phase)):
             return math.inf
@@ -71,17 +75,37 @@ class MotionBench:
         return max(abs(float(Decimal(value) - true)) / size for value, true, size in values)
 
     def drift(self, phase: Phase) -> float:
-        """What a phase has won or lost of the energy.
+        """What a phase has gained or lost of the energy.
 
         Args:
             phase: Of a motion without motor and damping.
 
         Returns:
-            Relative to the kinetic energy at first; inf where one is no number.
+            Relative to the kinetic energy at first; inf if a value is not finite.
         """
         if not all(map(math.isfinite, phase)):
             return math.inf
         return abs(sum(self.problem.energy(phase)) - self._energy) / self._kinetic
+
+    def worst_error(self, method: Integrator, setting: Setting, quantity: str) -> float:
+        """The largest error of an integrator over the motion; inf where it fails.
+
+        Args:
+            method: From the registry.
+            setting: One of its settings.
+            quantity: TRAJECTORY or ENERGY.
+
+        Returns:
+            The error.
+        """
+        try:
+            follower = method.make(self.problem, setting)
+            phases = [follower.at(time) for time in self.times]
+        except (LinkageError, *FAILURES):
+            return math.inf
+        if quantity == ENERGY:
+            return max(map(self.drift, phases))
+        return max(itertools.starmap(self.error, enumerate(phases)))
 
 
 def even(seconds: float) -> list[float]:

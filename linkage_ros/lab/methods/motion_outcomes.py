@@ -33,8 +33,8 @@ from linkage_ros.lab.methods.motion_situations import (
     MotionSituation,
 )
 from linkage_ros.lab.methods.outcomes import DIVERGED, NAN, OUTCOMES, REFUSED, RIGHT, Cell
-from linkage_ros.lab.methods.problems import ChartMechanisms, Phase
 from linkage_ros.lab.methods.registry import INTEGRATORS, Integrator
+from linkage_ros.lab.reference.problems import ChartMechanisms, Phase
 
 
 class _Followed(NamedTuple):

@@ -14,8 +14,8 @@ import numpy as np
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.lab.methods.linkages import Random, four_bar, limited
 from linkage_ros.lab.methods.motion_bench import ENERGY, LOOP, TRAJECTORY, even
-from linkage_ros.lab.methods.motion_reference import MotionReference
-from linkage_ros.lab.methods.problems import ChartMechanisms, InitialValueProblem, Phase
+from linkage_ros.lab.reference.motions import MotionReference
+from linkage_ros.lab.reference.problems import ChartMechanisms, InitialValueProblem, Phase
 from linkage_ros.motion.drives import Motor
 
 _SEED = 20_261_122

@@ -22,7 +22,7 @@ from linkage_ros.lab.methods.integrators import (
 )
 from linkage_ros.lab.methods.iteration import NewtonRaphson
 from linkage_ros.lab.methods.loop import Loop
-from linkage_ros.lab.methods.problems import InitialValueProblem
+from linkage_ros.lab.reference.problems import InitialValueProblem
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE, FixedSteps
 from linkage_ros.numeric import SCALAR, Functions

@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import optimize
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
@@ -30,11 +31,8 @@ from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 _PARTS = 128  # of a turn: the mean over them is exact to rounding, for a smooth periodic function
-_ITERATIONS = 30
-_DIFFERENCE = 1e-5  # in crank lengths and speeds, for derivatives by central differences
-_STEP = 1e-11  # likewise: the last step of Newton's method
+_TOLERANCE = 1e-12  # of an averaged motion, in crank lengths and of the speed
 _GUESSES = 7  # of where the slider may be in the middle
-_NEIGHBOURS = np.concatenate((np.zeros((4, 1)), np.eye(4), -np.eye(4)), axis=1)
 
 
 class Averaged(NamedTuple):
@@ -139,40 +137,41 @@ class Averaging:
         Returns:
             The motion, or None where none is found.
         """
-        z, length = np.array(guess), self._mechanism.crank.length
-        sizes = np.array((length, length, length, guess[3]))
-        for _ in range(_ITERATIONS):
-            changes = _DIFFERENCE * sizes
-            try:
-                values = self._lacks(z[:, None] + changes[:, None] * _NEIGHBOURS)
-                loads = values[3].copy()
-                values[3] = z[3] + changes[3] * _NEIGHBOURS[3] - guess[3]
-                if motor:
-                    values[3] = loads + motor.damping * (values[3] + guess[3]) - motor.torque
-                slopes = (values[:, 1:5] - values[:, 5:]) / (2 * changes)
-                step = np.linalg.solve(slopes, values[:, 0])
-            except (LinkageError, np.linalg.LinAlgError):
-                return None
-            z = z - step
-            if (np.abs(step) < _STEP * sizes).all():
-                mean, cosine, sine, speed = map(float, z)
-                return Averaged(mean, cosine, sine, speed, float(loads[0]))
-        return None
+        sizes = np.array((*[self._mechanism.crank.length] * 3, guess[3]))
+
+        def lacks(part: Array) -> Array:
+            found = self._lacks(part * sizes)
+            speed = part[3] * guess[3]
+            if motor:
+                found[3] += motor.damping * speed - motor.torque
+            else:
+                found[3] = speed - guess[3]
+            return found
+
+        try:
+            with np.errstate(all='ignore'):
+                solved = optimize.root(lacks, guess / sizes, tol=_TOLERANCE)
+        except LinkageError:
+            return None
+        if not solved.success:
+            return None
+        z = solved.x * sizes
+        mean, cosine, sine, speed = map(float, z)
+        return Averaged(mean, cosine, sine, speed, float(self._lacks(z)[3]))
 
     def _lacks(self, z: Array) -> Array:
-        """<R2>, <R2 cos>, <R2 sin>, N, and <R1>, N m, of guesses, a column for each."""
+        """<R2>, <R2 cos>, <R2 sin>, N, and <R1>, N m."""
         _, cos, sin = self._weights
-        mean, a, b, w = z[..., None]
+        mean, a, b, w = z
         x, v = mean + a * cos + b * sin, w * (b * cos - a * sin)
-        phi = np.broadcast_to(self._angles, x.shape)
-        q, u = (phi.ravel(), x.ravel()), ((w + 0 * x).ravel(), v.ravel())
+        q, u = (self._angles, x), (np.full_like(x, w), v)
         # R = M q'' + h - Q is M (q'' - the q'' of a motion without a motor).
-        spin, push = np.reshape(self._solver.accelerations(q, u, 0.0), (2, *x.shape))
-        (m11, m12), (_, m22) = np.reshape(self._solver.matrix(q), (2, 2, *x.shape))
+        spin, push = self._solver.accelerations(q, u, 0.0)
+        (m11, m12), (_, m22) = self._solver.matrix(q)
         rest = w * w * (mean - x) - push
         force = m22 * rest - m12 * spin
         torque = m12 * rest - m11 * spin
-        return np.vstack((self._weights @ force.T / _PARTS, torque.mean(axis=1)))
+        return np.array((*(self._weights @ force / _PARTS), np.mean(torque)))
 
     def _middles(self) -> list[float]:
         """Where the slider may be in the middle, m."""

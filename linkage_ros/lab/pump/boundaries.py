@@ -6,15 +6,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from linkage_ros.lab.pump.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.lab.pump.poincare import PoincareMap
-from linkage_ros.numeric import Array
 
+Pair: TypeAlias = tuple[PeriodicMotion, PeriodicMotion]
 FOLD = 'fold'
 PERIOD_DOUBLING = 'period doubling'
 TORUS = 'torus'
@@ -48,38 +48,51 @@ class Boundary(NamedTuple):
     motion: PeriodicMotion
 
 
-def find_boundary(
-    poincare: PoincareMap, pair: tuple[PeriodicMotion, PeriodicMotion]
-) -> Boundary | None:
+def find_boundaries(poincare: PoincareMap, pairs: Sequence[Pair]) -> list[Boundary]:
     """Where neighbours differ in stability, by a polynomial through a test function there.
 
     Args:
         poincare: The Poincare map.
-        pair: The neighbours, by growing speed.
+        pairs: The neighbours, each by growing speed.
 
     Returns:
-        The boundary; None: none is found.
+        The boundaries that are found.
     """
-    shares = (1 - np.cos(np.pi * np.arange(1, _NODES) / _NODES)) / 2
-    known = [pair[0], *filter(None, _between(poincare, pair, shares)), pair[1]]
-    places = [
-        (motion.speed - known[0].speed) / (pair[1].speed - known[0].speed) for motion in known
+    shares = ((1 - np.cos(np.pi * np.arange(1, _NODES) / _NODES)) / 2).tolist()
+    found = _between(poincare, [(pair, share) for pair in pairs for share in shares])
+    losses = []
+    for number, pair in enumerate(pairs):
+        inner = found[number * len(shares) : (number + 1) * len(shares)]
+        losses += _losses(pair, [pair[0], *filter(None, inner), pair[1]])
+    motions = _between(poincare, [(pair, share) for _, pair, share in losses])
+    return [
+        Boundary(kind, motion)
+        for (kind, _, _), motion in zip(losses, motions, strict=True)
+        if motion
     ]
+
+
+def _losses(pair: Pair, known: Sequence[PeriodicMotion]) -> list[tuple[str, Pair, float]]:
+    """The way in which stability is lost, and at which share of the way between two motions."""
+    low, high = pair
+    places = [(motion.speed - low.speed) / (high.speed - low.speed) for motion in known]
     for kind, test in _TESTS.items():
         values = [test(motion.multipliers) for motion in known]
         if values[0] * values[-1] < 0:
             roots = np.polynomial.Polynomial.fit(places, values, len(known) - 1).roots()
             real = roots.real[(abs(roots.imag) < 1e-9) & (abs(roots.real - 0.5) <= 0.5)]
-            (motion,) = _between(poincare, pair, real[:1])
-            return Boundary(kind, motion) if motion else None
-    return None
+            return [(kind, pair, float(share)) for share in real[:1]]
+    return []
 
 
 def _between(
-    poincare: PoincareMap, pair: tuple[PeriodicMotion, PeriodicMotion], shares: Array
+    poincare: PoincareMap, places: Sequence[tuple[Pair, float]]
 ) -> list[PeriodicMotion | None]:
     """The motions at speeds between those of two others, from one (0) to the other (1)."""
-    low, high = pair
-    guesses = low.unknowns[:, None] + shares * (high.unknowns - low.unknowns)[:, None]
-    speeds = low.speed + shares * (high.speed - low.speed)
-    return find_motions(poincare, guesses, Wanted(speeds, is_speed=True))
+    if not places:
+        return []
+    guesses = [
+        low.unknowns + share * (high.unknowns - low.unknowns) for (low, high), share in places
+    ]
+    speeds = [low.speed + share * (high.speed - low.speed) for (low, high), share in places]
+    return find_motions(poincare, np.array(guesses).T, Wanted(np.array(speeds), is_speed=True))

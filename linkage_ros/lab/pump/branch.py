@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros.lab.pump.averaging import Averaged
-from linkage_ros.lab.pump.boundaries import Boundary, find_boundary
+from linkage_ros.lab.pump.boundaries import Boundary, find_boundaries
 from linkage_ros.lab.pump.periodic import PeriodicMotion, Wanted, find_motions
 from linkage_ros.lab.pump.poincare import PoincareMap
 from linkage_ros.numeric import Array
@@ -145,8 +145,7 @@ def follow_branch(
     ]
     neighbours = itertools.chain(*map(itertools.pairwise, stretches))
     changes = [(one, other) for one, other in neighbours if one.stable != other.stable]
-    losses = [find_boundary(poincare, pair) for pair in progress(changes, 'boundaries')]
-    return Branch(tuple(stretches), tuple(filter(None, losses)))
+    return Branch(tuple(stretches), tuple(find_boundaries(poincare, changes)))
 
 
 def _extend(
@@ -167,30 +166,34 @@ def _extend(
                 found[i : i + 1] = find_motions(poincare, guess[:, None], wanted)
 
 
-def find_states(poincare: PoincareMap, branch: Branch, torque: float) -> list[SettledState]:
+def find_states(
+    poincare: PoincareMap, branch: Branch, torques: Sequence[float]
+) -> list[list[SettledState]]:
     """The settled motions under a motor.
 
     Args:
         poincare: The Poincare map.
         branch: Where to look for them.
-        torque: Of the motor at rest, N m.
+        torques: Torques of the motor at rest, N m.
 
     Returns:
-        The states by growing speed, stable or not.
+        For each torque, the states by growing speed, stable or not.
     """
-    guesses, spans = [], []
-    for number, piece in enumerate(branch.pieces):
-        for one, other in itertools.pairwise(piece.motions):
-            if (one.torque < torque) != (other.torque < torque):
-                share = (torque - one.torque) / (other.torque - one.torque)
-                guesses.append(one.unknowns + share * (other.unknowns - one.unknowns))
-                spans.append((one.speed, other.speed, number))
-    if not guesses:
-        return []
-    wanted = Wanted(np.full(len(guesses), torque), is_speed=False)
-    found = find_motions(poincare, np.array(guesses).T, wanted)
-    return [
-        SettledState(motion, piece)
-        for motion, (low, high, piece) in zip(found, spans, strict=True)
-        if motion and low <= motion.speed <= high
+    places = [
+        (number, piece, one, other, (torque - one.torque) / (other.torque - one.torque))
+        for number, torque in enumerate(torques)
+        for piece, (motions, _) in enumerate(branch.pieces)
+        for one, other in itertools.pairwise(motions)
+        if (one.torque < torque) != (other.torque < torque)
     ]
+    guesses = [
+        one.unknowns + share * (other.unknowns - one.unknowns) for *_, one, other, share in places
+    ]
+    values = np.array([torques[number] for number, *_ in places])
+    wanted = Wanted(values, is_speed=False)
+    found = find_motions(poincare, np.reshape(guesses, (-1, 4)).T, wanted) if places else []
+    states: list[list[SettledState]] = [[] for _ in torques]
+    for motion, (number, piece, one, other, _) in zip(found, places, strict=True):
+        if motion and one.speed <= motion.speed <= other.speed:
+            states[number].append(SettledState(motion, piece))
+    return states

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import signal
 
 from linkage_ros.errors import LinkageError
-from linkage_ros.lab.pump.fourier import extremum
 from linkage_ros.lab.pump.poincare import PoincareMap
 from linkage_ros.numeric import Array
 
@@ -25,6 +25,7 @@ _RESIDUAL = 1e-12  # of a fixed point, in crank lengths, turns and the speed its
 _ITERATIONS = 10
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 _PARTS = 256  # of a turn, from which the slider's ends are found
+_FINE = 2**15  # parts for the parabola
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,10 @@ class PeriodicMotion:
         """Point and torque: where Newton's method can begin for a neighbour."""
         return np.array((*self.point, self.torque))
 
+    def toward(self, other: PeriodicMotion, share: float) -> Array:
+        """The unknowns between those of this motion (0) and of another (1)."""
+        return self.unknowns + share * (other.unknowns - self.unknowns)
+
     def record(self) -> dict[str, Any]:
         """For JSON."""
         return {
@@ -93,6 +98,23 @@ class PeriodicMotion:
             ),
             'multipliers': [[value.real, value.imag] for value in self.multipliers],
         }
+
+
+def extremum(samples: Array, sign: int) -> float:
+    """The largest or least value of a periodic function, by a parabola between fine samples.
+
+    Args:
+        samples: Its values in equal parts of the period, enough for its Fourier series to end.
+        sign: 1: the largest; -1: the least.
+
+    Returns:
+        The value.
+    """
+    fine = sign * signal.resample(samples, _FINE)
+    top = int(np.argmax(fine))
+    before, value, after = np.take(fine, (top - 1, top, top + 1), mode='wrap')
+    bend = before - 2 * value + after
+    return float(sign * (value - ((after - before) ** 2 / (8 * bend) if bend else 0.0)))
 
 
 class Wanted(NamedTuple):

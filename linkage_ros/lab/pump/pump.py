@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from typing import Any, NamedTuple
@@ -12,18 +13,11 @@ import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.lab.pump.averaging import Averaged, Averaging
-from linkage_ros.lab.pump.basins import (
-    Basins,
-    Neighbourhoods,
-    find_basins,
-    make_grid,
-    settling_time,
-)
 from linkage_ros.lab.pump.branch import Branch, find_states, follow_branch
 from linkage_ros.lab.pump.periodic import PeriodicMotion
 from linkage_ros.lab.pump.poincare import PoincareMap
 from linkage_ros.lab.pump.runs import START_SPEED, Run, follow_run
-from linkage_ros.lab.pump.sensitivity import Sensitivity, sensitivities
+from linkage_ros.lab.pump.sensitivity import CHANGES, Sensitivity, sensitivities
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.quantities import Quantity
@@ -33,7 +27,9 @@ _FASTEST = 10.0  # times the fastest start: where it begins at most
 _ABOVE = 1.1  # how far beyond the highest speed of interest it begins
 _ASIDE = 0.02  # of the speed of an unstable state: how far from it motions start
 _SETTLED = 1e-3  # what remains of the deviations at the start of a run; quick: ten times that
-_NEAR = 5e-3  # and of those from the grid
+_TURNS = 150  # of a state at most, in which a run comes near
+_UNKNOWN = 60  # turns where there is no state
+_NEAR = 0.05  # of the speed of a state: a run that ends so near has settled there
 _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
 
 
@@ -48,9 +44,8 @@ class Analysis(NamedTuple):
         branch: Settled motions over the speed.
         averaged: Averaged motions over the speed, in stretches without a gap.
         sensitivities: Of the stable states.
-        basins: Where the motions from a grid of starts settle.
         runs: Motions from single starts.
-        ends: The number of the state at which each run ends, or ELSEWHERE.
+        ends: The number of the state at which each run settles; None: at none of them.
     """
 
     poincare: PoincareMap
@@ -60,18 +55,14 @@ class Analysis(NamedTuple):
     branch: Branch
     averaged: list[list[Averaged]]
     sensitivities: list[Sensitivity]
-    basins: Basins
     runs: list[Run]
-    ends: list[int]
+    ends: list[int | None]
 
     def record(self) -> dict[str, Any]:
         """For JSON, in SI units; flow is stroke x speed."""
         return {
             'motor': asdict(self.motor),
-            'states': [
-                {**state.record(), 'share_of_starts': self.basins.share(number)}
-                for number, state in enumerate(self.states)
-            ],
+            'states': [state.record() for state in self.states],
             'averaged_states': [state.record() for state in self.averaged_states],
             'torques_with_two_stable_states': [
                 one._asdict() for one in self.branch.bistable_ranges()
@@ -92,9 +83,8 @@ class Analysis(NamedTuple):
                 for motion in stretch
             ],
             'averaged_load_curve': [one.record() for stretch in self.averaged for one in stretch],
-            'basins': self.basins.record(),
             'runs': [
-                {**run.record(), 'settles_at_state': end if end >= 0 else None}
+                {**run.record(), 'settles_at_state': end}
                 for run, end in zip(self.runs, self.ends, strict=True)
             ],
         }
@@ -128,22 +118,21 @@ def analyse(
     poincare, averaging = PoincareMap(mechanism, motor.damping), Averaging(mechanism)
     averaged = _scan(averaging, motor, speeds, 24 if quick else 90)
     branch = follow_branch(poincare, averaged, progress)
-    found = find_states(poincare, branch, motor.torque)
+    torques = [motor.torque, *(motor.torque * change for change in CHANGES)]
+    found, *others = find_states(poincare, branch, torques)
     states = [state.motion for state in found]
 
-    near, top = Neighbourhoods(poincare, states), max(*speeds, _top(motor, 2 * max(speeds)))
-    grid = make_grid(top, mechanism.crank.length, 28 if quick else 80)
-    basins = find_basins(mechanism, motor, near, grid, settling_time(states, _NEAR, top), progress)
-    duration = settling_time(states, 10 * _SETTLED if quick else _SETTLED, top)
+    top = max(*speeds, _top(motor, 2 * max(speeds)))
+    duration = _settling_time(states, 10 * _SETTLED if quick else _SETTLED, top)
     runs = [
         follow_run(poincare.solver, motor, point, duration, name)
         for name, point in progress(_starts(mechanism, speeds, states), 'runs')
     ]
-    ends = near.locate(np.array([run.phase for run in runs]).T).tolist()
-    changed = sensitivities(poincare, branch, motor.torque, found, progress)
+    ends = [_end(run, states) for run in runs]
+    changed = sensitivities(motor.torque, found, others)
     return Analysis(
         poincare, motor, states, averaging.states(averaged, motor), branch, averaged,
-        changed, basins, runs, ends,
+        changed, runs, ends,
     )  # fmt: skip
 
 
@@ -179,6 +168,27 @@ def _starts(
             name = f'{_ASIDE:.0%} {word} {state.speed:.4g} rad/s'
             starts.append((name, (x, v, w * (1 + sign * _ASIDE))))
     return starts
+
+
+def _settling_time(states: Sequence[PeriodicMotion], shrink: float, fastest: float) -> float:
+    """The time, s, in which deviations from all stable states shrink to this part."""
+    times = [
+        state.period * min(_TURNS, 5 + math.log(shrink) / math.log(max(state.radius, 1e-9)))
+        for state in states
+        if state.stable
+    ]
+    return max(times, default=_UNKNOWN * 2 * math.pi / fastest)
+
+
+def _end(run: Run, states: Sequence[PeriodicMotion]) -> int | None:
+    """The number of the stable state at whose speed a run ends."""
+    speed = float(np.mean(run.speeds[-len(run.speeds) // 10 :]))
+    near = [
+        number
+        for number, state in enumerate(states)
+        if state.stable and abs(speed / state.speed - 1) < _NEAR
+    ]
+    return near[0] if near and not run.ended else None
 
 
 def _top(motor: Motor, bound: float) -> float:

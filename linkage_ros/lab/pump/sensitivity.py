@@ -4,12 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from linkage_ros.lab.pump.branch import Branch, SettledState, find_states
+from linkage_ros.lab.pump.branch import SettledState
 from linkage_ros.lab.pump.periodic import PeriodicMotion
-from linkage_ros.lab.pump.poincare import PoincareMap
 
 CHANGES = (0.95, 1.05)  # of the torque
 
@@ -36,27 +35,21 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivities(
-    poincare: PoincareMap,
-    branch: Branch,
-    torque: float,
-    found: Sequence[SettledState],
-    progress: Callable[[Iterable[Any], str], Any],
+    torque: float, found: Sequence[SettledState], changed: Sequence[Sequence[SettledState]]
 ) -> list[Sensitivity]:
-    """Finds the stable states again at changed torques.
+    """Compares the stable states with those at changed torques.
 
     Args:
-        poincare: The Poincare map.
-        branch: Where to look for them.
-        torque: Of the motor at rest, N m, that is changed.
+        torque: Torque of the motor at rest, N m.
         found: All states at that torque.
-        progress: Wraps what is gone through, with a word for it.
+        changed: All states at each of the changed torques.
 
     Returns:
-        For each change and stable state, what becomes of it.
+        For each change and stable state, the state then.
     """
-    changed = []
-    for change in progress(CHANGES, 'other torques'):
-        others = {one.piece: one.motion for one in find_states(poincare, branch, torque * change)}
+    rows = []
+    for change, states in zip(CHANGES, changed, strict=True):
+        others = {one.piece: one.motion for one in states}
         for number, (nominal, piece) in enumerate(found):
             if nominal.stable:
                 motion = others.get(piece)
@@ -65,5 +58,5 @@ def sensitivities(
                     for name in ('speed', 'stroke', 'flow')
                     if motion
                 }
-                changed.append(Sensitivity(number, torque * change, motion, changes))
-    return changed
+                rows.append(Sensitivity(number, torque * change, motion, changes))
+    return rows
