@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""All colours, wherever something is shown: in Rerun, in charts, in the documents, in URDF.
+"""All colours of Rerun, charts, documents and URDF.
 
 The palette of Okabe and Ito, which colour-blind people can tell apart, and greys. A link and its
 curves have the same colour; those of links stand out from black and from white alike. Two things

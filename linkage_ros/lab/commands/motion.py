@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart motion: a period at a given speed, or of what a wind pump settles at."""
+"""linkage_chart motion: a period at a given speed, or a turn of a wind pump in steady state."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from linkage_ros.progress import progress_bar
 
 @contextmanager
 def folder(path: Path) -> Iterator[None]:
-    """Makes the folder of the results, and says in one line why something cannot be written.
+    """Makes the folder of the results; a failure to write becomes one line.
 
     Raises:
         ConfigurationError: It cannot.
@@ -44,7 +44,7 @@ def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
 
 
 def about() -> dict[str, str]:
-    """What records are measured on."""
+    """The versions and the machine on which records are measured."""
     models: list[str] = []
     with suppress(OSError):
         models = re.findall(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())

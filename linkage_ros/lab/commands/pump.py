@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart pump: what a wind pump settles at, from where and for which torques."""
+"""linkage_chart pump: steady states of a wind pump over start and motor torque."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be solved.
+    """A linkage and the motion of its crank.
 
     Attributes:
         mechanism: The linkage.

@@ -53,7 +53,7 @@ def slider_crank(
 
 
 def _rod(length: float) -> tuple[float, float, float, tuple[float, float]]:
-    """What describes an even rod of 2 kg."""
+    """Length, mass, inertia and centre of an even rod of 2 kg."""
     return length, 2.0, length * length / 6, (length / 2, 0.0)
 
 

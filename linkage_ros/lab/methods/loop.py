@@ -68,7 +68,7 @@ class Loop:
         return -self.crank * f.sin(crank), self.crank * f.cos(crank)
 
     def bias(self, position: tuple[Real, ...], rates: tuple[Real, ...], f: Functions) -> Pair:
-        """What is left of the second derivative of the gap where nothing accelerates.
+        """The second derivative of the gap while no link accelerates.
 
         Args:
             position: Crank angle, coupler's direction and output.

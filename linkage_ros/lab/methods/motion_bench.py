@@ -75,7 +75,7 @@ class MotionBench:
         return max(abs(float(Decimal(value) - true)) / size for value, true, size in values)
 
     def drift(self, phase: Phase) -> float:
-        """What a phase has gained or lost of the energy.
+        """The change of energy up to a phase.
 
         Args:
             phase: Of a motion without motor and damping.

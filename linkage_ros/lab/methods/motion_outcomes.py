@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of integrators in situations, by the rule of `outcomes`.
+"""Outcome of each integrator in each situation, by the rule of `outcomes`.
 
 A motion is asked for at one time after another. A cell is its worst outcome:
 
@@ -38,19 +38,19 @@ from linkage_ros.lab.reference.problems import ChartMechanisms, Phase
 
 
 class _Followed(NamedTuple):
-    """What a method says of a motion.
+    """The motion as a method follows it.
 
     Attributes:
         phases: At the times that were asked for, as far as it came.
         gaps: Of the loop at these times, m.
         failure: Why it stopped: REFUSED or NAN; None: it did not.
-        told: The time that a refusal tells, s; nan: none.
+        end: The time of the end that a refusal reports, s; nan: none.
     """
 
     phases: list[Phase]
     gaps: list[float]
     failure: str | None = None
-    told: float = math.nan
+    end: float = math.nan
 
 
 def measure_motion_outcomes(
@@ -105,8 +105,8 @@ def _follow(method: Integrator, case: MotionCase) -> _Followed:
                 gaps.append(follower.gap())
                 phases.append(phase)
     except LinkageError as error:
-        told = error.time if isinstance(error, MotionError) else math.nan
-        return _Followed(phases, gaps, REFUSED, told)
+        end = error.time if isinstance(error, MotionError) else math.nan
+        return _Followed(phases, gaps, REFUSED, end)
     except FAILURES:
         return _Followed(phases, gaps, NAN)
     return _Followed(phases, gaps)
@@ -125,7 +125,7 @@ def _judge(
             errors.append(_error(situation.judged, bench, followed, i))
             continue
         if max(errors, default=0.0) <= LIMIT:
-            late = abs(followed.told - end)
+            late = abs(followed.end - end)
             return followed.failure or NAN, late if math.isfinite(late) else None
         break
     worst = max(errors)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of each method in each situation, by one rule.
+"""Outcome of each method in each situation, by one rule.
 
 A method is judged by what it computes itself, against `reference`, at every crank angle of every
 case, one at a time and as an array; a cell of the chart is its worst outcome, in this order:
@@ -68,7 +68,7 @@ class _Trial:
         self.other = Truth(replace(case.task, mechanism=other), case.lengths)
 
     def outcome(self, quantity: str, crank: float, values: tuple[float, ...]) -> tuple[str, float]:
-        """What values at a crank angle are, and their error."""
+        """The outcome of values at a crank angle, and their error."""
         error = self.own.error(quantity, crank, values)
         if error <= LIMIT:
             return RIGHT, error
@@ -136,7 +136,7 @@ def _judge(method: Method, trial: _Trial, *, exists: bool) -> tuple[str, float |
 def _answers(
     method: Method, case: Case, quantity: str, mode: str
 ) -> list[tuple[float, ...] | str]:
-    """What a method says at each crank angle: values, or the outcome that an error means."""
+    """The values at each crank angle, or the outcome that stands for an error."""
     try:
         function = getattr(method.make(case.task, method.steady, FUNCTIONS[mode]), quantity)
     except LinkageError:

@@ -196,7 +196,7 @@ INTEGRATORS = (
         'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; '
         'motion/fixed_step_integrator.py',
         _fixed,
-        # Without its tolerance a step is as long as it says, which shows the order.
+        # Without its tolerance no step is shortened, which shows the order.
         tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
     ),
     Integrator(

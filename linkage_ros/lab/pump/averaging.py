@@ -62,7 +62,7 @@ class Averaged(NamedTuple):
         return self.load + damping * self.speed
 
     def unknowns(self, damping: float) -> tuple[float, float, float, float]:
-        """What a search for the exact motion begins with, as `periodic.find_motions` takes it."""
+        """First guess of the exact motion for `periodic.find_motions`."""
         velocity = self.speed * self.sine
         return self.mean + self.cosine, velocity, self.speed, self.torque(damping)
 

@@ -60,7 +60,7 @@ class PeriodicMotion:
 
     @property
     def flow(self) -> float:
-        """What the pump delivers but for a constant: stroke x speed, m/s."""
+        """Stroke x speed, m/s: proportional to the flow of water."""
         return self.stroke * self.speed
 
     @property
@@ -118,7 +118,7 @@ def extremum(samples: Array, sign: int) -> float:
 
 
 class Wanted(NamedTuple):
-    """What is prescribed of motions.
+    """The prescribed speeds or torques of motions.
 
     Attributes:
         values: Their mean crank speeds, rad/s, or the motor's torques at rest, N m.
@@ -198,7 +198,7 @@ def _newton(poincare: PoincareMap, guesses: Array, wanted: Wanted) -> list[Perio
 
 
 def _sizes(z: Array, length: float) -> Array:
-    """What the unknowns are measured with."""
+    """The units of the unknowns."""
     return np.array((length + 0 * z[2], length * np.abs(z[2]), np.abs(z[2]), np.abs(z[3])))
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a wind pump settles at under its motor: document 3's figure 3, computed."""
+"""Steady states of a wind pump under its motor: document 3's figure 3, computed."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def analyse(
     """Finds what a pump settles at, from where, and for which torques.
 
     Args:
-        mechanism: The pump; its slider starts as it says.
+        mechanism: The pump, with the start of its slider.
         motor: Of the pump.
         speeds: Of the crank at angle 0, rad/s, from which the pump is started.
         quick: Whether fewer speeds and starts will do.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What small changes of the motor's torque do to the stable states."""
+"""Effect of small changes of the motor's torque on the stable states."""
 
 from __future__ import annotations
 

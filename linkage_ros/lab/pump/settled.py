@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What one start of a wind pump settles at, and a turn of it as columns of numbers."""
+"""The steady state that a wind pump reaches from one start; one turn of it as columns."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class SettledTurn(Period):
         """Lets a pump settle and takes a turn of it, 0.5 deg by 0.5 deg.
 
         Args:
-            mechanism: The pump; its slider starts as it says.
+            mechanism: The pump, with the start of its slider.
             motor: Of the pump.
             speed: Of the crank at angle 0, rad/s.
             progress: Wraps what is gone through, with a word for it: a progress bar.
@@ -63,7 +63,7 @@ class SettledTurn(Period):
         )  # fmt: skip
 
     def words(self) -> list[str]:
-        """What it has settled at."""
+        """Lines about the steady state."""
         motion = self.motion
         return [
             f'settled at {motion.speed:.4g} rad/s',
