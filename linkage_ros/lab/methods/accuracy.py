@@ -156,14 +156,14 @@ def measure_motion_accuracy(
 
     Args:
         mechanisms: The mechanisms that move.
-        quick: Whether a fifth of the time and fewer rounds will do.
+        quick: Whether a tenth of the time and fewer rounds will do.
         progress: Wraps an iterable in a progress bar with a word for it.
         methods: The integrators.
 
     Returns:
         The points, fronts marked.
     """
-    seconds = 2.0 if quick else 10.0
+    seconds = 1.0 if quick else 10.0
     coasting = MotionBench(mechanisms.coasting(5 * math.pi), even(seconds * 0.4))
     driven = MotionBench(mechanisms.driven(6.0), even(seconds))
     free = MotionBench(mechanisms.freed(6.0), even(seconds))

@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from mpmath import mp
+from scipy import optimize
 
 from linkage_ros.formulas import Vector, cross, dot
 from linkage_ros.lab.reference.multibody import Multibody, eliminate
@@ -78,27 +79,18 @@ class MotionReference:
         Returns:
             Time, s, right to 1e-15 s; None: never until then.
         """
-        start, time = self._sine()[0] > 0, 0.0
+        start, time = self._sine(0.0) > 0, 0.0
         while time < until:
-            time += _LOOK
-            self.at(time)
-            if (self._sine()[0] > 0) != start:
-                break
-        else:
-            return None
-        with localcontext(_CONTEXT):
-            step = Decimal(1)
-            while abs(step) > Decimal('1e-17'):
-                sine, rate = self._sine()
-                step = -sine / rate
-                self._follow(step)
-                self.time += step
-            return float(self.time)
+            before, time = time, time + _LOOK
+            if (self._sine(time) > 0) != start:
+                return float(optimize.brentq(self._sine, before, time, xtol=1e-16))
+        return None
 
-    def _sine(self) -> tuple[Decimal, Decimal]:
-        """The sine of the angle between coupler and third link, and its rate."""
-        (_, coupler, third, *_), rates = self._split(self._state)
-        return cross(coupler, third), dot(coupler, third) * (rates[2] - rates[1])
+    def _sine(self, time: float) -> float:
+        """The sine of the angle between coupler and third link at a time."""
+        self.at(time)
+        (_, coupler, third, *_), _rates = self._split(self._state)
+        return float(cross(coupler, third))
 
     def _begin(self) -> _State:
         """The crank angle; the place of each link as two numbers; all rates."""
