@@ -89,12 +89,17 @@ def walk(data: mmap, losses: Losses) -> Iterator[Stretch]:
         LogError: It unpacks to too much.
     """
     at, hurt, patience = len(MCAP0_MAGIC), False, _PATIENCE + 16 * len(data)
+    chunked = False
     allowance = Allowance(len(data))
     while at < len(data):
         opcode, end = _frame(data, at)
         if _is_the_end(data, at):
             return
-        records = _read(data, at, opcode, end, allowance) if _is_whole(data, at) else None
+        # One wrong bit makes a header or an index a message: none comes first, or beside chunks.
+        is_forged = opcode == Opcode.MESSAGE and (chunked or at == len(MCAP0_MAGIC))
+        is_credible = _is_whole(data, at) and not is_forged
+        records = _read(data, at, opcode, end, allowance) if is_credible else None
+        chunked = chunked or opcode == Opcode.CHUNK
         allowance.check()
         if records is not None:
             if opcode == Opcode.MESSAGE_INDEX and hurt:
