@@ -61,15 +61,16 @@ controller: $(VENV)/demo-ready
 reliability: $(VENV)/check-ready
 	@$(RUN) benchmarks/reliability/run.py --out reliability
 
-# Plugins of a sourced ROS break today's pytest, so that only those named here are loaded. Two
-# processes share the tests, a file at a time, since the tests of a file share what they compute.
+# Plugins of a sourced ROS break today's pytest, so that only those named here are loaded. Three
+# processes share the tests, a file at a time, since the tests of a file share what they compute:
+# many tests wait, so that two cores serve three.
 check: $(VENV)/check-ready
 	@$(RUN) -m ruff check --quiet
 	@$(RUN) -m ruff format --check --quiet
 	@$(RUN) -m mypy --no-error-summary
 	@printed=$$($(VENV)/bin/lint-imports --no-cache --no-logo) || { echo "$$printed"; exit 1; }
 	@PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin \
-		-p xdist -p no:terminaldistreporter -n 2 --dist loadfile --no-loadscope-reorder
+		-p xdist -p no:terminaldistreporter -n 3 --dist loadfile --no-loadscope-reorder
 
 $(VENV)/demo-ready: $(SETUP)
 	@$(if $(BASE),,$(error $(if $(PYTHON),$(PYTHON) is no,No) Python from 3.10 to 3.13 \

@@ -46,3 +46,13 @@ def called(monkeypatch, capfd):
     yield call
     for number, handler in zip(numbers, before, strict=True):
         signal.signal(number, handler)
+
+
+# First, so that no process is left alone with one of them at the end.
+LONGEST = ('test_stability', 'test_method_charts', 'test_pump_chart', 'test_replay', 'test_faults',
+           'test_docs', 'test_two_hosts', 'test_integrators', 'test_out_of_package')  # fmt: skip
+
+
+def pytest_collection_modifyitems(items):
+    ranks = {name: rank for rank, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: ranks.get(item.path.stem, len(ranks)))

@@ -132,14 +132,16 @@ def test_plant_and_controller_agree_on_a_prefix_in_the_file_of_the_plant(tmp_pat
     preset = preset_path('quadrilateral').read_text().rstrip()
     plant.write_text(f'{preset}\n    joint_prefix: left_\n    frame_id: tool0\n')
     arguments = node_arguments(
-        drive='torque', rate_hz=500.0, log=path, joint_prefix='left_', frame_id='tool0'
-    )
+        drive='torque', start_rpm=150.0, rate_hz=500.0, log=path, joint_prefix='left_',
+        frame_id='tool0', **{'motor.damping': 2.0},
+    )  # fmt: skip
     codec = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'tool0')
     with (
         watched([STATES], *arguments, domain=domain) as (listener, node),
         running('controller', *node_arguments(plant=plant, lead_time=0.003), domain=domain),
     ):
-        # From rest, on a busy machine not to the very speed.
+        # Without commands the motor's damping would stop the crank within a second.
+        wait_for(lambda: len(listener.received[STATES]) > 1000)
         wait_for(lambda: has_speed(listener, codec, 10.0, 25.0))
         code, output = stop(node)
     assert (code, 'refused' in output) == (0, False), output

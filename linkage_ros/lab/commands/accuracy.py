@@ -26,7 +26,7 @@ def accuracy(options: argparse.Namespace) -> None:
     movers = moving_presets()
     with folder(options.out):
         benches = {
-            name: Bench(task, 72 if options.quick else 360)
+            name: Bench(task, 36 if options.quick else 360)
             for name, task in tasks(*solved_presets()).items()
         }
         points = measure_accuracy(benches, quick=options.quick, progress=progress)

@@ -27,7 +27,7 @@ def stability(options: argparse.Namespace) -> None:
     movers = moving_presets()
     records, picture = options.out / 'stability.json', options.out / 'stability.png'
     with folder(options.out):
-        cases = 3 if options.quick else 30
+        cases = 2 if options.quick else 30
         cells = measure_outcomes(SITUATIONS, cases=cases, progress=progress)
         moved = measure_motion_outcomes(movers, cases=cases, progress=progress)
         save_records(records, [cell.record() for cell in (*cells, *moved)])

@@ -130,7 +130,7 @@ def measure_accuracy(
 
 def _points(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterator[_Timed]:
     first = min(QUANTITIES.index(quantity) for quantity in OWN[method.stage])
-    ones, batch = bench.aside(72 if quick else 360), 1024 if quick else 4096
+    ones, batch = bench.aside(36 if quick else 360), 1024 if quick else 4096
     for setting in method.settings:
         if quick and setting.get('steps', 0) > _QUICK_STEPS:
             continue
