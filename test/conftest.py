@@ -22,7 +22,7 @@ for number, handler in (
 
 np.seterr(all='raise')
 settings.register_profile(
-    'repeatable', deadline=None, derandomize=True, database=None, max_examples=60
+    'repeatable', deadline=None, derandomize=True, database=None, max_examples=30
 )
 settings.load_profile('repeatable')
 

@@ -27,10 +27,10 @@ from linkage_ros.ros.publishers import message_class
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 
-# Each of the processes that share the tests (pytest -n 2) has half of these domains. Benchmarks,
+# Each process that shares the tests (pytest -n 3) has a third of these domains. Benchmarks,
 # which a test runs too, in a network but not a shared memory of their own, have those from 90 on.
-_WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 2
-_OWN = 40
+_WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 3
+_OWN = 26
 _domains = (10 + _OWN * _WORKER + n % _OWN for n in itertools.count(os.getpid()))
 _TYPES = {
     topic.name.lstrip('/'): topic.interface.name

@@ -25,7 +25,7 @@ from linkage_ros.dynamics.trees import leaves
 from linkage_ros.formulas import Opaque
 from linkage_ros.parameters.configuration import load
 
-PRESETS = ['quadrilateral', 'slider_crank', 'wind_pump']
+PRESETS = ['quadrilateral', 'wind_pump']
 
 
 def arguments(mechanism):

@@ -125,7 +125,7 @@ def measure_accuracy(
     for name, bench in benches.items():
         for method in progress(METHODS, f'errors, {name}'):
             timed += _points(name, bench, method, quick=quick)
-    return _take_times(timed, 2 if quick else 15, progress)
+    return _take_times(timed, 1 if quick else 15, progress)
 
 
 def _points(name: str, bench: Bench, method: Method, *, quick: bool) -> Iterator[_Timed]:

@@ -69,7 +69,7 @@ class MotionSituation:
 def _driven(mechanisms: ChartMechanisms, random: Random, count: int) -> Iterator[MotionCase]:
     for i in range(max(2, count // 8)):
         speed = (2.0, 6.0)[i] if i < 2 else float(random.uniform(1.0, 7.0))
-        yield MotionCase(mechanisms.driven(speed), even(5.0))
+        yield MotionCase(mechanisms.driven(speed), even(5.0 if count >= 10 else 2.0))
 
 
 def _swing(_: ChartMechanisms, random: Random, count: int) -> Iterator[MotionCase]:
