@@ -26,8 +26,8 @@ def test_a_domain_in_which_somebody_listens_is_nobody_elses():
 def test_a_port_that_a_killed_process_left_half_made_stops_nobody_once_it_is_removed(cleared):
     """And without the removal every process of the domain waits for ever."""
     domain = fresh_domain()
-    port = Path(f'/dev/shm/fastrtps_port{7400 + 250 * domain + 11}')
-    port.touch()
+    for number in range(10, 40):  # of whatever participant the process becomes
+        Path(f'/dev/shm/fastrtps_port{7400 + 250 * domain + number}').touch()
     start = [sys.executable, '-c', NODE]
     try:
         if cleared:
