@@ -34,8 +34,8 @@ class Picture(Sheet):
     Attributes:
         at: Places of its pins, by name.
         other: Where they are in the other assembly.
-        centers: Of mass, of the links that turn.
-        directions: Of the links that turn, rad.
+        centers: Centres of mass, of the links that turn.
+        directions: Directions of the links that turn, rad.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Picture(Sheet):
         Args:
             mechanism: The mechanism, in its open assembly.
             crank: Crank angle, rad.
-            size: Of the sheet: width, height, scale, origin.
+            size: Size of the sheet: width, height, scale, origin.
             names: The pins that are named, and by how much the name is shifted, px.
         """
         super().__init__(*size)

@@ -40,7 +40,7 @@ def make_parser(
     """A parser with --version and examples.
 
     Args:
-        name: Of the executable.
+        name: Name of the executable.
         purpose: One sentence.
         examples: Command lines without the name.
         notes: Lines below them.
@@ -92,11 +92,11 @@ def add_number(
     """An option that takes a number; its help and its errors tell range and unit.
 
     Args:
-        parser: Of the program or the command, or a group of it.
-        names: Of the option.
+        parser: Parser of the program or the command, or a group of it.
+        names: Names of the option.
         quantity: What it may be.
         note: Added to the help.
-        options: As of `add_argument`.
+        options: Keyword arguments of `add_argument`.
     """
 
     def read(text: str) -> object:
@@ -121,7 +121,7 @@ def add_command(
     Args:
         commands: From `add_subparsers`.
         tool: The executable.
-        name: Of the command.
+        name: Name of the command.
         purpose: One sentence.
         examples: Command lines without both names.
 
@@ -173,7 +173,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
     """Runs a command.
 
     Args:
-        name: Of the executable, for messages.
+        name: Name of the executable, for messages.
         command: Does the work; returns its exit code, None for 0.
 
     Returns:
@@ -212,7 +212,7 @@ def leave(code: int) -> int:
     second Ctrl-C would be an error.
 
     Args:
-        code: Of the exit.
+        code: Exit code.
 
     Returns:
         The same, where Python may end as usual.

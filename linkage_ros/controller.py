@@ -53,10 +53,10 @@ class Settings(Checked):
     Attributes:
         plant: Parameter file, or preset, of the mechanism that is controlled.
         rpm: Crank speed to keep, turns per minute.
-        bandwidth: Of the speed loop, Hz.
+        bandwidth: Bandwidth of the speed loop, Hz.
         feed_forward: Whether the exact torque is added.
         lead_time: From a measurement to the middle of what its command does, s.
-        joint_prefix: Of the plant's joints; None: that in the parameter file of the plant.
+        joint_prefix: Prefix of the plant's joints; None: that in the plant's parameter file.
     """
 
     plant: str = quantity(
@@ -92,7 +92,7 @@ class SpeedController:
         Args:
             mechanism: The controlled mechanism.
             rpm: Speed to keep.
-            bandwidth: Of the proportional part alone, Hz.
+            bandwidth: Bandwidth of the proportional term alone, Hz.
             lead: Delay from a measurement to the middle of the time its command acts, s; None:
                 no feed-forward.
 

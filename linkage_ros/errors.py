@@ -126,7 +126,7 @@ class MotionError(LinkageError):
     """A motion under a torque cannot be followed any further.
 
     Attributes:
-        time: Of its end, s.
+        time: Time of its end, s.
         coordinates: Crank angle, rad, and slider position, m, up to which it was followed.
     """
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Opening and inspecting files that a user names, whatever exists under the name."""
+"""Opens and inspects files at paths that a user gives, which may be missing or special."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
 
     Args:
         path: The file.
-        mode: As for `open`.
+        mode: Mode of `open`.
 
     Returns:
         The file, to be closed by the caller.

@@ -29,7 +29,7 @@ class Functions:
     """The elementary functions that a formula needs, for floats or for arrays.
 
     Attributes:
-        sin: Of an angle, rad.
+        sin: Sine of an angle, rad.
         cos: Likewise.
         sqrt: Square root.
         atan2: Direction of (y, x), rad, in [-pi, pi].

@@ -48,7 +48,7 @@ def mixed(color: Color, other: Color, share: float) -> Color:
     Args:
         color: The one.
         other: The other: paler with WHITE, darker with BLACK.
-        share: Of the other, from 0 to 1.
+        share: Share of the other, from 0 to 1.
 
     Returns:
         The colour.

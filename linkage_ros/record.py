@@ -54,7 +54,7 @@ def record(
     """Writes the states from t = 0 up to, but not including, the end; log times are stamps.
 
     Args:
-        configuration: Of the run.
+        configuration: Configuration of the run.
         path: The new log.
         duration: s; by default 10.
         revolutions: Turns of the crank, either way, instead of a duration.

@@ -28,7 +28,7 @@ def count_states(
 
     Args:
         machine: Which is recorded.
-        motion: Of its crank, from t = 0.
+        motion: Motion of its crank, from t = 0.
         duration: s; None: 10.
         revolutions: Turns of the crank, either way, instead of a duration.
 

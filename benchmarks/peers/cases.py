@@ -16,11 +16,11 @@ class Case:
     """One situation.
 
     Attributes:
-        name: Of a few words.
+        name: Name in a few words.
         sentence: What is asked.
         mechanism: The four-bar.
         angles: Crank angles, rad, in the order asked; a state exists at the first.
-        lengths: Of crank, coupler, rocker, frame as typed, where the doubles stand for decimals.
+        lengths: Typed lengths of crank, coupler, rocker, frame, if the doubles mean decimals.
     """
 
     name: str

@@ -24,8 +24,8 @@ def run(kind, seeds, out):
     """Tries cases; a process that dies ends the benchmark with BrokenProcessPool.
 
     Args:
-        kind: Of the cases.
-        seeds: Of the cases.
+        kind: Kind of the cases.
+        seeds: Seeds of the cases.
         out: Folder for the files of those that fail.
 
     Returns:

@@ -108,8 +108,8 @@ def work(kind, seeds, out):
     """Tries the cases of some seeds in this process, which has nothing else to do.
 
     Args:
-        kind: Of the cases.
-        seeds: Of the cases.
+        kind: Kind of the cases.
+        seeds: Seeds of the cases.
         out: Folder for the files of those that fail.
 
     Returns:

@@ -52,7 +52,7 @@ class Process:
 
     Attributes:
         pid: Its number.
-        lines: Of stdout and stderr: time on the monotonic clock, s, and text.
+        lines: Lines of stdout and stderr: time on the monotonic clock, s, and text.
     """
 
     def __init__(self, *arguments: object, domain: int, prefix: Sequence[str] = ()) -> None:
@@ -149,7 +149,7 @@ class Diagnostics:
     """Hears /diagnostics in this process.
 
     Attributes:
-        parts: Of a node, such as 'log': level, message and figures as last heard.
+        parts: Parts of a node, such as 'log': level, message and figures as last heard.
         history: All of `parts` that were heard.
     """
 
@@ -212,7 +212,7 @@ def finish(name: str, out: Path, figures: object, promises: dict[str, bool] | No
     """Leaves the figures of one benchmark as DIR/NAME.json, and prints promises that are broken.
 
     Args:
-        name: Of the benchmark.
+        name: Name of the benchmark.
         out: The folder.
         figures: For the file.
         promises: Whether each is kept.

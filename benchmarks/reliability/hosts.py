@@ -99,8 +99,8 @@ def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = F
     """Whether a node with a discovery range is heard on the other host.
 
     Args:
-        there: Of the node.
-        here: Of the subscriber.
+        there: Address of the node.
+        here: Address of the subscriber.
         reach: The range.
         folder: For what the subscriber leaves.
         late: Whether the node's end of the cable is plugged in after it began.

@@ -82,7 +82,7 @@ def survey(
     """Spoils runs at random moments, prints what each loses, and leaves the figures.
 
     Args:
-        name: Of the benchmark.
+        name: Name of the benchmark.
         given: Options: out, seed and number.
         spoil: Makes a run in a folder that is spoilt after some time, s.
         span: Shortest and longest of these times, s.

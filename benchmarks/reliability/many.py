@@ -50,8 +50,8 @@ class Monitor:
     """Hears the diagnostics of all nodes of the domain.
 
     Attributes:
-        counts: Of each node that was heard: ticks kept and missed, and how late they began since
-            the start, p99 and most, ms.
+        counts: Counts of each node that was heard: ticks kept and missed, and their lateness
+            since the start, p99 and maximum, ms.
     """
 
     def __init__(self) -> None:

@@ -43,7 +43,7 @@ class Host:
     """A host, held by a process that sleeps.
 
     Attributes:
-        pid: Of that process.
+        pid: Process ID of that process.
         address: On the cable.
         user: Whether it lives in a user namespace.
     """

@@ -256,8 +256,8 @@ class Meeting(NamedTuple):
     """The angle at which the two links of a dyad meet.
 
     Attributes:
-        sine: Its sine, without sign; 0: the links are in line.
-        cosine: Its cosine.
+        sine: Absolute value of the sine of the angle; 0 if the links are in line.
+        cosine: Cosine of the angle.
         rate: Rate of change of the sine, 1/s.
     """
 

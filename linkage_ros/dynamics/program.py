@@ -297,8 +297,8 @@ class Program:
 
     Attributes:
         formula: The function itself.
-        constants: Bound to it.
-        names: Of all numbers of the arguments, one by one.
+        constants: Constants bound to the formula.
+        names: Names of the scalar arguments, in order.
         scalar: The program for floats: a function of all numbers of the arguments, one by one.
     """
 

@@ -31,7 +31,7 @@ class Reactions(NamedTuple):
         pins: Forces (x, y) at 'A0', of the frame on the crank, 'A', of the crank on the coupler,
             'B', of the coupler on the rocker, rod or slider, 'B0', of the frame on the rocker, and
             'D', of the rod on the slider; N.
-        guide_force: Of the guide on the slider, to the guide's left, N; None without a slider.
+        guide_force: Force of the guide on the slider, to its left, N; None without a slider.
         shaking_force: (x, y) on the frame, of bearings, guide and the guide's resistance, N. An
             external force on the slider is in it, because it comes from outside the machine.
         shaking_moment: About A0 on the frame, the drive's own reaction included, N m.

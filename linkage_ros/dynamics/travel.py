@@ -23,8 +23,8 @@ class Travel(NamedTuple):
         at: Crank angles in [0, 2 pi) or [0, 4 pi) at which it reverses, rad.
         transmission: Smallest and largest transmission angle, between coupler and rocker or
             between coupler and the normal of the guide; rad in [0, pi]. None: there is none.
-        time_ratio: Of the longer to the shorter of the crank's ways between the reversals; None
-            where these are not two.
+        time_ratio: Ratio of the longer to the shorter crank rotation between the two reversals;
+            None unless there are exactly two.
     """
 
     output: str
@@ -56,7 +56,7 @@ def travel(solver: Solver) -> Travel:
     """Finds the reversals of the output link.
 
     Args:
-        solver: Of a mechanism whose crank turns fully.
+        solver: Solver of a mechanism whose crank turns fully.
 
     Returns:
         Its travel; positions right to a few ulp, because they are extremes.

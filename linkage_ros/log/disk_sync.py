@@ -23,8 +23,8 @@ class DiskSync:
         """Begins.
 
         Args:
-            path: Of the log, for messages.
-            number: Of its open file; it may be closed before this is.
+            path: Path of the log, for messages.
+            number: File descriptor of the log; the file may be closed before this object.
         """
         self._path, self._number = path, os.dup(number)
 

@@ -55,7 +55,7 @@ class LoggedTopic(NamedTuple):
 
     Attributes:
         name: Fully qualified.
-        type: Of its messages, such as 'std_msgs/msg/Float64'.
+        type: Type of its messages, such as 'std_msgs/msg/Float64'.
         messages: Their number.
         latched: Whether late subscribers get the last one.
         layout: Encodings of message and schema, and the schema's text.
@@ -73,8 +73,8 @@ class LogReader(AbstractContextManager['LogReader']):
 
     Attributes:
         path: The file.
-        configuration: Of the run.
-        version: Of linkage_ros that wrote it.
+        configuration: Configuration of the run.
+        version: Version of linkage_ros that wrote it.
         has_same_urdf: Whether its robot_description can be recomputed: older versions named links
             as joints.
         motions: The segments of motion, in order.

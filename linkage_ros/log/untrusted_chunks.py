@@ -39,7 +39,7 @@ class Allowance:
         """Begins a pass.
 
         Args:
-            size: Of the file, bytes.
+            size: Size of the file, bytes.
         """
         self._size, self._left = size, _FREE + _COST_PER_BYTE * size
 

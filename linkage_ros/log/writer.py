@@ -56,7 +56,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
         Args:
             path: The file.
-            configuration: Of the run.
+            configuration: Configuration of the run.
             overwrite: Whether to replace an existing log.
 
         Raises:

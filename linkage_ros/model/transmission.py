@@ -75,9 +75,9 @@ class Halves(NamedTuple):
 
     Attributes:
         sin_h: Sine of half the crank angle, from the reference line.
-        cos_h: Its cosine.
+        cos_h: Cosine of half the crank angle.
         sin_m: Sine of half the transmission angle.
-        cos_m: Its cosine.
+        cos_m: Cosine of half the transmission angle.
     """
 
     sin_h: Real

@@ -59,7 +59,7 @@ class DrivenMechanism:
 
         Args:
             time: Up to which it was followed, s; the error has the time of the end itself.
-            y: At that time.
+            y: Coordinates and rates at that time.
             cause: The error of the next step.
 
         Raises:

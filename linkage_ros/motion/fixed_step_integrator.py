@@ -91,9 +91,9 @@ class FixedSteps:
             driven: What moves.
             phase: Coordinates, then their rates.
             longest: Step, s.
-            tolerance: Of the error of a step, in rad and crank lengths; of rates, in the same
-                per second, relative to a rate that is larger.
-            time: Of the beginning, s.
+            tolerance: Largest error of a step, in rad and crank lengths; of rates, in the same
+                units per second, relative to rates above one unit.
+            time: Time of the beginning, s.
 
         Raises:
             LinkageError: It cannot even begin, as `Solver.accelerations` tells.

@@ -36,7 +36,7 @@ class TorqueSegment:
 
     Attributes:
         stamp: Start, ns.
-        torque: Of the motor at rest, N m.
+        torque: Torque of the motor at rest, N m.
         old_stamp: The start on the clock before it was stepped, ns; None: it was not.
     """
 

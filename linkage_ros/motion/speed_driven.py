@@ -59,7 +59,7 @@ class SpeedMotion:
 
         Args:
             drive: The settings.
-            stamp: Of t = 0, ns.
+            stamp: Stamp of t = 0, ns.
 
         Returns:
             The motion in the first segment.
@@ -116,7 +116,7 @@ class SpeedMotion:
         """The motion from a stamp on, its phase and speed continued.
 
         Args:
-            stamp: Of the change, ns.
+            stamp: Stamp of the change, ns.
             rpm: The new speed to move to, turns per minute.
             restamp: The same moment on the clock after a step; None: the clock was not stepped.
 

@@ -41,7 +41,7 @@ class TorqueMotion:
         Args:
             solver: Solver of the mechanism.
             drive: Motor and start.
-            stamp: Of t = 0, ns.
+            stamp: Stamp of t = 0, ns.
             period: Between states, ns.
             integrate: Makes the integrator.
 

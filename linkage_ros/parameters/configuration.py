@@ -99,7 +99,7 @@ def check_live(name: str, value: object) -> None:
     """Checks a value that is set while the node runs.
 
     Args:
-        name: Of a parameter of the drive; other names pass.
+        name: Name of a parameter of the drive; other names pass.
         value: The new value.
 
     Raises:
@@ -192,7 +192,7 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
 
     Args:
         source: Path of a ROS 2 parameter file, or the name of a preset.
-        namespace: Of linkage_node.
+        namespace: Namespace of linkage_node.
 
     Returns:
         Values by dotted parameter name.

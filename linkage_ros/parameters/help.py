@@ -19,7 +19,7 @@ def help_on(parameters: Iterable[Leaf]) -> str:
     """Describes parameters in a line each: name, valid values, meaning and default.
 
     Args:
-        parameters: Of any dataclass of quantities.
+        parameters: Parameters of any dataclass of quantities.
 
     Returns:
         The lines.

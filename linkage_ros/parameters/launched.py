@@ -45,7 +45,7 @@ def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, objec
 
     Args:
         arguments: Texts by name; an empty one sets nothing.
-        names: Of the arguments that are parameters.
+        names: Names of the arguments that are parameters.
 
     Returns:
         Values of the types that `-p NAME:=VALUE` gives them.
@@ -58,7 +58,7 @@ def demo(arguments: Mapping[str, str]) -> Demo:
     """The parameters of the demo: those of the file, and arguments that replace them.
 
     Args:
-        arguments: Of demo.launch.py, all of them.
+        arguments: Arguments of demo.launch.py, all of them.
 
     Returns:
         What to start. The node gets the values, not the file: rcl's result for a name in two
@@ -102,7 +102,7 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
     Args:
         template: The file for a linkage without prefixes.
         fixed_frame: As in `Demo`.
-        frame_prefix: Of robot_state_publisher. RViz adds a '/' to its own.
+        frame_prefix: Frame prefix of robot_state_publisher. RViz adds a '/' to its own.
 
     Returns:
         Path of the template, or of a file in memory.

@@ -14,8 +14,8 @@ def summary(configuration: Configuration, solver: Solver) -> str:
     """What moves, and how.
 
     Args:
-        configuration: Of the run.
-        solver: Of its mechanism.
+        configuration: Configuration of the run.
+        solver: Solver of its mechanism.
 
     Returns:
         One line.

@@ -34,7 +34,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         """Takes the terminal.
 
         Args:
-            descriptor: Of the terminal; by default standard input.
+            descriptor: File descriptor of the terminal; by default standard input.
         """
         self._descriptor = descriptor
         self._pending = b''

@@ -99,7 +99,7 @@ class Pace:
         """Changes the rate, unless it would be out of bounds.
 
         Args:
-            difference: To add.
+            difference: Difference to add.
         """
         rate = round(self.rate + difference, 6)  # 1.1 - 0.1 is 1
         if SLOWEST <= rate <= FASTEST:

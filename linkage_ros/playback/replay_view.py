@@ -24,7 +24,7 @@ class ReplayView:
         """Opens the view, served to this machine alone.
 
         Args:
-            name: Of the program, for its messages to the user.
+            name: Name of the program, for its messages to the user.
             log: The log.
             target: As for a View.
             alone: Whether the messages go nowhere else, so that the replay ends with the view.

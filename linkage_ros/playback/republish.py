@@ -45,7 +45,7 @@ def republishing(
     """Publishes messages as a node.
 
     Args:
-        name: Of the node.
+        name: Name of the node.
         arguments: ROS's part of the command line.
         log: Determines types and quality of service.
         topics: Fully qualified names of those to publish.

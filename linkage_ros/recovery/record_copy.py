@@ -47,7 +47,7 @@ class RecordCopy:
         """Begins without a record.
 
         Args:
-            writer: Of the new file.
+            writer: Writer of the new file.
             losses: Is told what cannot be copied.
             spare: What a complete file repeats at its end, for messages whose first chunk is lost.
         """

@@ -55,7 +55,7 @@ class CommandInbox:
 
         Args:
             node: The node.
-            drive: Of the mechanism.
+            drive: Drive of the mechanism.
             crank: Name of the crank's joint.
         """
         self.commands = TorqueCommands(drive.torque_limit, drive.command_timeout, crank=crank)

@@ -22,7 +22,7 @@ class LiveView:
 
         Args:
             node: Its logger reports where a page is, who can read the data, and an error.
-            configuration: Of the run.
+            configuration: Configuration of the run.
 
         Raises:
             ViewerError: It cannot be opened.

@@ -65,7 +65,7 @@ def describe(name: str, quantity: Quantity) -> ParameterDescriptor:
     """The descriptor of a parameter: meaning, unit, range, and whether it may be set live.
 
     Args:
-        name: Of the parameter.
+        name: Name of the parameter.
         quantity: What it holds.
 
     Returns:
@@ -157,7 +157,7 @@ def check_parameter_files(arguments: list[str], node: str) -> None:
     """Reads parameter files as rcl will, because our words about a slip are clearer than its own.
 
     Args:
-        arguments: Of the command line.
+        arguments: Arguments of the command line.
         node: Name of the node, where they give no other.
 
     Raises:

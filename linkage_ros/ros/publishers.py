@@ -56,7 +56,7 @@ def await_listeners(
     """Lets subscribers that are there already find a node, so that they miss no message.
 
     Args:
-        publishers: Of the node.
+        publishers: Publishers of the node.
         patience: Longest time to wait until one of them has a subscriber, s.
         settle: Time after the last one was found, s, in which their side finds the node.
 

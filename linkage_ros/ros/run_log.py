@@ -33,7 +33,7 @@ class RunLog:
 
         Args:
             node: Says how it ends.
-            configuration: Of the run.
+            configuration: Configuration of the run.
             topics: Those that are logged.
 
         Raises:

@@ -92,7 +92,7 @@ class Watch:
         """The statuses of a report that are worth a line: a new warning, or the end of one.
 
         Args:
-            statuses: Of the report.
+            statuses: Statuses of the report.
 
         Returns:
             Those; a part that fails reports its failure itself.

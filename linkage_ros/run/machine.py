@@ -45,7 +45,7 @@ class Snapshot(NamedTuple):
     """A run at one stamp.
 
     Attributes:
-        coordinates: Of the mechanism.
+        coordinates: Coordinates of the mechanism.
         state: Its state there.
         messages: CDR bytes, one message for each of `Machine.topics`.
     """
@@ -60,7 +60,7 @@ class Machine:
 
     Attributes:
         configuration: What it was made from.
-        solver: Of its mechanism.
+        solver: Solver of its mechanism.
         joints: Names, in the order of the messages.
         joint_states: Codec of the messages on that topic.
         mechanism_state: Likewise.
@@ -123,7 +123,7 @@ class Machine:
         """Solves the state at a stamp.
 
         Args:
-            motion: In the segment of the stamp.
+            motion: Motion in the segment that contains the stamp.
             stamp: ns.
 
         Returns:
@@ -140,7 +140,7 @@ class Machine:
 
         Args:
             stamp: ns.
-            coordinates: At that stamp.
+            coordinates: Coordinates at that stamp.
 
         Returns:
             The state and its messages.

@@ -16,7 +16,7 @@ class TorqueCommands:
 
     Attributes:
         taken: Commands that were followed.
-        cut: Of these, those that were cut to the limit.
+        cut: Accepted commands that were cut to the limit.
         refused: Commands that were not followed.
         ended: How often commands stopped coming for longer than the timeout.
     """
@@ -44,7 +44,7 @@ class TorqueCommands:
         """Takes a command, or refuses it.
 
         Args:
-            names: Of joints.
+            names: Names of joints.
             efforts: One for each of them, N m; the crank's counts.
             age: How long ago it came, s.
 

@@ -47,7 +47,7 @@ class Worker(Generic[_T]):
         """Starts the thread.
 
         Args:
-            name: Of the thread.
+            name: Name of the thread.
             consumer: Used by this thread alone from now on.
             capacity: Items that the queue holds.
             period: Time between batches, s.

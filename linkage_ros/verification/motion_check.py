@@ -17,7 +17,7 @@ def check_motions(machine: Machine, motions: tuple[Segment, ...]) -> str:
     Only when, and to which rpm, torque or clock, the motion changes is free.
 
     Args:
-        machine: Of the configuration.
+        machine: Machine of the configuration.
         motions: The logged segments.
 
     Returns:

@@ -40,7 +40,7 @@ class Recomputation:
         """Prepares it.
 
         Args:
-            machine: Of the logged configuration.
+            machine: Machine of the logged configuration.
             topics: Those of the machine that the log has, in its order.
             recorded: Whether nothing but the motor can have driven the mechanism.
 

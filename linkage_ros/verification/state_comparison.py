@@ -44,7 +44,7 @@ class StateComparison:
             machine: Recomputes the states.
             pairings: Channels, with the topics of the machine that they carry, in its order; at
                 least one has stamps.
-            timeline: Of the log.
+            timeline: Timeline of the log.
             recorded: Whether every tick has a state, logged at its stamp.
         """
         self.states = 0

@@ -26,7 +26,7 @@ def check_topics(
         log: The log.
         pairings: Channels, with the topics of the machine that they carry.
         descriptions: Names of the channels with robot descriptions.
-        machine: Of the configuration.
+        machine: Machine of the configuration.
 
     Returns:
         What is wrong with it; empty if there is none.

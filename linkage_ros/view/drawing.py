@@ -41,7 +41,7 @@ class Drawing:
         pivot_labels: Where their names hang from; shape as pivots, m.
         pins: Names of the moving points, in the order of `place`.
         ends: First and second pin of each link that turns.
-        owners: Of moving points that leave the circle of the crank pin, the links in whose
+        owners: Owners of moving points that leave the circle of the crank pin, the links in whose
             colour their paths are drawn.
         output: Name of the output link.
         paths: Closed paths of the output link's pin and of the coupler point C, by the name of

@@ -41,7 +41,7 @@ def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
     The plots are as high as the window: in low ones Rerun writes a single number on the y axis.
 
     Args:
-        configuration: Of the run.
+        configuration: Configuration of the run.
         drawing: The picture of its mechanism.
 
     Returns:

@@ -71,7 +71,7 @@ class View:
         """Opens the view.
 
         Args:
-            configuration: Of the run.
+            configuration: Configuration of the run.
             target: One of VIEWERS.
             bind: Address on which the data for a window or a page, and the page, are served.
             overwrite: Whether to replace an existing file.

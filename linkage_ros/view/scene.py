@@ -138,7 +138,7 @@ class Scene:
 
         Args:
             stamps: ns, shape (n,), n > 0.
-            position: Of the joints, in the order of the tree; shape (n, joints), rad and m.
+            position: Positions of the joints in tree order, rad and m; shape (n, joints).
             velocity: Likewise, rad/s and m/s.
             effort: Likewise, N m.
 

@@ -91,7 +91,7 @@ def open_window(binary: Path, data: str) -> ViewerProcess:
     """Opens a window, which stays with its contents when this process ends.
 
     Args:
-        binary: Of the viewer.
+        binary: Binary of the viewer.
         data: URL of its data.
 
     Returns:
@@ -109,7 +109,7 @@ def serve_page(binary: Path, data: str, bind: str) -> tuple[ViewerProcess, str]:
     """Serves Rerun's page to browsers while this process runs.
 
     Args:
-        binary: Of the viewer.
+        binary: Binary of the viewer.
         data: URL of its data.
         bind: Address to serve it on, as for `free_address`.
 

@@ -18,7 +18,7 @@ class Status(NamedTuple):
 
     Attributes:
         level: OK, WARN or ERROR.
-        name: Of the part.
+        name: Name of the part.
         message: In a few words.
         values: Figures, as text.
     """

@@ -32,8 +32,8 @@ def draw_linkage(axes: Axes, period: Period, crank: float) -> None:
     """Draws the mechanism with its pins, what they trace out over the period, and a scale.
 
     Args:
-        axes: To draw in.
-        period: To draw.
+        axes: Axes to draw in.
+        period: Period to draw.
         crank: The crank angle at which it is drawn, rad.
     """
     drawing = Drawing(period.solver.mechanism)

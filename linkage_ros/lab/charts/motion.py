@@ -55,7 +55,7 @@ def draw_motion(period: Period, title: Sequence[str], path: Path) -> None:
     """Draws a period: position, rate, acceleration, torque, and reactions if there are any.
 
     Args:
-        period: To draw.
+        period: Period to draw.
         title: What it is: a name, and lines that say more.
         path: The PNG file; replaced if there is one.
     """

@@ -29,7 +29,7 @@ class Words(NamedTuple):
         color: As matplotlib has it.
         weight: Likewise.
         family: Likewise.
-        style: Of that sample; None: there is none.
+        style: Style of that sample; None: there is none.
     """
 
     text: str
@@ -59,8 +59,8 @@ class Page:
         """Writes lines into the margin.
 
         Args:
-            top: Of the first line, inches.
-            size: Of the letters, points.
+            top: Top of the first line, inches.
+            size: Size of the letters, points.
             lines: From top to bottom.
         """
         left, step = WIDTH - MARGIN + 0.15, 1.45 * size / 72

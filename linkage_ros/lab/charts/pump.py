@@ -35,7 +35,7 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
     """Draws settled motions, how they are reached, and how they depend on the motor's torque.
 
     Args:
-        analysis: Of a pump.
+        analysis: Analysis of a pump.
         title: Title of the picture.
         path: The PNG file; replaced if there is one.
 

@@ -14,7 +14,7 @@ def accuracy(options: argparse.Namespace) -> None:
     """Measures speed and accuracy of all methods, draws them and writes the records.
 
     Args:
-        options: Of the command line.
+        options: Options of the command line.
 
     Raises:
         ConfigurationError: The folder cannot be written.

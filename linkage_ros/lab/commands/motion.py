@@ -30,7 +30,7 @@ def motion(options: argparse.Namespace) -> None:
     """Draws one period of a mechanism and writes its table.
 
     Args:
-        options: Of the command line.
+        options: Options of the command line.
 
     Raises:
         ConfigurationError: The mechanism, the speed or the folder cannot be used.

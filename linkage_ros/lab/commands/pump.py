@@ -19,7 +19,7 @@ def pump(options: argparse.Namespace) -> None:
     """Finds what a wind pump settles at, draws it and writes the numbers.
 
     Args:
-        options: Of the command line.
+        options: Options of the command line.
 
     Raises:
         ConfigurationError: It is no wind pump, or the folder cannot be written.

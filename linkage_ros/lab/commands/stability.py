@@ -14,7 +14,7 @@ def stability(options: argparse.Namespace) -> None:
     """Runs all methods through all situations, draws what comes of it and writes the records.
 
     Args:
-        options: Of the command line.
+        options: Options of the command line.
 
     Raises:
         ConfigurationError: The folder cannot be written.

@@ -49,7 +49,7 @@ class Truth:
 
         Args:
             task: The mechanism and its motion.
-            lengths: As for `Reference`.
+            lengths: Lengths, as for `Reference`.
         """
         self.task = task
         self._reference = Reference(task.mechanism, task.speed, task.acceleration, lengths)
@@ -141,7 +141,7 @@ class Bench(Truth):
 
         Args:
             method: From the registry.
-            setting: Of it.
+            setting: Setting of the method.
             mode: 'one at a time' or 'batch'.
             quantity: One of QUANTITIES.
 
@@ -163,7 +163,7 @@ def evaluate(function: Function, cranks: Array, mode: str) -> list[tuple[float, 
     """The values of a function at crank angles.
 
     Args:
-        function: Of the crank angle.
+        function: Function of the crank angle.
         cranks: rad.
         mode: 'one at a time' or 'batch': how it is called.
 
@@ -180,7 +180,7 @@ def time_pass(function: Function, cranks: list[float] | Array) -> float:
     """One pass through crank angles: one by one if they are a list, else all at once.
 
     Args:
-        function: Of the crank angle.
+        function: Function of the crank angle.
         cranks: rad.
 
     Returns:

@@ -18,7 +18,7 @@ class NewtonRaphson:
     """Solves one loop at one crank angle after another, as what `positions` returns.
 
     Attributes:
-        iterations: Of all calls so far.
+        iterations: Number of iterations in all calls so far.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class NewtonRaphson:
 
         Args:
             loop: The loop.
-            tolerance: Of step (rad, of a slider m) and residual (m).
+            tolerance: Tolerance of step (rad, of a slider m) and residual (m).
             first_guess: The coupler's direction and the output from which to begin.
             warm: Whether each angle begins from the solution of the one before; otherwise all
                 begin from the first guess.

@@ -22,9 +22,9 @@ def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.
     """A four-bar of even rods.
 
     Args:
-        lengths: Of crank, coupler, rocker and frame, m.
-        assembly: Of the two.
-        angle: Of the frame, rad.
+        lengths: Lengths of crank, coupler, rocker and frame, m.
+        assembly: 'open' or 'crossed'.
+        angle: Angle of the frame, rad.
 
     Returns:
         The linkage.
@@ -41,9 +41,9 @@ def slider_crank(
     Args:
         r: Length of the crank, m.
         b: Length of the coupler, m.
-        offset: Of the slider, m.
-        assembly: Of the two.
-        angle: Of the guide, rad.
+        offset: Offset of the slider, m.
+        assembly: 'open' or 'crossed'.
+        angle: Angle of the guide, rad.
 
     Returns:
         The linkage.

@@ -78,7 +78,7 @@ class MotionBench:
         """The change of energy up to a phase.
 
         Args:
-            phase: Of a motion without motor and damping.
+            phase: Phase of a motion without motor and damping.
 
         Returns:
             Relative to the kinetic energy at first; inf if a value is not finite.

@@ -42,7 +42,7 @@ class _Followed(NamedTuple):
 
     Attributes:
         phases: At the times that were asked for, as far as it came.
-        gaps: Of the loop at these times, m.
+        gaps: Gaps of the loop at these times, m.
         failure: Why it stopped: REFUSED or NAN; None: it did not.
         end: The time of the end that a refusal reports, s; nan: none.
     """
@@ -65,10 +65,10 @@ def measure_motion_outcomes(
 
     Args:
         mechanisms: What moves.
-        cases: Of each situation; of long motions there are fewer.
+        cases: Number of cases of each situation; long motions have fewer.
         progress: Wraps what is gone through, with a word for it: a progress bar.
-        situations: To run through.
-        methods: To run.
+        situations: Situations to run through.
+        methods: Methods to run.
 
     Returns:
         The cells, situation by situation.

@@ -87,10 +87,10 @@ def measure_outcomes(
     """Runs every method through every situation.
 
     Args:
-        situations: To run through.
-        cases: Of each.
+        situations: Situations to run through.
+        cases: Number of cases of each.
         progress: Wraps what is gone through, with a word for it: a progress bar.
-        methods: To run.
+        methods: Methods to run.
 
     Returns:
         The cells, situation by situation.

@@ -83,7 +83,7 @@ class Averaging:
         """The averaged motions over the speed, each begun from the one before.
 
         Args:
-            speeds: Of the crank, growing, rad/s.
+            speeds: Speeds of the crank, growing, rad/s.
 
         Returns:
             They lie in one stretch, or, where from above not all speeds are reached, in two. No
@@ -111,7 +111,7 @@ class Averaging:
 
         Args:
             stretches: As `follow` returns them.
-            motor: Of the pump.
+            motor: Motor of the pump.
 
         Returns:
             Those between two neighbours of which one takes more torque and one less, by growing

@@ -33,7 +33,7 @@ class PeriodicMotion:
     """A settled motion.
 
     Attributes:
-        torque: Of the motor at rest, N m.
+        torque: Torque of the motor at rest, N m.
         point: At crank angle 0: slider position, m, its velocity, m/s, crank speed, rad/s.
         period: Time of a turn, s.
         multipliers: Floquet multipliers, the largest first.

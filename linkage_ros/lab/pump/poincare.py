@@ -48,7 +48,7 @@ class PoincareMap:
         Args:
             points: At crank angle 0; rows slider position, m, its velocity, m/s, and crank
                 speed, rad/s; a column for each motion.
-            torque: Of the motor at rest, N m; one, or one for each motion.
+            torque: Torque of the motor at rest, N m; one, or one for each motion.
 
         Returns:
             The same after the turn, and as a fourth row the time it took, s.
@@ -67,7 +67,7 @@ class PoincareMap:
         Args:
             points: As for `image`.
             torque: Likewise.
-            count: Of the equal parts into which the turn is divided.
+            count: Number of equal parts of the turn.
 
         Returns:
             Of shape (4, count + 1, motions): the rows of `image` at crank angles 0 to 2 pi.

@@ -38,12 +38,12 @@ class Analysis(NamedTuple):
 
     Attributes:
         poincare: The Poincare map.
-        motor: Of the pump.
+        motor: Motor of the pump.
         states: Settled motions by growing speed, stable or not.
         averaged_states: What averaging predicts instead.
         branch: Settled motions over the speed.
         averaged: Averaged motions over the speed, in stretches without a gap.
-        sensitivities: Of the stable states.
+        sensitivities: Sensitivities of the stable states.
         runs: Motions from single starts.
         ends: The number of the state at which each run settles; None: at none of them.
     """
@@ -102,8 +102,8 @@ def analyse(
 
     Args:
         mechanism: The pump, with the start of its slider.
-        motor: Of the pump.
-        speeds: Of the crank at angle 0, rad/s, from which the pump is started.
+        motor: Motor of the pump.
+        speeds: Speeds of the crank at angle 0, rad/s, from which the pump is started.
         quick: Whether fewer speeds and starts will do.
         progress: Wraps what is gone through, with a word for it: a progress bar.
 
@@ -141,8 +141,8 @@ def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float])
 
     Args:
         mechanism: The pump.
-        motor: Of the pump.
-        speeds: Of the crank at the starts, rad/s.
+        motor: Motor of the pump.
+        speeds: Speeds of the crank at the starts, rad/s.
 
     Raises:
         ConfigurationError: They do not.

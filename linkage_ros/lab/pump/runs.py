@@ -27,7 +27,7 @@ class Run(NamedTuple):
         name: Name of the start.
         start: Slider position, m, its velocity, m/s, and crank speed, rad/s.
         times: s.
-        speeds: Of the crank at these times, rad/s.
+        speeds: Speeds of the crank at these times, rad/s.
         phase: At the end: crank angle, rad, slider position, crank speed, slider velocity.
         ended: Why it could not be followed as long as was asked for; empty: it could.
     """

@@ -41,8 +41,8 @@ class SettledTurn(Period):
 
         Args:
             mechanism: The pump, with the start of its slider.
-            motor: Of the pump.
-            speed: Of the crank at angle 0, rad/s.
+            motor: Motor of the pump.
+            speed: Speed of the crank at angle 0, rad/s.
             progress: Wraps what is gone through, with a word for it: a progress bar.
 
         Raises:

@@ -14,7 +14,7 @@ def states_table(analysis: Analysis) -> list[str]:
     """The states, and the stable ones under changed torques.
 
     Args:
-        analysis: Of a pump.
+        analysis: Analysis of a pump.
 
     Returns:
         Lines, for a font of equal widths.

@@ -71,8 +71,8 @@ class ChartMechanisms(NamedTuple):
         """The pump with its motor and its water.
 
         Args:
-            speed: Of the crank at t = 0, rad/s.
-            velocity: Of the slider at t = 0, m/s.
+            speed: Speed of the crank at t = 0, rad/s.
+            velocity: Velocity of the slider at t = 0, m/s.
 
         Returns:
             The problem.
@@ -84,7 +84,7 @@ class ChartMechanisms(NamedTuple):
         """The pump without motor and water, which keeps its energy.
 
         Args:
-            speed: Of the crank at t = 0, rad/s.
+            speed: Speed of the crank at t = 0, rad/s.
 
         Returns:
             The problem.
@@ -96,7 +96,7 @@ class ChartMechanisms(NamedTuple):
         """The quadrilateral without a motor, which keeps its energy.
 
         Args:
-            speed: Of the crank at t = 0, rad/s.
+            speed: Speed of the crank at t = 0, rad/s.
 
         Returns:
             The problem.

@@ -35,7 +35,7 @@ class Exact(NamedTuple):
     """A state, in mpf.
 
     Attributes:
-        position: Of the coupler, rad, and of the output, rad or m.
+        position: Position of the coupler, rad, and of the output, rad or m.
         rate: Their velocities, per s.
         acceleration: Their accelerations, per s^2.
         torque: The driving torque, N m, in a tuple of one.
