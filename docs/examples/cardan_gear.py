@@ -24,7 +24,7 @@ from linkage_ros.model.parts import OPEN, Body, Coupler, Guide, Slider, gravity_
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.model.structure import Link, Mechanism, Point, Structure, traced
+from linkage_ros.model.structure import Link, Mechanism, Point, Structure, coupler_point
 from linkage_ros.numeric import Real, two_sum
 from linkage_ros.quantities import Checked, quantity
 
@@ -172,7 +172,7 @@ class CardanGear(Mechanism):
                 Link.turning('coupler', coupler, 1, A),
                 Link('slider', slider.mass, 0.0, B, angle=self.frame.angle, slides=True),
             ),
-            {'A0': A0, 'A': A, 'B': B, **traced(coupler, A)},
+            {'A0': A0, 'A': A, 'B': B, **coupler_point(coupler, A)},
             # No pins: how the teeth of ring and pinion share the load is not modelled, so that
             # joint forces are refused.
             closure=B,

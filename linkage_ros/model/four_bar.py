@@ -31,7 +31,7 @@ from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, where
 from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, gravity_quantity
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, traced
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.model.transmission import Halves, Square, Transmission
 from linkage_ros.numeric import Real, equalities, nearest_turns, rounded, short_sum
 from linkage_ros.quantities import quantity
@@ -228,12 +228,12 @@ class FourBar(Mechanism):
     def _differences(self) -> tuple[float, float, float, float]:
         """D - r, d + r, b - c and b + c, m; equal where a short sum counts as zero."""
         r, b, c, d = self._lengths()
-        far, near, cross = self._short_sums()
+        far, near, other = self._short_sums()
         sum_dr, sum_bc = math.fsum((d, r)), math.fsum((b, c))
         diff_dr, diff_bc = math.fsum((d, -r)), math.fsum((b, -c))
-        if near == 0 and cross == 0:
+        if near == 0 and other == 0:
             diff_dr = diff_bc = 0.0
-        elif near == 0 or cross == 0:
+        elif near == 0 or other == 0:
             diff_bc = diff_dr if near == 0 else -diff_dr
         return diff_dr, sum_dr, diff_bc, sum_dr if far == 0 else sum_bc
 
@@ -244,7 +244,7 @@ class FourBar(Mechanism):
     def _transmission(self) -> Transmission:
         r, b, c, d = self._lengths()
         _, sum_dr, _, sum_bc = self._differences()
-        far, near, cross = self._short_sums()
+        far, near, other = self._short_sums()
         delta, four_bc = self.frame.angle, 4 * b * c
         at_far = math.fsum((d, r, -b, c)) * math.fsum((d, r, b, -c)) / four_bc
         at_near = math.fsum((b, c, -d, r)) * math.fsum((b, c, d, -r)) / four_bc
@@ -252,7 +252,7 @@ class FourBar(Mechanism):
             (delta, ZERO),
             math.sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
             cos=Square.of(far * (sum_bc + sum_dr) / four_bc, at_near),
-            sin=Square.of(near * cross / four_bc, at_far),
+            sin=Square.of(near * other / four_bc, at_far),
             refuse=Opaque(lambda crank: self.reach().refuse(crank)),
         )
 
@@ -328,7 +328,7 @@ class FourBar(Mechanism):
         A0 = Point.at(0j, 3)
         B0 = Point.at(self.frame.length * cmath.exp(1j * self.frame.angle), 3)
         A, B = A0.along(0, crank.length), B0.along(2, rocker.length)
-        points = {'A0': A0, 'A': A, 'B': B, 'B0': B0, **traced(coupler, A)}
+        points = {'A0': A0, 'A': A, 'B': B, 'B0': B0, **coupler_point(coupler, A)}
         return Structure(
             (
                 Link.turning('crank', crank, 0, A0),

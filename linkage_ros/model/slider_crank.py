@@ -38,7 +38,7 @@ from linkage_ros.model.parts import (
 )
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, traced
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.model.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
@@ -248,7 +248,7 @@ class SliderCrank(Mechanism):
                     origin=foot, angle=self.frame.angle, slides=True,
                 ),
             ),
-            {'A0': A0, 'A': A, 'B': B, **traced(coupler, A)},
+            {'A0': A0, 'A': A, 'B': B, **coupler_point(coupler, A)},
             closure=B,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
             dyads=(Dyad(1, 2, 'B', ('A', '')),),

@@ -83,7 +83,7 @@ class Link(NamedTuple):
         return cls(name, body.mass, body.inertia, center, parent, origin)
 
 
-def traced(coupler: Coupler, pin: Point) -> dict[str, Point]:
+def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
     """The coupler point C by its name, where the coupler, link 1, has one.
 
     Args:

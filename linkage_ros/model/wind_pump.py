@@ -40,7 +40,7 @@ from linkage_ros.formulas import (
 from linkage_ros.model.loads import LinkLoad
 from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Piston, gravity_quantity
 from linkage_ros.model.pose import LinkPose, Pose
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, traced
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 
@@ -232,7 +232,7 @@ class WindPump(Mechanism):
                 Link.turning('rod', rod, 2, B),
                 Link('slider', slider.mass, 0.0, D, slides=True),
             ),
-            {'A0': A0, 'A': A, 'B': B, 'D': D, **traced(coupler, A)},
+            {'A0': A0, 'A': A, 'B': B, 'D': D, **coupler_point(coupler, A)},
             closure=D,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('D', 2, 3)),
             dyads=(Dyad(1, 2, 'B', ('A', 'D')),),
