@@ -39,11 +39,12 @@ SETUP := setup.py setup.cfg constraints.txt
 # An environment whose Python has gone, say by an upgrade, is made again.
 $(if $(BASE),$(shell $(RUN) -c '' 2>/dev/null || rm -f $(VENV)/demo-ready $(VENV)/check-ready))
 
-# No build isolation: it would fetch whatever setuptools is newest, beside the constraints. In a
-# terminal a line tells once a second how far pip is.
+# No build isolation: it would fetch whatever setuptools is newest, beside the constraints. No
+# compilation: Python compiles what it imports, which is a small part. In a terminal a line tells
+# once a second how far pip is.
 install = { n=0; while [ -t 2 ] && sleep 1 && kill -0 $$$$ 2>/dev/null; do n=$$((n + 1)); printf \
 	'\r%d s, %d packages ' $$n "$$(grep -c ^Collecting $(VENV)/pip.log)" >&2; done & }; told=$$!; \
-	$(RUN) -m pip install --disable-pip-version-check --no-build-isolation \
+	$(RUN) -m pip install --disable-pip-version-check --no-build-isolation --no-compile \
 	--constraint constraints.txt $(1) >>$(VENV)/pip.log 2>&1; code=$$?; \
 	kill $$told 2>/dev/null; wait $$told 2>/dev/null; [ ! -t 2 ] || printf '\r\033[K' >&2; \
 	[ $$code -eq 0 ] || { \
