@@ -67,6 +67,7 @@ def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
         'number': span,
         'whole': span,
         'pair': f'two, {span}',
+        'list': f'a list, each {span}',
         'choice': ', '.join(f'`{word}`' for word in quantity.choices),
         'text': f'`{quantity.pattern}`' if quantity.pattern else 'text',
         'switch': '`true`, `false`',

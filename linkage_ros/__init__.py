@@ -18,7 +18,20 @@ from linkage_ros.errors import (
     ViewerError,
 )
 from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Piston, Slider
+from linkage_ros.model.friction import Friction
+from linkage_ros.model.link_load import LinkLoad
+from linkage_ros.model.load_curve import LoadCurve
+from linkage_ros.model.parts import (
+    CROSSED,
+    OPEN,
+    Body,
+    Coupler,
+    Frame,
+    Guide,
+    Piston,
+    Rocker,
+    Slider,
+)
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.model.wind_pump import WindPump
@@ -31,8 +44,11 @@ __all__ = [
     'Coupler',
     'FourBar',
     'Frame',
+    'Friction',
     'Guide',
+    'LinkLoad',
     'LinkageError',
+    'LoadCurve',
     'LogError',
     'MechanismError',
     'MotionError',
@@ -40,6 +56,7 @@ __all__ = [
     'PointMotion',
     'Reach',
     'Reactions',
+    'Rocker',
     'Slider',
     'SliderCrank',
     'Solver',

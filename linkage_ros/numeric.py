@@ -118,6 +118,21 @@ def with_turns(angle: float, pairs: int) -> float:
     return float(Fraction(angle) + pairs * 2 * _TURN) if pairs else angle
 
 
+def without_turns(angle: Real, first: float) -> Real:
+    """A direction without whole turns: the one from `first` to one turn later, rad.
+
+    Args:
+        angle: rad; a float, or an array with the same bits.
+        first: rad.
+
+    Returns:
+        The direction.
+    """
+    floor = math.floor if isinstance(angle, float) else np.floor
+    turns = floor((angle - first) * (1 / _TWO_PI[0]))
+    return (angle - turns * _TWO_PI[0]) - turns * _TWO_PI[1]
+
+
 def short_sum(longest: float, *terms: float) -> float:
     """The exact sum of link lengths, rounded once; 0 where it is below 4 ulp of the longest.
 

@@ -31,7 +31,7 @@ class Quantity:
     """What a field holds.
 
     Attributes:
-        kind: 'number', 'whole', 'pair', 'choice', 'text' or 'switch'.
+        kind: 'number', 'whole', 'pair', 'list', 'choice', 'text' or 'switch'.
         meaning: One line for people.
         unit: SI unit; empty where there is none.
         low: Smallest valid value, inclusive (numbers, whole ones too, and pairs).
@@ -62,6 +62,7 @@ class Quantity:
             'number': f'a number from {self.span}',
             'whole': f'a whole number from {self.span}',
             'pair': f'two numbers, each from {self.span}',
+            'list': f'a list of numbers from {self.span}',
             'choice': 'one of ' + ', '.join(self.choices),
             'text': f'text of the form {self.pattern}' if self.pattern else 'text',
             'switch': 'true or false',
@@ -75,7 +76,7 @@ class Quantity:
             value: Whole numbers are taken for numbers, lists for pairs.
 
         Returns:
-            float, int, (float, float), str or bool.
+            float, int, a tuple of floats, str or bool.
 
         Raises:
             ConfigurationError: The value is of the wrong type or outside its range.
@@ -99,8 +100,12 @@ class Quantity:
         return value if isinstance(value, int) and self._number(value) is not None else None
 
     def _pair(self, value: object) -> tuple[float | None, ...] | None:
+        numbers = self._list(value)
+        return numbers if numbers is not None and len(numbers) == 2 else None
+
+    def _list(self, value: object) -> tuple[float | None, ...] | None:
         items = value.tolist() if hasattr(value, 'tolist') else value
-        if not isinstance(items, (list, tuple)) or len(items) != 2:
+        if not isinstance(items, (list, tuple)) or not items:
             return None
         numbers = tuple(map(self._number, items))
         return None if None in numbers else numbers
@@ -143,6 +148,19 @@ def quantity(
     return dataclasses.field(default=default, metadata={'quantity': described})
 
 
+def groups(**kinds: type) -> Any:
+    """Declares a dataclass field that holds a tuple of dataclasses, each of a named group.
+
+    Args:
+        **kinds: Dataclasses of quantities by the name of their group. A parameter file may set
+            one of each.
+
+    Returns:
+        The field; empty by default.
+    """
+    return dataclasses.field(default=(), metadata={'groups': kinds})
+
+
 class Checked:
     """Base of the frozen dataclasses whose fields are quantities: they are checked when made."""
 
@@ -151,7 +169,9 @@ class Checked:
         for field in dataclasses.fields(typing.cast('Any', self)):
             value = getattr(self, field.name)
             described = field.metadata.get('quantity')
-            if described is None:
+            if 'groups' in field.metadata:
+                self._check_group(field, value)
+            elif described is None:
                 kind = hints[field.name]
                 if not isinstance(value, kind):
                     raise ConfigurationError(
@@ -159,6 +179,16 @@ class Checked:
                     )
             elif not (value is None and field.default is None):
                 object.__setattr__(self, field.name, described.clean(field.name, value))
+
+    def _check_group(self, field: dataclasses.Field[Any], value: object) -> None:
+        members = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+        for member in members:
+            if not isinstance(member, Checked):
+                kinds = ', '.join(kind.__name__ for kind in field.metadata['groups'].values())
+                raise ConfigurationError(
+                    f'{field.name} holds {shown(member)}: must be a tuple of these: {kinds}'
+                )
+        object.__setattr__(self, field.name, members)
 
 
 class Leaf(NamedTuple):
@@ -186,6 +216,11 @@ def _walk(cls: type, prefix: str) -> Iterator[Leaf]:
         described = field.metadata.get('quantity')
         if described is not None:
             yield Leaf(prefix + field.name, described, field.default)
+        elif 'groups' in field.metadata:
+            for name, kind in field.metadata['groups'].items():
+                for leaf in _walk(kind, f'{prefix}{name}.'):
+                    # Required only where the group is there.
+                    yield leaf._replace(default=None) if leaf.default is MISSING else leaf
         else:
             yield from _walk(hints[field.name], f'{prefix}{field.name}.')
 
@@ -209,7 +244,13 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
     for field in dataclasses.fields(typing.cast('Any', cls)):
         name = prefix + field.name
         described = field.metadata.get('quantity')
-        if described is None:
+        if 'groups' in field.metadata:
+            arguments[field.name] = tuple(
+                build(kind, values, f'{prefix}{group}.')
+                for group, kind in field.metadata['groups'].items()
+                if any(given.startswith(f'{prefix}{group}.') for given in values)
+            )
+        elif described is None:
             arguments[field.name] = build(hints[field.name], values, name + '.')
         elif name in values:
             arguments[field.name] = described.clean(name, values[name])
@@ -223,8 +264,30 @@ def flatten(instance: object, prefix: str = '') -> dict[str, object]:
     flat: dict[str, object] = {}
     for field in dataclasses.fields(typing.cast('Any', instance)):
         value = getattr(instance, field.name)
-        if field.metadata.get('quantity') is None:
+        if 'groups' in field.metadata:
+            for group, member in _by_group(field, value).items():
+                flat.update(flatten(member, f'{prefix}{group}.'))
+        elif field.metadata.get('quantity') is None:
             flat.update(flatten(value, f'{prefix}{field.name}.'))
         elif value is not None:
             flat[prefix + field.name] = value
     return flat
+
+
+def _by_group(field: dataclasses.Field[Any], members: tuple[object, ...]) -> dict[str, object]:
+    """The members of a field by the names of their groups.
+
+    Raises:
+        ConfigurationError: Parameters cannot say them: two of one kind, or a kind of one's own.
+    """
+    names = {kind: name for name, kind in field.metadata['groups'].items()}
+    found: dict[str, object] = {}
+    for member in members:
+        name = names.get(type(member))
+        if name is None or name in found:
+            raise ConfigurationError(
+                f'{field.name} holds {shown(member)}: parameters can say one of each: '
+                f'{", ".join(names.values())}'
+            )
+        found[name] = member
+    return found

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from linkage_ros import ConfigurationError, MechanismError, Solver, WindPump
+from linkage_ros.model.parts import Rocker
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.as_strings import from_strings, to_strings
 from linkage_ros.parameters.configuration import (
@@ -67,6 +68,7 @@ QUADRILATERAL = {
     'rocker.mass': 3.5,
     'rocker.inertia': 0.066,
     'rocker.center': (0.25, 0.0),
+    **{f'rocker.{what}': 0.0 for what in Rocker.load_fields},
     'log': '',
     'log_overwrite': False,
     'viewer': '',
@@ -105,6 +107,7 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
             for body in ('crank', 'coupler', 'rocker')
             for what in ('mass', 'inertia')
         },
+        **{f'rocker.{what}': 0.0 for what in Rocker.load_fields},
         **{f'{body}.center': (0.0, 0.0) for body in ('crank', 'coupler', 'rocker')},
         'crank_acceleration': 0.0,
         'crank_angle': 0.0,

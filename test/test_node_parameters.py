@@ -66,7 +66,9 @@ def plain(value):
 
 def test_each_is_described_with_its_range(listener):
     leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}
-    assert set(leaves) <= set(dump(listener))
+    unset = {name for name in leaves if name.startswith(('load.', 'friction.'))}
+    assert set(leaves) - set(dump(listener)) == unset
+    leaves = {name: quantity for name, quantity in leaves.items() if name not in unset}
     request = DescribeParameters.Request(names=sorted(leaves))
     described = call(listener, DescribeParameters, 'describe_parameters', request)
     for descriptor in described.descriptors:

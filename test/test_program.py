@@ -33,7 +33,7 @@ from linkage_ros import (
 )
 from linkage_ros.dynamics.program import Program
 from linkage_ros.formulas import Opaque, cos, require, sin, sqrt, total, where
-from linkage_ros.model.loads import LinkLoad
+from linkage_ros.model.loads import LinkForce
 
 STRICT = np.errstate  # the real one: a test replaces the package's
 
@@ -42,8 +42,8 @@ STRICT = np.errstate  # the real one: a test replaces the package's
 class Loaded(FourBar):
     """A four-bar with a constant torque and a resistance on its rocker."""
 
-    def loads(self):
-        return (LinkLoad(2, 3.0, 0.5),)
+    def link_loads(self):
+        return (LinkForce(2, 3.0, 0.5),)
 
 
 def massless(linkage):
@@ -481,7 +481,7 @@ class Table(NamedTuple):
 class Measured(FourBar):
     """A four-bar with a measured torque on its rocker."""
 
-    def loads(self):
+    def link_loads(self):
         return (Table(Opaque(lookup)),)
 
 

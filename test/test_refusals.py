@@ -124,7 +124,12 @@ BAD_VALUES = [
     (FOUR, 'crank_length', 1, "'crank_length' is … did you mean crank.length? …"),
     (FOUR, 'crank_speed', 1, "'crank_speed' is … did you mean rpm? …"),
     (FOUR, 'crnk.weight', 1, "'crnk.weight' is … did you mean crank.mass? …"),
-    (FOUR, 'rocker.point', [0, 0], '… rocker has length, mass, inertia, center: … lists all'),
+    (
+        FOUR,
+        'rocker.point',
+        [0, 0],
+        '… rocker has length, mass, inertia, center, torque, … lists all',
+    ),
     (FOUR, 'frame.weight', 1, '… of a four_bar; frame has length, angle: … lists all'),
     (FOUR, 'crank', 0.1, "'crank' is … crank has length, mass, inertia, center: … lists all"),
     (FOUR, 'length', 1, f"'length' is not a parameter of a four_bar: {LISTED}"),

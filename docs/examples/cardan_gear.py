@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from linkage_ros.errors import MechanismError
 from linkage_ros.formulas import ZERO, Vector, atan2, cos, sin
-from linkage_ros.model.loads import LinkLoad, Load
+from linkage_ros.model.loads import LinkForce, Load
 from linkage_ros.model.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
@@ -66,10 +66,9 @@ class SpringLoad(NamedTuple):
         stretch = links[self.link].position - self.rest_position
         return {self.link: -(self.stiffness * stretch)}
 
-    def resistance(self, rates: Sequence[Real]) -> dict[int, Real]:
-        """No part of the force takes power for good."""
-        del rates
-        return {}
+    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+        """The part that the frame exerts: all of it."""
+        return self.forces(links, rates)
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """The energy in the spring, J."""
@@ -150,12 +149,12 @@ class CardanGear(Mechanism):
         """Reach of the crank: it turns fully, and motion is fast nowhere."""
         return Reach('crank-slider')
 
-    def loads(self) -> tuple[Load, ...]:
+    def link_loads(self) -> tuple[Load, ...]:
         """External force and resistance on the slider, and its spring."""
         slider, spring = self.slider, self.spring
         loads: list[Load] = []
         if slider.force or slider.damping:
-            loads.append(LinkLoad(2, slider.force or ZERO, slider.damping or ZERO))
+            loads.append(LinkForce(2, slider.force or ZERO, slider.damping or ZERO))
         if spring.stiffness:
             loads.append(SpringLoad(2, spring.stiffness, spring.rest_position))
         return tuple(loads)

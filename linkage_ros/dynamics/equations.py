@@ -132,7 +132,7 @@ def model_of(mechanism: Mechanism, structure: Structure, *refusals: Opaque) -> M
         tuple(inertia or ZERO for inertia in inertias),
         tuple(couplings),
         Weight(weights, slides),
-        mechanism.loads(),
+        mechanism.link_loads(),
         structure.dyads,
         slides,
         *refusals,

@@ -170,14 +170,13 @@ class SpeedDrivenPeriod(Period):
 def _mean_power(solver: Solver, crank: Array, state: State, acceleration: float) -> float:
     """Mean driving power over the crank angle, W.
 
-    At a constant speed, weights and inertia take back what they give: what remains is the
-    resistance of the loads, and what accelerates the crank. No cancellation spoils these.
+    At a constant speed, weights and inertia take back what they give: what remains is the power
+    of the loads, and what accelerates the crank. No cancellation spoils these.
     """
     ((inertia,),) = solver.matrix(crank)
     power = state.velocity[0] * acceleration * inertia
-    for load in solver.mechanism.loads():
-        for link, force in load.resistance(state.velocity).items():
-            power = power - force * state.velocity[link]
+    for link, force in solver.load_forces(state).items():
+        power = power - force * state.velocity[solver.links.index(link)]
     return mean(crank, np.broadcast_to(power, crank.shape))
 
 

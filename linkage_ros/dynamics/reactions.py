@@ -149,7 +149,7 @@ class _Balance:
         for load in model.loads:
             for j, force in load.forces(pose.links, rates).items():
                 pushes[j] += force
-            for j, force in load.resistance(rates).items():
+            for j, force in load.resistance(pose.links, rates).items():
                 self._resistance[j] += force
         self._centers, self._needed, self._couples = [], [], []
         for body, direction, push, change in zip(

@@ -15,11 +15,15 @@ import numpy as np
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import Meeting, model_of
+from linkage_ros.dynamics.friction import Coefficients, Round, friction_round, settle
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import Reactions, joints_of, reactions
+from linkage_ros.dynamics.reactions import Joints, Reactions, joints_of, reactions
 from linkage_ros.dynamics.state import PointMotion, State, Track
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
-from linkage_ros.formulas import Opaque, Vector, is_finite, require
+from linkage_ros.formulas import ZERO, Opaque, Vector, is_finite, require
+from linkage_ros.model.friction import Friction
+from linkage_ros.model.loads import Load
+from linkage_ros.model.pose import LinkPose
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Real, real_numbers, require_finite
@@ -77,6 +81,9 @@ class Solver:
         self._matrix = Program(equations.matrix, model, (q,))
         self._meetings = Program(equations.meetings, model, (q, u))
         self._points: dict[str, Program] = {}
+        self._friction = mechanism.friction
+        # Floats of such a mechanism go straight to its programs.
+        self._is_plain = self._count == 1 and self._friction is None
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
         return functools.partial(type(self), compiled=self._compiled), (self.mechanism,)
@@ -123,10 +130,12 @@ class Solver:
                 finite rate exists.
             ConfigurationError: A value is not a finite number, or so large that the torque is not.
         """
-        if type(q) is type(u) is type(a) is float and self._count == 1:
+        if type(q) is type(u) is type(a) is float and self._is_plain:
             fast: State = self._moving.scalar(q, u, a) if a else self._steady.scalar(q, u)
             return fast
         changes = self._row('a', a)
+        if self._friction is not None:
+            return self._settle(*self._row('q', q), *self._row('u', u), *changes).state
         if all(type(change) is float and not change for change in changes):
             state: State = self._run(self._steady, *self._row('q', q), *self._row('u', u))
         else:
@@ -151,8 +160,13 @@ class Solver:
                 is not.
             MechanismError: Something moves without a mass.
         """
-        if type(q) is type(u) is type(torque) is float and self._count == 1:
+        if type(q) is type(u) is type(torque) is float and self._is_plain:
             return self._forward.scalar(q, u, torque)[0]
+        if self._friction is not None:
+            raise MechanismError(
+                'dry friction under a given torque has no unique acceleration at rest: leave '
+                'friction out where the torque is given, or give the speed'
+            )
         found = self._run(self._forward, *self._row('q', q), *self._row('u', u), torque)
         return found if self._count > 1 or isinstance(q, tuple) else found[0]
 
@@ -263,12 +277,43 @@ class Solver:
             raise MechanismError(
                 f'joint forces of a {type(self.mechanism).__name__} are not known'
             )
-        moving = [self.links.index(name) for name in self.coordinates]
-        given = (row[i] for row in self._rows(state) for i in moving)
-        forces, guides, *others = self._run(self._reactions, *given)
+        given = self._motion(state)
+        if self._friction is None:
+            forces, guides, *others = self._run(self._reactions, *given)
+        else:
+            forces, guides, *others = self._settle(*given).reactions
         return Reactions(
             dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
         )
+
+    def load_forces(self, state: State) -> dict[str, Real]:
+        """What loads and friction exert on the links, without weights.
+
+        Args:
+            state: From `state`; floats or arrays.
+
+        Returns:
+            By the names of links on which something acts, torque, counter-clockwise positive,
+            N m, or of a link that slides, force along its guide, N.
+
+        Raises:
+            ConfigurationError: It is not a state of this mechanism.
+        """
+        position, velocity, _ = self._rows(state)
+        links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
+        loads: list[Load] = list(self._model.loads)
+        if self._friction is not None:
+            loads.append(self._settle(*self._motion(state)).friction)
+        found: dict[str, Real] = {}
+        for load in loads:
+            for j, force in load.forces(links, velocity).items():
+                found[self.links[j]] = found.get(self.links[j], ZERO) + force
+        return found
+
+    def _motion(self, state: State) -> tuple[Real, ...]:
+        """Coordinates, their rates and their accelerations."""
+        moving = [self.links.index(name) for name in self.coordinates]
+        return tuple(row[i] for row in self._rows(state) for i in moving)
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
         """How near two links that meet are to one line, beyond which the motion may not go on.
@@ -295,9 +340,37 @@ class Solver:
         return sine, f'{first.name} and {second.name} are {"folded" if is_folded else "stretched"}'
 
     @functools.cached_property
+    def _joints(self) -> Joints:
+        return joints_of(self.mechanism, self.structure, Opaque(self._refuse_change_point))
+
+    @functools.cached_property
     def _reactions(self) -> Program:
-        joints = joints_of(self.mechanism, self.structure, Opaque(self._refuse_change_point))
-        return Program(reactions, (self._model, joints), tuple(self._names.values()))
+        return Program(reactions, (self._model, self._joints), tuple(self._names.values()))
+
+    @functools.cached_property
+    def _round(self) -> Program:
+        friction, guides = self._friction or Friction(), any(self._model.slides)
+        coefficients = Coefficients(
+            friction.pin * friction.pin_radius or ZERO, (guides and friction.guide) or ZERO
+        )
+        pushes = (tuple(f'{word}_{link}' for link in self.links) for word in ('inner', 'outer'))
+        constants = self._model, self._joints, coefficients
+        return Program(friction_round, constants, (*self._names.values(), *pushes))
+
+    def _settle(self, *given: Any) -> Round:
+        """The motion under friction."""
+
+        def refuse(where_not: Any) -> NoReturn:
+            q, where_not = np.broadcast_arrays(given[0], where_not)
+            crank = float(q[where_not][0])
+            raise UnreachableError(
+                f'at {math.degrees(crank):.9g} deg friction locks the mechanism: no torque keeps '
+                'it moving; lower the coefficients or the pin radius',
+                crank_angle=crank,
+                arcs=self.mobility.arcs if self.mobility else (),
+            )
+
+        return settle(functools.partial(self._run, self._round, *given), len(self.links), refuse)
 
     def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
         """The values of all coordinates.

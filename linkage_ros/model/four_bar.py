@@ -24,16 +24,35 @@ import cmath
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from linkage_ros.errors import MechanismError
+from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, where
-from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, gravity_quantity
+from linkage_ros.model.loads import Load, link_forces
+from linkage_ros.model.parts import (
+    CROSSED,
+    OPEN,
+    Body,
+    Coupler,
+    Frame,
+    Rocker,
+    gravity_quantity,
+    loads_field,
+)
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
+from linkage_ros.model.swing import swing
 from linkage_ros.model.transmission import Halves, Square, Transmission
-from linkage_ros.numeric import Real, equalities, nearest_turns, rounded, short_sum
+from linkage_ros.numeric import (
+    SCALAR,
+    Real,
+    equalities,
+    nearest_turns,
+    rounded,
+    short_sum,
+    wrap,
+)
 from linkage_ros.quantities import quantity
 
 # Where |d - r| is below this part of d + r, the rates need the careful form: the plain one has an
@@ -174,18 +193,22 @@ class FourBar(Mechanism):
             linkage that passes change points it names the branch at crank angles 0 to pi
             counted from the frame.
         gravity: Acceleration of gravity [x, y], m/s^2.
+        loads: Load curves and friction; what else acts on the rocker is its own.
     """
 
     frame: Frame
     crank: Body
     coupler: Coupler
-    rocker: Body
+    rocker: Rocker
     assembly: str = quantity(
         'choice', 'side of the coupler-rocker pin', choices=(OPEN, CROSSED), default=OPEN
     )
     gravity: tuple[float, float] = gravity_quantity()
+    loads: tuple[Any, ...] = loads_field()
 
     def __post_init__(self) -> None:
+        if type(self.rocker) is Body:  # without loads of its own
+            object.__setattr__(self, 'rocker', Rocker(**vars(self.rocker)))
         super().__post_init__()
         longest, *others = sorted(self._lengths(), reverse=True)
         if short_sum(longest, longest, *(-other for other in others)) > 0:
@@ -321,6 +344,38 @@ class FourBar(Mechanism):
         elif at_most <= 0:
             equal = rounded((d + r) / 2, up=True)
             yield f'make coupler and rocker equal, at least {equal} m each'
+
+    def link_loads(self) -> tuple[Load, ...]:
+        """What acts on the rocker and on the crank."""
+        rocker, middle, rest = self.rocker, None, 0.0
+        if rocker.stiffness:
+            middle = self.swing_middle(2, 'rocker.stiffness')
+            turns = round((rocker.rest_angle - middle) / (2 * math.pi))
+            rest = rocker.rest_angle - turns * 2 * math.pi
+        own = link_forces(2, rocker.torque, rocker.damping, rocker.stiffness, rest, middle)
+        return (*own, *super().link_loads())
+
+    def swing_middle(self, link: int, what: str) -> float:
+        """The middle of the rocker's swing; see `Mechanism.swing_middle`.
+
+        Raises:
+            ConfigurationError: The rocker turns fully.
+        """
+        del link
+        low, high = swing(*self._lengths())
+        if (low, high) == (0.0, math.pi):
+            raise ConfigurationError(
+                f'{what}: the rocker of this {self.grashof} linkage turns fully, so that its '
+                'angle has no beginning; use a load over crank_angle'
+            )
+        middle = 0.5 * (low + high)
+        if low == 0 or high == math.pi or len(self.reach().arcs) > 1:
+            middle = math.pi if high == math.pi else 0.0  # it swings to both sides of the frame
+        back: float = wrap(self.frame.angle + math.pi, SCALAR)  # from B0 to A0
+        links, _ = self.loop().pose((0.5 * sum(self.reach().arcs[0]),))
+        side = math.copysign(1.0, wrap(links[2].position - back, SCALAR))
+        found: float = wrap(back + side * middle, SCALAR)
+        return found
 
     def structure(self) -> Structure:
         """How the links hang together: the loop is cut at B."""

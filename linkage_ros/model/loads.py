@@ -9,10 +9,11 @@ of floats; ZERO marks a term that is not there.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from linkage_ros.formulas import ZERO, Vector, dot
+from linkage_ros.formulas import ZERO, Vector, dot, where
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
 
@@ -33,39 +34,89 @@ class Load(Protocol):
             By the index of the link, N m counter-clockwise, or N along the guide.
         """
 
-    def resistance(self, rates: Sequence[Real]) -> dict[int, Real]:
-        """The part of the forces that dissipates power; the frame exerts it. As `forces`."""
+    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+        """The part of the forces that the frame exerts: resistance and springs. As `forces`."""
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """The potential energy but for a constant, J; ZERO: there is none."""
 
 
-class LinkLoad(NamedTuple):
-    """A constant force or torque on one link, and a resistance to its motion.
+class Loaded(Protocol):
+    """What a load asks of the mechanism on which it acts; see `Mechanism`."""
+
+    def output(self, name: str, what: str) -> int:
+        """The index of the crank or the output link."""
+
+    def swing_middle(self, link: int, what: str) -> float | None:
+        """The middle of the swing of the output link, rad."""
+
+
+class LinkForce(NamedTuple):
+    """What acts on one link: a force or torque, a resistance, and a spring to the frame.
 
     Attributes:
         link: Index of the link.
         force: N m counter-clockwise, or N along the guide.
         damping: Resistance per rate of the link, N m s or N s/m.
+        stiffness: Of the spring, N m/rad or N/m.
+        rest: Position at which the spring is at rest, rad or m.
+        middle: Middle of the swing of a link that turns, rad; see `continuous`.
     """
 
     link: int
     force: Real = ZERO
     damping: Real = ZERO
+    stiffness: Real = ZERO
+    rest: Real = ZERO
+    middle: Real = None
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        del links
-        return {self.link: self.force - self.damping * rates[self.link]}
+        lost = self.damping * rates[self.link] + self.stiffness * self._stretch(links)
+        return {self.link: self.force - lost}
 
-    def resistance(self, rates: Sequence[Real]) -> dict[int, Real]:
+    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        return {self.link: -(self.damping * rates[self.link])}
+        return {
+            self.link: -(self.damping * rates[self.link] + self.stiffness * self._stretch(links))
+        }
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`: there is none."""
-        del links
-        return ZERO
+        """See `Load`: the spring's."""
+        stretch = self._stretch(links)
+        return 0.5 * (self.stiffness * (stretch * stretch))
+
+    def _stretch(self, links: Sequence[LinkPose]) -> Real:
+        if self.stiffness is ZERO:
+            return ZERO
+        return continuous(links[self.link].position, self.middle) - self.rest
+
+
+def link_forces(
+    link: int, force: float, damping: float, stiffness: float, rest: float, middle: float | None
+) -> tuple[LinkForce, ...]:
+    """What acts on a link, empty where nothing does; see `LinkForce`."""
+    if not (force or damping or stiffness):
+        return ()
+    if not stiffness:
+        return (LinkForce(link, force or ZERO, damping or ZERO),)
+    return (LinkForce(link, force or ZERO, damping or ZERO, stiffness, rest or ZERO, middle),)
+
+
+def continuous(position: Real, middle: Real) -> Real:
+    """The position of a link without the jump from pi to -pi.
+
+    Args:
+        position: rad in [-pi, pi], or m.
+        middle: Middle of the link's swing, in [-pi, pi], rad; None: it slides.
+
+    Returns:
+        The position, within pi of the middle.
+    """
+    if middle is None:
+        return position
+    apart, turn = position - middle, 2 * math.pi
+    return position + where(apart > math.pi, -turn, where(apart < -math.pi, turn, 0.0))
 
 
 class Weight(NamedTuple):
@@ -88,9 +139,9 @@ class Weight(NamedTuple):
             for j, (moment, link) in enumerate(zip(self.moments, links, strict=True))
         }
 
-    def resistance(self, rates: Sequence[Real]) -> dict[int, Real]:
+    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`: there is none."""
-        del rates
+        del links, rates
         return {}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:

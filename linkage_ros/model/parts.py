@@ -9,9 +9,11 @@ rad counter-clockwise from the x axis of base_link.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
-from linkage_ros.quantities import Checked, quantity
+from linkage_ros.model.friction import Friction
+from linkage_ros.model.load_curve import LoadCurve
+from linkage_ros.quantities import Checked, groups, quantity
 
 OPEN = 'open'
 CROSSED = 'crossed'
@@ -20,6 +22,8 @@ CROSSED = 'crossed'
 # underflow; every linkage that can be built is far inside.
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
+_FORCES = (-1e12, 1e12)
+_SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
 
 
 def gravity_quantity() -> Any:
@@ -27,6 +31,11 @@ def gravity_quantity() -> Any:
     return quantity(
         'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=(0.0, -9.81)
     )
+
+
+def loads_field() -> Any:
+    """Declares the field of a mechanism that holds its loads; a new kind is registered here."""
+    return groups(load=LoadCurve, friction=Friction)
 
 
 @dataclass(frozen=True)
@@ -63,6 +72,33 @@ class Coupler(Body):
         'pair', 'traced coupler point [along, across] from the crank pin', 'm',
         span=(-1e9, 1e9), default=None,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rocker(Body):
+    """The output link of a four-bar, and what it works against.
+
+    Attributes:
+        torque: External torque on it, counter-clockwise positive, N m.
+        damping: Resistance of its bearing per angular velocity, N m s.
+        stiffness: Of a torsion spring to the frame, N m/rad.
+        rest_angle: Direction in which the spring is at rest, rad.
+    """
+
+    load_fields: ClassVar[tuple[str, ...]] = ('torque', 'damping', 'stiffness', 'rest_angle')
+
+    torque: float = quantity(
+        'number', 'external torque, counter-clockwise positive', 'N m', span=_FORCES, default=0.0
+    )
+    damping: float = quantity(
+        'number', 'resistance per angular velocity', 'N m s', span=_MASSES, default=0.0
+    )
+    stiffness: float = quantity(
+        'number', 'of a torsion spring to the frame', 'N m/rad', span=_MASSES, default=0.0
+    )
+    rest_angle: float = quantity(
+        'number', 'direction in which that spring is at rest', 'rad', span=(-1e3, 1e3), default=0.0
+    )
 
 
 @dataclass(frozen=True)
@@ -106,7 +142,11 @@ class Slider(Checked):
         mass: kg.
         force: External force along the guide, N.
         damping: Resistance of the guide per sliding speed, N s/m.
+        stiffness: Of a spring to the frame, N/m.
+        rest_position: Position at which the spring is at rest, m.
     """
+
+    load_fields: ClassVar[tuple[str, ...]] = _SLIDER_LOAD
 
     offset: float = quantity(
         'number', "distance of the pin's path from the crank pivot, to the guide's left", 'm',
@@ -114,10 +154,16 @@ class Slider(Checked):
     )  # fmt: skip
     mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
     force: float = quantity(
-        'number', 'external force along the guide', 'N', span=(-1e12, 1e12), default=0.0
+        'number', 'external force along the guide', 'N', span=_FORCES, default=0.0
     )
     damping: float = quantity(
         'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
+    )
+    stiffness: float = quantity(
+        'number', 'of a spring to the frame', 'N/m', span=_MASSES, default=0.0
+    )
+    rest_position: float = quantity(
+        'number', 'position at which that spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
     )
 
 
@@ -130,11 +176,25 @@ class Piston(Checked):
         velocity: At t = 0, m/s.
         mass: kg.
         damping: Resistance of the pump per sliding speed, N s/m.
+        force: External force along the guide, N.
+        stiffness: Of a spring to the frame, N/m.
+        rest_position: Position at which the spring is at rest, m.
     """
+
+    load_fields: ClassVar[tuple[str, ...]] = _SLIDER_LOAD
 
     position: float = quantity('number', 'position at t = 0', 'm', span=(-1e9, 1e9))
     velocity: float = quantity('number', 'velocity at t = 0', 'm/s', span=(-1e6, 1e6), default=0.0)
     mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
     damping: float = quantity(
         'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
+    )
+    force: float = quantity(
+        'number', 'external force along the guide', 'N', span=_FORCES, default=0.0
+    )
+    stiffness: float = quantity(
+        'number', 'of a spring to the frame', 'N/m', span=_MASSES, default=0.0
+    )
+    rest_position: float = quantity(
+        'number', 'position at which that spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
     )

@@ -22,11 +22,11 @@ import cmath
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from linkage_ros.errors import MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2
-from linkage_ros.model.loads import LinkLoad
+from linkage_ros.model.loads import Load, link_forces
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -35,6 +35,7 @@ from linkage_ros.model.parts import (
     Guide,
     Slider,
     gravity_quantity,
+    loads_field,
 )
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
@@ -120,6 +121,7 @@ class SliderCrank(Mechanism):
         assembly: 'open': the slider is on the + side of the crank pin where the crank points
             along the guide; 'crossed': on the - side.
         gravity: Acceleration of gravity [x, y], m/s^2.
+        loads: Load curves and friction; what else acts on the slider is its own.
     """
 
     crank: Body
@@ -131,6 +133,7 @@ class SliderCrank(Mechanism):
         default=OPEN,
     )  # fmt: skip
     gravity: tuple[float, float] = gravity_quantity()
+    loads: tuple[Any, ...] = loads_field()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -195,12 +198,11 @@ class SliderCrank(Mechanism):
             self.coupler.length,
         )
 
-    def loads(self) -> tuple[LinkLoad, ...]:
-        """The external force on the slider, and the resistance of its guide."""
+    def link_loads(self) -> tuple[Load, ...]:
+        """What acts on the slider and on the crank."""
         slider = self.slider
-        if not slider.force and not slider.damping:
-            return ()
-        return (LinkLoad(2, slider.force or ZERO, slider.damping or ZERO),)
+        terms = slider.force, slider.damping, slider.stiffness, slider.rest_position
+        return (*link_forces(2, *terms, None), *super().link_loads())
 
     def reach(self) -> Reach:
         """What the crank can do."""

@@ -4,13 +4,17 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from dataclasses import replace
+from typing import Any, ClassVar, NamedTuple
 
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.model.friction import Friction
+from linkage_ros.model.link_load import LinkLoad
 from linkage_ros.model.loads import Load
 from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.model.pose import Loop
 from linkage_ros.model.reach import Reach
-from linkage_ros.quantities import Checked
+from linkage_ros.quantities import Checked, shown
 
 
 class Point(NamedTuple):
@@ -154,12 +158,46 @@ class Mechanism(Checked):
         crank: The link that the drive turns.
         assembly: Which way round the loop is closed.
         gravity: Acceleration of gravity [x, y], m/s^2.
+        loads: What acts on the links besides what the parts say.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank',)
     crank: Body
     assembly: str
     gravity: tuple[float, float]
+    loads: tuple[Any, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for load in self.loads:
+            if isinstance(load, LinkLoad):
+                self._take_in(load)
+        rest = tuple(load for load in self.loads if not isinstance(load, LinkLoad))
+        if rest != self.loads:
+            object.__setattr__(self, 'loads', rest)
+        if sum(isinstance(load, Friction) for load in rest) > 1:
+            raise ConfigurationError('friction is given twice: give it once')
+
+    def _take_in(self, load: LinkLoad) -> None:
+        """Takes a load of the output link into that part: there is one place for it.
+
+        Raises:
+            ConfigurationError: There is no such link, or it has a load already.
+        """
+        part = getattr(self, load.link, None)
+        if part is None:
+            names = [link.name for link in self.structure().links]
+            raise ConfigurationError(
+                f'a load on link {shown(load.link)}: this mechanism has the links '
+                f'{", ".join(names)}'
+            )
+        if any(getattr(part, name) for name in part.load_fields):
+            raise ConfigurationError(
+                f'the load on the {load.link} is given twice: in {load.link} and in loads'
+            )
+        terms = load.force, load.damping, load.stiffness, load.rest
+        taken = replace(part, **dict(zip(part.load_fields, terms, strict=True)))
+        object.__setattr__(self, load.link, taken)
 
     def structure(self) -> Structure:
         """How the links hang together."""
@@ -169,9 +207,53 @@ class Mechanism(Checked):
         """The constants of the kinematics."""
         raise NotImplementedError
 
-    def loads(self) -> tuple[Load, ...]:
-        """What acts on the links, besides their weight."""
-        return ()
+    def link_loads(self) -> tuple[Load, ...]:
+        """What acts on the links, besides their weight and friction, for formulas."""
+        return tuple(load.on(self) for load in self.loads if hasattr(load, 'on'))
+
+    @property
+    def friction(self) -> Friction | None:
+        """Dry friction in the joints; None: there is none."""
+        found = [load for load in self.loads if isinstance(load, Friction)]
+        return (
+            found[0] if found and (found[0].pin * found[0].pin_radius or found[0].guide) else None
+        )
+
+    def output(self, name: str, what: str) -> int:
+        """The index of a link on which loads may act: the crank or the output link.
+
+        Args:
+            name: Name of the link.
+            what: What names it, for the error.
+
+        Returns:
+            The index.
+
+        Raises:
+            ConfigurationError: The mechanism has no such link.
+        """
+        names = [link.name for link in self.structure().links]
+        if name not in {names[0], names[-1]}:
+            raise ConfigurationError(
+                f'{what} = {shown(name)}: must be {names[0]} or {names[-1]} of this mechanism'
+            )
+        return names.index(name)
+
+    def swing_middle(self, link: int, what: str) -> float | None:
+        """The middle of the swing of the output link, on which what depends on its place counts.
+
+        Args:
+            link: Index of the link.
+            what: What asks for it, for the error.
+
+        Returns:
+            In [-pi, pi], rad; None of a link that slides.
+
+        Raises:
+            ConfigurationError: The link turns fully.
+        """
+        del link, what
+        return None
 
     def reach(self) -> Reach | None:
         """What the crank can do; None: the crank angle alone does not determine the motion."""

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, NoReturn
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import UnreachableError
 from linkage_ros.formulas import (
@@ -37,8 +37,16 @@ from linkage_ros.formulas import (
     sqrt,
     where,
 )
-from linkage_ros.model.loads import LinkLoad
-from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Piston, gravity_quantity
+from linkage_ros.model.loads import Load, link_forces
+from linkage_ros.model.parts import (
+    CROSSED,
+    OPEN,
+    Body,
+    Coupler,
+    Piston,
+    gravity_quantity,
+    loads_field,
+)
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real
@@ -161,6 +169,7 @@ class WindPump(Mechanism):
         assembly: 'open': B lies left of the line from A to D; 'crossed': right of it, which is
             below where the slider is to the right.
         gravity: Acceleration of gravity [x, y], m/s^2.
+        loads: Load curves and friction; what else acts on the slider is its own.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank', 'slider')
@@ -173,6 +182,7 @@ class WindPump(Mechanism):
         'choice', 'side of the coupler-rod pin', choices=(OPEN, CROSSED), default=OPEN
     )
     gravity: tuple[float, float] = gravity_quantity()
+    loads: tuple[Any, ...] = loads_field()
 
     def loop(self) -> WindPumpLoop:
         """The constants of the pose."""
@@ -184,9 +194,11 @@ class WindPump(Mechanism):
             Opaque(self._refuse),
         )
 
-    def loads(self) -> tuple[LinkLoad, ...]:
-        """The resistance of the pump."""
-        return (LinkLoad(3, damping=self.slider.damping),) if self.slider.damping else ()
+    def link_loads(self) -> tuple[Load, ...]:
+        """What acts on the slider, the resistance of the pump included, and on the crank."""
+        slider = self.slider
+        terms = slider.force, slider.damping, slider.stiffness, slider.rest_position
+        return (*link_forces(3, *terms, None), *super().link_loads())
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The slider's position, m, and velocity, m/s, at t = 0."""

@@ -28,6 +28,7 @@ from linkage_ros.quantities import Leaf, Quantity
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,
     'pair': ParameterType.PARAMETER_DOUBLE_ARRAY,
+    'list': ParameterType.PARAMETER_DOUBLE_ARRAY,
     'choice': ParameterType.PARAMETER_STRING,
     'text': ParameterType.PARAMETER_STRING,
     'switch': ParameterType.PARAMETER_BOOL,

@@ -12,7 +12,7 @@ import numpy as np
 
 from linkage_ros.lab.methods.loop import Linkage
 from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Slider
+from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Rocker, Slider
 from linkage_ros.model.slider_crank import SliderCrank
 
 Random: TypeAlias = np.random.Generator
@@ -30,7 +30,7 @@ def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.
         The linkage.
     """
     r, b, c, d = lengths
-    return FourBar(Frame(d, angle), Body(*_rod(r)), Coupler(*_rod(b)), Body(*_rod(c)), assembly)
+    return FourBar(Frame(d, angle), Body(*_rod(r)), Coupler(*_rod(b)), Rocker(*_rod(c)), assembly)
 
 
 def slider_crank(

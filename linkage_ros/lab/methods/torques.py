@@ -71,7 +71,7 @@ def power_balance(mechanism: Linkage, f: Functions) -> Torque:
     """Power of inertia and weights over the crank's speed (document 1, eq. 1 to 6)."""
     links, gravity = mechanism.structure().links, complex(*mechanism.gravity)
     slider = links[-1] if links[-1].slides else None
-    loads, axis = mechanism.loads(), cmath.rect(1.0, links[-1].angle)
+    loads, axis = mechanism.link_loads(), cmath.rect(1.0, links[-1].angle)
     along = (gravity * axis.conjugate()).real
     turning = range(2 if slider else 3)
     arms = [
@@ -109,7 +109,7 @@ def newton_euler(mechanism: Linkage, _: Functions) -> Torque:
     The textbook form, for instance Norton, Design of Machinery, sec. 11.4 and 11.5.
     """
     structure, (gx, gy) = mechanism.structure(), mechanism.gravity
-    links, loads = structure.links, mechanism.loads()
+    links, loads = structure.links, mechanism.link_loads()
     slider = links[-1] if links[-1].slides else None
     solver = Solver(mechanism)
 

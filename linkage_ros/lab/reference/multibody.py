@@ -86,7 +86,7 @@ class Multibody:
         if isinstance(mechanism, FourBar):  # the structure has its pivot in doubles
             self._fixed = unit(mechanism.frame.angle) * -number(mechanism.frame.length)
         # Loads are tuples of indices and numbers.
-        loads: Any = mechanism.loads()
+        loads: Any = mechanism.link_loads()
         self._loads = [
             type(load)(*(number(x) if isinstance(x, float) else x for x in load)) for load in loads
         ]

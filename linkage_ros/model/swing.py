@@ -1,0 +1,40 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""How far the rocker of a four-bar swings, from its lengths."""
+
+from __future__ import annotations
+
+import math
+
+from linkage_ros.numeric import short_sum
+
+
+def swing(crank: float, coupler: float, rocker: float, frame: float) -> tuple[float, float]:
+    """The smallest and the largest angle between the rocker and the frame.
+
+    The end of the rocker is between |coupler - crank| and coupler + crank away from the crank's
+    pivot, which bounds the angle by the law of cosines.
+
+    Args:
+        crank: Length, m.
+        coupler: Length, m.
+        rocker: Length, m.
+        frame: Length, m.
+
+    Returns:
+        In [0, pi], rad; 0 or pi: the rocker passes the line of the frame there.
+    """
+    longest = max(crank, coupler, rocker, frame)
+    nearest, farthest = abs(short_sum(longest, coupler, -crank)), coupler + crank
+    low, high = 0.0, math.pi
+    if abs(short_sum(longest, rocker, -frame)) < nearest:
+        low = _angle(rocker, frame, nearest)
+    if short_sum(longest, coupler, crank, -rocker, -frame) < 0:
+        high = _angle(rocker, frame, farthest)
+    return low, high
+
+
+def _angle(rocker: float, frame: float, opposite: float) -> float:
+    """The angle between two sides of a triangle."""
+    cosine = (rocker * rocker + frame * frame - opposite * opposite) / (2 * rocker * frame)
+    return math.acos(max(-1.0, min(1.0, cosine)))
