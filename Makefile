@@ -34,6 +34,9 @@ unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION
 endif
 endif
 RUN := $(VENV)/bin/python
+# Python keeps what it compiles, also for whom it usually does not: the tests start hundreds of
+# processes, and compiling takes half the time of each.
+unexport PYTHONDONTWRITEBYTECODE
 SETUP := setup.py setup.cfg constraints.txt
 
 # An environment whose Python has gone, say by an upgrade, is made again.
