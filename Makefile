@@ -40,11 +40,12 @@ unexport PYTHONDONTWRITEBYTECODE
 SETUP := setup.py setup.cfg constraints.txt
 
 # An environment whose Python has gone, say by an upgrade, is made again.
-$(if $(BASE),$(shell $(RUN) -c '' 2>/dev/null || rm -f $(VENV)/demo-ready $(VENV)/check-ready))
+$(if $(BASE),$(shell $(RUN) -c '' 2>/dev/null || rm -f $(VENV)/*-ready))
 
-# No build isolation: it would fetch whatever setuptools is newest, beside the constraints. No
-# compilation: Python compiles what it imports, which is a small part. In a terminal a line tells
-# once a second how far pip is.
+# The pip of the constraints: those that come with Python 3.10 to 3.12 take twice as long. No build
+# isolation: it would fetch whatever setuptools is newest, beside the constraints. No compilation:
+# Python compiles what it imports, which is a small part. In a terminal a line tells once a second
+# how far pip is.
 install = { n=0; while [ -t 2 ] && sleep 1 && kill -0 $$$$ 2>/dev/null; do n=$$((n + 1)); printf \
 	'\r%d s, %d packages ' $$n "$$(grep -c ^Collecting $(VENV)/pip.log)" >&2; done & }; told=$$!; \
 	$(RUN) -m pip install --disable-pip-version-check --no-build-isolation --no-compile \
@@ -67,16 +68,17 @@ reliability: $(VENV)/check-ready
 
 # Plugins of a sourced ROS break today's pytest, so that only those named here are loaded. Three
 # processes share the tests, a file at a time, since the tests of a file share what they compute:
-# many tests wait, so that two cores serve three.
+# many tests wait, so that two cores serve three, and mypy beside them.
 check: $(VENV)/check-ready
 	@$(RUN) -m ruff check --quiet
 	@$(RUN) -m ruff format --check --quiet
-	@$(RUN) -m mypy --no-error-summary
 	@printed=$$($(VENV)/bin/lint-imports --no-cache --no-logo) || { echo "$$printed"; exit 1; }
-	@PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin \
-		-p xdist -p no:terminaldistreporter -n 3 --dist loadfile --no-loadscope-reorder
+	@$(RUN) -m mypy --no-error-summary & types=$$!; \
+	PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin \
+		-p xdist -p no:terminaldistreporter -n 3 --dist loadfile --no-loadscope-reorder; \
+	code=$$?; wait $$types && exit $$code
 
-$(VENV)/demo-ready: $(SETUP)
+$(VENV)/pip-ready: $(SETUP)
 	@$(if $(BASE),,$(error $(if $(PYTHON),$(PYTHON) is no,No) Python from 3.10 to 3.13 \
 	$(if $(PYTHON),that runs here,was found). Install one, or name it: \
 	PYTHON=$(or $(ANY),/path/to/python) make))
@@ -85,13 +87,13 @@ $(VENV)/demo-ready: $(SETUP)
 	>&2; exit 1; }
 	@echo 'Setting up $(VENV), once, in a minute or two ...'
 	@"$(BASE)" -m venv --clear $(if $(JAZZY),--system-site-packages) $(VENV)
-	@$(call install,setuptools)
-	@$(call install,--editable '.[$(EXTRAS)]')
+	@$(call install,pip setuptools)
 	@touch $@
 
-$(VENV)/check-ready: $(VENV)/demo-ready
-	@$(call install,--editable '.[test]')
-	@touch $@
+$(VENV)/check-ready: EXTRAS := $(EXTRAS),test
+$(VENV)/demo-ready $(VENV)/check-ready: $(VENV)/pip-ready
+	@$(call install,--editable '.[$(EXTRAS)]')
+	@touch $(VENV)/demo-ready $@
 
 clean:
 	@rm -rf .venv-* build install log demo controller reliability *.egg-info .hypothesis .mypy_cache .pytest_cache \

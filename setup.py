@@ -79,7 +79,8 @@ setup(
         'record': ['scipy'],
         'fast': ['numba'],
         'test': [
-            'colcon-common-extensions',
+            'colcon-bash',
+            'colcon-ros',
             'hypothesis',
             'import-linter',
             'mcap-ros2-support',
@@ -94,7 +95,6 @@ setup(
             'scipy',
             # From 80 on there is no `develop --editable`, which colcon links with.
             'setuptools<80',
-            'sympy',
             'types-PyYAML',
             'types-tqdm',
         ],

@@ -64,10 +64,9 @@ def run(*command: str | Path, cwd: Path, **variables: str) -> str:
 
 
 def colcon_build(tree: Path, workspace: Path, *options: str) -> None:
-    """Build as a user does in a workspace, but for popping up a notification."""
+    """Build as a user does in a workspace."""
     command = (sys.executable, '-m', 'colcon', 'build', '--base-paths', str(tree), *options)
-    quiet = ('--event-handlers', 'desktop_notification-')
-    run(*command, *quiet, cwd=workspace, COLCON_HOME=str(workspace))
+    run(*command, cwd=workspace, COLCON_HOME=str(workspace))
 
 
 def run_sourced(workspace: Path, *command: str) -> str:
@@ -224,7 +223,7 @@ DEBIAN_KEYS = {
     *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'rclpy'),
     *('ros2launch', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'trajectory_msgs'),
     *('python3-hypothesis', 'python3-matplotlib', 'python3-numpy', 'python3-pytest'),
-    *('python3-scipy', 'python3-sympy', 'python3-tqdm', 'python3-yaml'),
+    *('python3-scipy', 'python3-tqdm', 'python3-yaml'),
 }
 
 
