@@ -8,7 +8,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeAlias
 
@@ -22,39 +21,6 @@ from linkage_ros.quantities import shown
 # expresses "float gives float, array gives array" through plain arithmetic.
 Real: TypeAlias = Any
 Array: TypeAlias = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Functions:
-    """The elementary functions that a formula needs, for floats or for arrays.
-
-    Attributes:
-        sin: Sine of an angle, rad.
-        cos: Likewise.
-        sqrt: Square root.
-        atan2: Direction of (y, x), rad, in [-pi, pi].
-        round: To the nearest whole number.
-        where: The second where the first holds, else the third.
-        lowest: The least value of an array, infinity of an empty one, or the float itself.
-    """
-
-    sin: Callable[[Real], Real]
-    cos: Callable[[Real], Real]
-    sqrt: Callable[[Real], Real]
-    atan2: Callable[[Real, Real], Real]
-    round: Callable[[Real], Real]
-    where: Callable[[Real, Real, Real], Real]
-    lowest: Callable[[Real], float]
-
-
-SCALAR = Functions(
-    sin=math.sin, cos=math.cos, sqrt=math.sqrt, atan2=math.atan2, round=round, lowest=float,
-    where=lambda condition, then, otherwise: then if condition else otherwise,
-)  # fmt: skip
-ARRAY = Functions(
-    sin=np.sin, cos=np.cos, sqrt=np.sqrt, atan2=np.arctan2, round=np.rint, where=np.where,
-    lowest=lambda values: np.min(values, initial=np.inf),
-)  # fmt: skip
 
 
 def by_element(function: Callable[..., float]) -> Callable[..., Array]:
@@ -80,9 +46,17 @@ def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
     return total, (a - (total - part)) + (b - part)
 
 
-def wrap(angle: Real, functions: Functions) -> Real:
-    """An angle of a few turns brought into [-pi, pi], rad, without the rounding of 2 pi."""
-    turns = functions.round(angle * (1 / _TWO_PI[0]))
+def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
+    """An angle of a few turns brought into [-pi, pi], rad, without the rounding of 2 pi.
+
+    Args:
+        angle: Angle or array of angles, rad.
+        to_whole: Rounds to the nearest whole number, as `np.rint` does of arrays.
+
+    Returns:
+        The same direction, rad.
+    """
+    turns = to_whole(angle * (1 / _TWO_PI[0]))
     return (angle - turns * _TWO_PI[0]) - turns * _TWO_PI[1]
 
 

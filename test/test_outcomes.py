@@ -12,6 +12,7 @@ import pytest
 
 from linkage_ros import ConfigurationError, MotionError, Solver, UnreachableError
 from linkage_ros.lab.methods.chain import BATCH, ONE, POSITION, RATES, Chain
+from linkage_ros.lab.methods.functions import SCALAR
 from linkage_ros.lab.methods.integrators import Follower
 from linkage_ros.lab.methods.linkages import other_assembly
 from linkage_ros.lab.methods.motion_outcomes import measure_motion_outcomes
@@ -34,7 +35,6 @@ from linkage_ros.lab.methods.registry import (
 from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.lab.reference.problems import ChartMechanisms
 from linkage_ros.lab.reference.states import Reference
-from linkage_ros.numeric import SCALAR
 from linkage_ros.parameters.configuration import load
 
 BY_NAME = {situation.name: situation for situation in SITUATIONS}

@@ -6,8 +6,8 @@ import numpy as np
 from contract import Peer
 
 from linkage_ros import Solver
+from linkage_ros.lab.methods.functions import SCALAR
 from linkage_ros.lab.methods.rates import analytic
-from linkage_ros.numeric import SCALAR
 
 
 class Adapter(Peer):

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from linkage_ros.dynamics.state import State
 from linkage_ros.model.structure import Link
-from linkage_ros.numeric import SCALAR, wrap
+from linkage_ros.numeric import wrap
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, header, stamp_of, string
 
@@ -43,7 +43,7 @@ def joint_rows(links: Sequence[Link], state: State, unwrapped: float) -> list[li
         if link.parent is not None:
             for row in rows:
                 row[i] -= row[link.parent]
-            position[i] = wrap(position[i], SCALAR)
+            position[i] = wrap(position[i])
         if position[i] <= -math.pi and not link.slides:
             position[i] = math.pi
     position[0] = unwrapped

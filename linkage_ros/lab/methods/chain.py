@@ -17,11 +17,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.lab.methods.functions import ARRAY, SCALAR, Functions
 from linkage_ros.lab.methods.loop import Linkage, Pair
 from linkage_ros.lab.methods.positions import Locate, factored
 from linkage_ros.lab.methods.rates import Rates, analytic, two_by_two
 from linkage_ros.lab.methods.torques import Torque, virtual_power
-from linkage_ros.numeric import ARRAY, SCALAR, Functions, Real
+from linkage_ros.numeric import Real
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
 STATE, POSITION, RATES, TORQUE = 'state', 'position', 'rates', 'torque'

@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.lab.methods.functions import SCALAR, Functions
 from linkage_ros.lab.methods.loop import Linkage
 from linkage_ros.lab.methods.positions import Locate
-from linkage_ros.numeric import SCALAR, Array, Functions, Real
+from linkage_ros.numeric import Array, Real
 
 # A series is fitted to so many states per harmonic: with more than two, what aliases is small.
 _OVERSAMPLED = 4

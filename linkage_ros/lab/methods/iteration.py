@@ -8,8 +8,8 @@ cap; here 50 iterations are one, and the last iterate stands.
 
 from __future__ import annotations
 
+from linkage_ros.lab.methods.functions import SCALAR
 from linkage_ros.lab.methods.loop import Loop, solve_2x2
-from linkage_ros.numeric import SCALAR
 
 CAP = 50
 

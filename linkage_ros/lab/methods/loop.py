@@ -15,9 +15,10 @@ from __future__ import annotations
 import cmath
 from typing import TypeAlias
 
+from linkage_ros.lab.methods.functions import Functions
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.slider_crank import SliderCrank
-from linkage_ros.numeric import Functions, Real
+from linkage_ros.numeric import Real
 
 Pair: TypeAlias = tuple[Real, Real]
 # The mechanisms whose loop textbooks solve in closed form.

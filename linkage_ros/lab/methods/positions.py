@@ -14,11 +14,12 @@ from typing import TypeAlias
 import numpy as np
 
 from linkage_ros.dynamics.program import Program
+from linkage_ros.lab.methods.functions import SCALAR, Functions
 from linkage_ros.lab.methods.loop import Linkage
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.parts import OPEN
 from linkage_ros.model.pose import Loop
-from linkage_ros.numeric import SCALAR, Functions, Real
+from linkage_ros.numeric import Real
 
 Locate: TypeAlias = Callable[[Real], tuple[Real, Real]]
 

@@ -13,10 +13,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from linkage_ros.dynamics.program import Program
+from linkage_ros.lab.methods.functions import SCALAR, Functions
 from linkage_ros.lab.methods.loop import Linkage, Loop, Pair, solve_2x2
 from linkage_ros.lab.methods.positions import Locate
 from linkage_ros.model.pose import Loop as LoopConstants
-from linkage_ros.numeric import SCALAR, Functions, Real, wrap
+from linkage_ros.numeric import Real, wrap
 
 
 class Rates(NamedTuple):
@@ -124,13 +125,13 @@ def central_differences(mechanism: Linkage, locate: Locate, step: float, f: Func
 
     def first(crank: Real) -> tuple[Pair, Pair]:
         (c0, o0), (c2, o2) = locate(crank - step), locate(crank + step)
-        move = wrap(o2 - o0, f) if turns else o2 - o0
-        return locate(crank), (wrap(c2 - c0, f) * over, move * over)
+        move = wrap(o2 - o0, f.round) if turns else o2 - o0
+        return locate(crank), (wrap(c2 - c0, f.round) * over, move * over)
 
     def second(crank: Real) -> tuple[Pair, Pair, Pair]:
         before, here, after = locate(crank - step), locate(crank), locate(crank + step)
         changes = [
-            (wrap(z - y, f), wrap(y - x, f)) if turning else (z - y, y - x)
+            (wrap(z - y, f.round), wrap(y - x, f.round)) if turning else (z - y, y - x)
             for x, y, z, turning in zip(before, here, after, (True, turns), strict=True)
         ]
         (a, b), (c, d) = changes

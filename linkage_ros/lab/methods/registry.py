@@ -13,6 +13,7 @@ from typing import Generic, TypeAlias, TypeVar
 
 from linkage_ros.lab.methods import chain, interpolation, positions, rates, torques
 from linkage_ros.lab.methods.chain import BATCH, ONE, POSITION, RATES, STATE, TORQUE, Chain, Task
+from linkage_ros.lab.methods.functions import SCALAR, Functions
 from linkage_ros.lab.methods.integrators import (
     Follower,
     Multipliers,
@@ -25,7 +26,6 @@ from linkage_ros.lab.methods.loop import Loop
 from linkage_ros.lab.reference.problems import InitialValueProblem
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE, FixedSteps
-from linkage_ros.numeric import SCALAR, Functions
 
 Setting: TypeAlias = dict[str, float]
 Make = TypeVar('Make')

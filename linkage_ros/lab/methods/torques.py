@@ -19,9 +19,10 @@ from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State, follow
 from linkage_ros.formulas import ZERO, Opaque, Vector, cos, sin
+from linkage_ros.lab.methods.functions import SCALAR, Functions
 from linkage_ros.lab.methods.loop import Linkage
 from linkage_ros.model.pose import LinkPose, Pose
-from linkage_ros.numeric import SCALAR, Functions, Real, require_finite
+from linkage_ros.numeric import Real, require_finite
 
 PerLink: TypeAlias = Sequence[Real]
 Torque: TypeAlias = Callable[[PerLink, PerLink, PerLink, PerLink], Real]
