@@ -38,9 +38,7 @@ from linkage_ros.ros.stderr import nonblocking_stderr
 from linkage_ros.run.health import SPAN, Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.scheduling import freeze_heap
-from linkage_ros.run.ticker import Callbacks, Ticker
-from linkage_ros.run.ticker_real_time import RealTimeTicker
-from linkage_ros.run.ticker_sim_time import SimTimeTicker
+from linkage_ros.run.ticker import Callbacks, RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
 from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION, Topic

@@ -12,7 +12,7 @@ import pytest
 
 from linkage_ros.run import health
 from linkage_ros.run.health import Health, Watch
-from linkage_ros.run.ticker import Timekeeping
+from linkage_ros.run.ticker import TickCounts
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN
 
 TICKS = 200  # a second
@@ -35,7 +35,7 @@ def seconds_pass(monkeypatch):
 
 def motion(missed, steps=None, **watched):
     """The level of the motion in every report, and the lines of the log, from misses a second."""
-    watch, counts = Watch('node', **watched), Timekeeping()
+    watch, counts = Watch('node', **watched), TickCounts()
     levels, lines = [], []
     for now, stepped in itertools.zip_longest(missed, steps or [], fillvalue=0):
         counts.missed += now
@@ -106,7 +106,7 @@ def test_a_clock_that_jumps_skips_ticks_on_a_machine_that_is_not_busy():
 
 
 def test_the_rate_is_that_of_the_last_seconds():
-    watch, counts = Watch('node'), Timekeeping()
+    watch, counts = Watch('node'), TickCounts()
     rates = []
     for kept in (50, *[200] * 10):
         counts.kept += kept
@@ -125,7 +125,7 @@ def viewer(*parts):
     """The lines that reports of a viewer's health are worth, report by report."""
     watch, lines = Watch('node'), []
     for part in parts:
-        statuses = watch.report(Timekeeping(), {}, {'viewer': part}, [])
+        statuses = watch.report(TickCounts(), {}, {'viewer': part}, [])
         lines.append([status.message for status in watch.news(statuses)])
     return lines
 
@@ -145,11 +145,11 @@ def test_losses_during_a_trouble_are_no_lag():
 def test_a_failure_is_an_error_and_said_by_what_fails():
     assert viewer(Health('x', 1, OSError('gone'))) == [[]]
     _, status = Watch('node').report(
-        Timekeeping(), {}, {'log': Health('x', 1, OSError('gone'))}, []
+        TickCounts(), {}, {'log': Health('x', 1, OSError('gone'))}, []
     )
     assert (status.level, status.message) == (ERROR, 'failed: gone')
 
 
 def test_a_part_that_there_is_not_is_off():
-    _, status = Watch('node').report(Timekeeping(), {}, {'log': Health('')}, [])
+    _, status = Watch('node').report(TickCounts(), {}, {'log': Health('')}, [])
     assert (status.level, status.message) == (OK, 'off')

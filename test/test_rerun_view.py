@@ -30,7 +30,7 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import load
 from linkage_ros.run.health import Health, Watch
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.ticker import Timekeeping
+from linkage_ros.run.ticker import TickCounts
 from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_sender, rerun_view
 from linkage_ros.view.rerun_view import View
@@ -473,7 +473,7 @@ def test_page_that_ends_early_is_an_error_in_the_diagnostics():
         wait_until(lambda: worker.error)
         worker.close(PATIENCE)
         health = Health('web', worker.dropped, worker.error, view.trouble)
-        _, status = Watch('linkage_node').report(Timekeeping(), {}, {'viewer': health}, [])
+        _, status = Watch('linkage_node').report(TickCounts(), {}, {'viewer': health}, [])
     assert status.level == ERROR
     assert status.message.startswith('failed: the viewer has ended (signal 9, Killed)')
     assert len(errors) == 1

@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from linkage_ros.parameters.configuration import configure
-from linkage_ros.run import ticker_real_time
+from linkage_ros.run import ticker as ticker_module
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.ticker import Callbacks
-from linkage_ros.run.ticker_real_time import CLOCK_STEP, RealTimeTicker
+from linkage_ros.run.ticker import CLOCK_STEP, Callbacks, RealTimeTicker
 
 MS = 1_000_000
 
@@ -42,7 +41,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clock()
-    monkeypatch.setattr(ticker_real_time, 'time', clock)
+    monkeypatch.setattr(ticker_module, 'time', clock)
     return clock
 
 

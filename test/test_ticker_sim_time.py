@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from linkage_ros.run.ticker import Callbacks
-from linkage_ros.run.ticker_sim_time import SimTimeTicker
+from linkage_ros.run.ticker import Callbacks, SimTimeTicker
 
 MS = 10**6
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkage_ros.run.ticker import Timekeeping
+from linkage_ros.run.ticker import TickCounts
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status
 
@@ -47,7 +47,7 @@ class _Seen(NamedTuple):
     """What one report was made from; time in s."""
 
     time: float
-    counts: Timekeeping
+    counts: TickCounts
     parts: dict[str, Health]
 
 
@@ -63,13 +63,13 @@ class Watch:
         """
         self._node = node
         self._is_torque_driven = is_torque_driven
-        self._seen = deque([_Seen(time.monotonic(), Timekeeping(), {})], maxlen=SPAN + 1)
+        self._seen = deque([_Seen(time.monotonic(), TickCounts(), {})], maxlen=SPAN + 1)
         self._is_busy = False
         self._last: dict[str, Status] = {}
 
     def report(
         self,
-        counts: Timekeeping,
+        counts: TickCounts,
         figures: dict[str, str],
         parts: dict[str, Health],
         troubles: Sequence[str],

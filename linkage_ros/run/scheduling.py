@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import math
 import os
 import sys
 import time
@@ -71,8 +70,7 @@ class SwitchInterval:
     """
 
     def __init__(self) -> None:
-        self._patient_until = 0.0
-        self._be_patient()
+        self._patient_until = time.monotonic() + _CALM
 
     def follow(self, late: int) -> None:
         """To be called at each tick.
@@ -80,12 +78,7 @@ class SwitchInterval:
         Args:
             late: How late it is, ns.
         """
+        now = time.monotonic()
         if late > _FAR_TOO_LATE:
-            self._be_patient()
-        elif time.monotonic() >= self._patient_until:
-            self._patient_until = math.inf
-            shorten_switch_interval()
-
-    def _be_patient(self) -> None:
-        self._patient_until = time.monotonic() + _CALM
-        sys.setswitchinterval(_PATIENT)
+            self._patient_until = now + _CALM
+        sys.setswitchinterval(_PATIENT if now < self._patient_until else _INSISTENT)

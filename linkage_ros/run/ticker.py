@@ -1,9 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes ticks at a rate: what the tickers of real and of simulated time have in common."""
+"""Makes the ticks of a rate, in real time or in the simulated time of /clock.
+
+In real time the tick number comes from the monotonic clock, never from counting calls: a late
+thread skips ticks, and counts them, and the next state is right again. The stamp of tick n is
+t0 + n / rate on the wall clock; where somebody steps that clock, t0 moves with it.
+"""
 
 from __future__ import annotations
 
+import threading
+import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
@@ -11,12 +18,27 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from linkage_ros.run.machine import Machine
+from linkage_ros.run.scheduling import (
+    SwitchInterval,
+    minimize_timer_slack,
+    take_real_time_priority,
+)
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 _LATELY = 10_000  # ticks whose lateness is kept
+# A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
+# the jitter of two clock readings never shows in them.
+CLOCK_STEP = 50 * NS_PER_MS
+# Readings of two clocks belong together if no more ns than these are between them.
+_TOGETHER = NS_PER_MS
+# Longest uninterrupted sleep, s: how long a slow node may take to notice that it should stop.
+_NAP = 0.1
+# Ticks that one message of the clock may make due; those that a longer jump skips are missed.
+_AT_ONCE = 1000
 
 
 @dataclass
-class Timekeeping:
+class TickCounts:
     """Counts of ticks so far.
 
     Attributes:
@@ -67,7 +89,7 @@ class Ticker(ABC):
             machine: Knows when ticks are due.
             callbacks: What to call.
         """
-        self.counts = Timekeeping()
+        self.counts = TickCounts()
         self.error: BaseException | None = None
         self.t0 = 0
         self._machine, self._callbacks = machine, callbacks
@@ -100,3 +122,120 @@ class Ticker(ABC):
         except BaseException as error:  # noqa: BLE001, the node must learn of every error
             self.error = error
             self._callbacks.fail(error)
+
+
+class RealTimeTicker(Ticker):
+    """Makes ticks when they are due, in its own thread."""
+
+    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
+        super().__init__(machine, callbacks)
+        self._origin = self._offset = 0  # tick 0 on the monotonic clock, the wall clock ahead, ns
+        self._stop = threading.Event()
+        self._thread = threading.Thread(
+            target=self._guard, args=(self._run,), name='ticker', daemon=True
+        )
+
+    def start(self) -> None:
+        """Starts the ticks at once."""
+        self._offset = _clock_offset()
+        self._origin = time.monotonic_ns()
+        self.t0 = self._origin + self._offset
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the thread after the tick that it makes."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        minimize_timer_slack()
+        self.counts.real_time_priority = take_real_time_priority()
+        switch_interval = SwitchInterval()
+        tick = 0
+        while not self._stop.is_set():
+            due = self._await(tick, switch_interval)
+            if self._stop.is_set():
+                return
+            self.counts.missed += due - tick
+            stepped = _clock_offset() - self._offset
+            if abs(stepped) > CLOCK_STEP:
+                self._offset += stepped
+                self._step(due, stepped)
+            self._make(due)
+            tick = due + 1
+
+    def _await(self, tick: int, switch_interval: SwitchInterval) -> int:
+        """Sleeps until a tick is due; returns it, or a later one if it is too late for it."""
+        deadline = self._origin + self._machine.elapsed(tick)
+        while (left := deadline - time.monotonic_ns()) > 0:
+            if left > NS_PER_S * _NAP:
+                if self._stop.wait(_NAP):
+                    return tick
+            else:
+                time.sleep(left / NS_PER_S)
+        self.counts.late.append(-left)
+        self.counts.latest = max(self.counts.latest, -left)
+        switch_interval.follow(-left)
+        return self._machine.tick_at(time.monotonic_ns() - self._origin)
+
+
+def _clock_offset() -> int:
+    """What the wall clock is ahead of the monotonic one, ns.
+
+    A thread that is held up between two readings would see a step; three of them tell.
+    """
+    while True:
+        before = time.monotonic_ns()
+        wall = time.time_ns()
+        after = time.monotonic_ns()
+        if after - before < _TOGETHER:
+            return wall - after
+
+
+class SimTimeTicker(Ticker):
+    """Makes every tick up to the time of a clock that is heard.
+
+    Tick 0 is the first time heard; no tick is invented while the clock stands. If the clock goes
+    back, t0 moves with it and the motion continues from there: the step is counted, as one of the
+    wall clock is.
+    """
+
+    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
+        super().__init__(machine, callbacks)
+        self._is_running = False
+        self._now: int | None = None
+        self._tick = 0
+
+    def start(self) -> None:
+        """Lets the motion begin once the clock is heard."""
+        self._is_running = True
+
+    def stop(self) -> None:
+        """Ends the motion: the clock makes no tick from now on."""
+        self._is_running = False
+
+    def hear(self, now: int) -> None:
+        """Makes the ticks that are due; only one thread may do so.
+
+        Args:
+            now: The time of the clock, ns.
+        """
+        if self._is_running and self.error is None:
+            self._guard(self._advance, now)
+
+    def _advance(self, now: int) -> None:
+        last, self._now = self._now, now
+        if last is None:
+            self.t0 = now
+        elif now < last:
+            # The next state gets the new time, and the crank continues from where it is.
+            self._step(self._tick, now - self._stamp(self._tick))
+        due = self._machine.tick_at(now - self.t0) if now >= self.t0 else -1
+        if due - self._tick >= _AT_ONCE:
+            self.counts.missed += due - self._tick
+            self.counts.clock_steps += 1
+            self._tick = due
+        while self._tick <= due and self._is_running:
+            self._make(self._tick)
+            self._tick += 1

@@ -17,7 +17,7 @@ from linkage_ros.errors import LinkageError
 from linkage_ros.log.channels import Pairing
 from linkage_ros.log.reader import LoggedMessage
 from linkage_ros.run.machine import Machine
-from linkage_ros.run.ticker_real_time import CLOCK_STEP
+from linkage_ros.run.ticker import CLOCK_STEP
 from linkage_ros.verification.message_difference import differing, unsigned_zeros
 from linkage_ros.verification.recomputation import Recomputation
 from linkage_ros.verification.timeline import Timeline, seconds
