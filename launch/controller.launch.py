@@ -11,7 +11,7 @@ from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
 from linkage_ros.parameters.launched import given, parameter_file
-from linkage_ros.parameters.viewers import VIEWERS
+from linkage_ros.parameters.session import VIEWERS
 
 # Name, default and meaning.
 _ARGUMENTS = (

@@ -19,7 +19,7 @@ from linkage_ros.parameters.launched import (
     parameter_file,
     rviz_file,
 )
-from linkage_ros.parameters.viewers import VIEWERS
+from linkage_ros.parameters.session import VIEWERS
 
 # Name, default and meaning. An empty argument leaves the value of the parameter file.
 _ARGUMENTS = (

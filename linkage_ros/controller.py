@@ -25,7 +25,7 @@ from linkage_ros.parameters.configuration import (
     load,
     without_ros_own,
 )
-from linkage_ros.parameters.help import help_on
+from linkage_ros.parameters.descriptions import help_on
 from linkage_ros.parameters.session import JOINT_PREFIX
 from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity

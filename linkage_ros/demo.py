@@ -20,7 +20,7 @@ from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.viewers import SPAWN
+from linkage_ros.parameters.session import SPAWN
 from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
 from linkage_ros.units import NS_PER_MS, NS_PER_S

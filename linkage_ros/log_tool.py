@@ -19,7 +19,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.segments import Segment, TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import parameter_leaves
-from linkage_ros.parameters.summary import summary
+from linkage_ros.parameters.descriptions import summary
 from linkage_ros.progress import progress_bar
 from linkage_ros.recovery.recover import Recovered, recover
 from linkage_ros.units import NS_PER_S

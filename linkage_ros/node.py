@@ -20,8 +20,7 @@ from linkage_ros.motion.drives import Drive, TorqueDrive
 from linkage_ros.motion.segments import Segment
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
-from linkage_ros.parameters.help import help_on_every_kind
-from linkage_ros.parameters.summary import summary
+from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.context import on_ros, reported_as_configuration

@@ -22,9 +22,9 @@ from linkage_ros.parameters.configuration import (
     preset_note,
     read_values,
 )
+from linkage_ros.parameters.descriptions import summary
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import Session
-from linkage_ros.parameters.summary import summary
 from linkage_ros.progress import progress_bar
 from linkage_ros.quantities import leaves
 from linkage_ros.record_end import (

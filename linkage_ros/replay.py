@@ -17,7 +17,7 @@ from typing import Any
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.viewers import VIEWERS
+from linkage_ros.parameters.session import VIEWERS
 from linkage_ros.playback.feed import Excerpt, excerpt_of, feed
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace

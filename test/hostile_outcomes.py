@@ -15,7 +15,7 @@ from linkage_ros.log.channels import paired
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log_tool import info, saved, verdict
 from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.summary import summary
+from linkage_ros.parameters.descriptions import summary
 from linkage_ros.playback.feed import excerpt_of, feed
 from linkage_ros.quantities import build, flatten
 from linkage_ros.record import record

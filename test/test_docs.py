@@ -41,7 +41,7 @@ from linkage_ros import cli
 from linkage_ros.controller import Settings
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.parameters.configuration import check_live, configure, read_values
+from linkage_ros.parameters.configuration import configure, read_values
 from linkage_ros.quantities import build, leaves
 from linkage_ros.wire.topics import TOPICS, qualified
 
@@ -111,8 +111,9 @@ def is_known_to_ros2(words):
         case ('topic', 'echo' | 'hz', topic):
             assert topic in [qualified(known) for known in TOPICS], words
         case ('param', 'set', '/linkage_node', name, value):
-            assert name in [leaf.name for leaf in leaves(SpeedDrive) if leaf.quantity.live], words
-            check_live(name, yaml.safe_load(value))
+            live = {leaf.name: leaf.quantity for leaf in leaves(SpeedDrive) if leaf.quantity.live}
+            assert name in live, words
+            live[name].clean(name, yaml.safe_load(value))
         case _:
             return False
     return True

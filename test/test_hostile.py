@@ -26,8 +26,7 @@ from ros_harness import fresh_domain
 
 from linkage_ros.log.metadata import _seal, decode_motion, encode_motion
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.as_strings import from_strings, to_strings
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.verify import verify

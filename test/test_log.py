@@ -38,8 +38,7 @@ from linkage_ros.log.metadata import CONFIGURATION_RECORD, MOTION_RECORD, _seal
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.as_strings import to_strings
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.record import record
 from linkage_ros.recovery.recover import recover
 from linkage_ros.wire.codecs import encode_float64, encode_string

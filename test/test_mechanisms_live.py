@@ -15,7 +15,7 @@ from test_node import logged, set_parameter, stop
 
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.summary import summary
+from linkage_ros.parameters.descriptions import summary
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.codecs import JointStateCodec

@@ -83,7 +83,6 @@ def test_each_is_described_with_its_range(listener):
 
 def test_bad_values_are_refused_and_change_nothing(listener):
     bad = [
-        ('', {}, 'a parameter without a name'),
         ('rpm', {'type': 3, 'double_value': math.nan}, 'out of range'),
         ('rpm', {'type': 3, 'double_value': 1e7}, 'out of range'),
         ('rpm', {'type': 4, 'string_value': 'fast'}, 'Wrong parameter type'),

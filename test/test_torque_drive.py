@@ -19,10 +19,9 @@ from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.numeric import within_two_turns
-from linkage_ros.parameters.as_strings import from_strings, to_strings
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
+from linkage_ros.parameters.descriptions import summary
 from linkage_ros.parameters.presets import preset_path
-from linkage_ros.parameters.summary import summary
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.torque_commands import TorqueCommands

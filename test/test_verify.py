@@ -25,8 +25,7 @@ from linkage_ros.log.metadata import (
 )
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.as_strings import from_strings, to_strings
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.verification.message_difference import differing, unsigned_zeros

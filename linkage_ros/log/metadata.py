@@ -17,8 +17,7 @@ from fractions import Fraction
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
 from linkage_ros.motion.segments import Segment, SpeedSegment, TorqueSegment
-from linkage_ros.parameters.as_strings import from_strings, to_strings
-from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.parameters.configuration import Configuration, from_strings, to_strings
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'

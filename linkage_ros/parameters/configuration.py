@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from linkage_ros.dynamics.solver import Solver
@@ -95,21 +96,6 @@ def without_ros_own(values: Mapping[str, object]) -> dict[str, object]:
     return {name: value for name, value in values.items() if name not in _ROS_OWN}
 
 
-def check_live(name: str, value: object) -> None:
-    """Checks a value that is set while the node runs.
-
-    Args:
-        name: Name of a parameter of the drive; other names pass.
-        value: The new value.
-
-    Raises:
-        ConfigurationError: The value is bad.
-    """
-    quantities = {leaf.name: leaf.quantity for cls in DRIVES.values() for leaf in leaves(cls)}
-    if name in quantities:
-        quantities[name].clean(name, value)
-
-
 def configure(values: Mapping[str, object]) -> Configuration:
     """Checks parameters and makes the configuration of them.
 
@@ -130,8 +116,9 @@ def configure(values: Mapping[str, object]) -> Configuration:
         preset = read_parameter_file(preset_path(DEFAULT_PRESET))
     kind = MechanismAndDrive.of({**preset, **given})
     valid = [leaf.name for leaf in parameter_leaves(kind)]
-    if unknown := [name for name in given if name not in valid]:
-        raise ConfigurationError(_unknown(unknown[0], kind))
+    for name in given:
+        if name not in valid:
+            raise ConfigurationError(_not_a_parameter(name, kind, valid))
     # Those of the preset that the drive does not have, such as rpm, are ignored.
     given = {**preset, **given}
     mechanism = build(MECHANISMS[kind.mechanism], given)
@@ -158,33 +145,28 @@ def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
         raise ConfigurationError(f'no motion starts there: {error}') from error
 
 
+def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -> str:
+    """Error message for a name that this mechanism and drive do not have."""
+    refused = f'a {"torque-driven " if kind.drive == "torque" else ""}{kind.mechanism}'
+    owners = {
+        owner: cls
+        for owner, cls in (*MECHANISMS.items(), *DRIVES.items())
+        if name in (leaf.name for leaf in leaves(cls))
+    }
+    if not owners:
+        return unknown_name(name, refused, valid, 'linkage_node --help, or docs/reference.md,')
+    cure = f', but of a {" or a ".join(owners)}: leave it out'
+    if not owners.keys() <= MECHANISMS.keys():
+        (drive,) = owners
+        cure = f': it needs drive: {drive} (-p drive:={drive})'
+        if len(MECHANISMS[kind.mechanism].coordinates) > 1:
+            cure = ': leave it out, and set motor.torque and start_rpm'
+    return f'{shown(name)} is not a parameter of {refused}{cure}'
+
+
 def preset_note(values: Mapping[str, object]) -> str:
     """The words before a summary of the default preset; empty if a mechanism is given."""
     return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
-
-
-def _unknown(name: str, kind: MechanismAndDrive) -> str:
-    """Error message for a name that this mechanism and drive do not have."""
-    names = {
-        owner: [leaf.name for leaf in leaves(cls)]
-        for owner, cls in (*MECHANISMS.items(), *DRIVES.items())
-    }
-    owners = [owner for owner in names if name in names[owner]]
-    valid = [leaf.name for leaf in parameter_leaves(kind)]
-    group = name.partition('.')[0] + '.'
-    is_foreign_group = any(other.startswith(group) for own in names.values() for other in own)
-    refused = f'a {"torque-driven " if kind.drive == "torque" else ""}{kind.mechanism}'
-    if owners and owners[0] in MECHANISMS:
-        cure = f', but of a {" or a ".join(owners)}: leave it out'
-    elif owners and len(MECHANISMS[kind.mechanism].coordinates) > 1:
-        cure = ': leave it out, and set motor.torque and start_rpm'
-    elif owners:
-        cure = f': it needs drive: {owners[0]} (-p drive:={owners[0]})'
-    elif is_foreign_group and not any(known.startswith(group) for known in valid):
-        cure = f', which has no {name.partition(".")[0]}: leave it out'
-    else:
-        return unknown_name(name, refused, valid, 'linkage_node --help, or docs/reference.md,')
-    return f'{shown(name)} is not a parameter of {refused}{cure}'
 
 
 def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
@@ -225,3 +207,29 @@ def load(source: str) -> Configuration:
             parameters of other nodes.
     """
     return configure(read_values(source))
+
+
+def to_strings(configuration: Configuration) -> dict[str, str]:
+    """All settings of a configuration: JSON values by parameter name."""
+    return {name: json.dumps(value) for name, value in configuration.parameters().items()}
+
+
+def from_strings(strings: Mapping[str, str]) -> Configuration:
+    """The configuration that `to_strings` wrote down.
+
+    Args:
+        strings: JSON values by parameter name.
+
+    Returns:
+        The configuration.
+
+    Raises:
+        ConfigurationError: A value is not JSON, or the configuration is bad.
+    """
+    try:
+        values = {name: json.loads(text) for name, text in strings.items()}
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f'the logged configuration is not JSON: {error}') from error
+    if 'mechanism' not in values:
+        raise ConfigurationError('mechanism is missing from the logged configuration')
+    return configure(values)

@@ -1,20 +1,27 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters that say how a run is published, logged and shown."""
+"""The parameters that say how a run is published, logged and shown, its viewer among them."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import is_one_file
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.parameters.viewers import VIEWERS, is_viewer, no_viewer
 from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.wire.codecs import ROOT_FRAME
 from linkage_ros.wire.urdf import joint_names, link_of
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
+SPAWN, WEB = 'spawn', 'web'
+# For help and errors.
+VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
+
+_URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
+_LAST_PORT = 65535
 
 
 @dataclass(frozen=True)
@@ -72,3 +79,33 @@ class Session(Checked):
                 f'frame_id = {shown(self.frame_id)}: must not be a joint or moving link of this '
                 'linkage; name the link that carries its fixed pivots, or change joint_prefix'
             )
+
+
+def viewer_address(target: str) -> tuple[str, int] | None:
+    """Reads the URL of a viewer.
+
+    Args:
+        target: The value of the parameter.
+
+    Returns:
+        Host and port; None if it is not such a URL.
+    """
+    match = _URL.fullmatch(target)
+    if match is None or int(match[2]) > _LAST_PORT:
+        return None
+    return match[1].strip('[]'), int(match[2])
+
+
+def is_recording(target: str) -> bool:
+    """Whether a viewer is the path of a file, by its form alone."""
+    return Path(target).suffix == '.rrd' and '://' not in target
+
+
+def is_viewer(target: str) -> bool:
+    """Whether a viewer is one of VIEWERS, by its form alone."""
+    return target in (SPAWN, WEB) or is_recording(target) or viewer_address(target) is not None
+
+
+def no_viewer(target: str) -> str:
+    """Error message for an invalid viewer."""
+    return f'viewer = {shown(target)} is not one of: {VIEWERS}'

@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import is_there
-from linkage_ros.parameters.configuration import Configuration, check_live, parameter_leaves
+from linkage_ros.parameters.configuration import Configuration, parameter_leaves
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.quantities import Leaf, Quantity
@@ -141,13 +141,7 @@ def declare(
 
 
 def _check(parameters: list[Parameter]) -> SetParametersResult:
-    if not all(parameter.name for parameter in parameters):  # rclpy would take it, and say so
-        return SetParametersResult(successful=False, reason='a parameter without a name')
-    try:
-        for parameter in parameters:
-            check_live(parameter.name, parameter.value)
-    except ConfigurationError as error:
-        return SetParametersResult(successful=False, reason=str(error))
+    """Refuses what rclpy would take; types and ranges it has checked by the descriptors."""
     if any(parameter.name == 'use_sim_time' for parameter in parameters):
         reason = 'use_sim_time is read when the node starts: start it again'
         return SetParametersResult(successful=False, reason=reason)

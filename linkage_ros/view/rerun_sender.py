@@ -23,7 +23,7 @@ import numpy as np
 
 from linkage_ros.errors import ViewerError, missing_library
 from linkage_ros.files import is_replaceable, open_file
-from linkage_ros.parameters.viewers import (
+from linkage_ros.parameters.session import (
     SPAWN,
     VIEWERS,
     WEB,

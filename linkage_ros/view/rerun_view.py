@@ -12,7 +12,7 @@ import numpy as np
 
 from linkage_ros.errors import ViewerError
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.parameters.viewers import SPAWN, WEB
+from linkage_ros.parameters.session import SPAWN, WEB
 from linkage_ros.run.machine import Machine
 from linkage_ros.view.rerun_layout import fixed_components, layout
 from linkage_ros.view.rerun_sender import Sender

@@ -16,8 +16,8 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
 from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.parameters.presets import find_file
-from linkage_ros.parameters.summary import motor_line
 from linkage_ros.quantities import Quantity
 from linkage_ros.units import radians_per_second
 

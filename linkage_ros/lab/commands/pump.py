@@ -11,8 +11,8 @@ from linkage_ros.lab.commands.output import folder, progress, save_records
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.parameters.presets import find_file
-from linkage_ros.parameters.summary import motor_line
 
 
 def pump(options: argparse.Namespace) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters in the text of --help, from their declarations."""
+"""Parameters and configurations in words: for --help, and in one line for each run."""
 
 from __future__ import annotations
 
@@ -8,8 +8,15 @@ import json
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.travel import travel
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves
+from linkage_ros.motion.drives import Drive, Motor, TorqueDrive
+from linkage_ros.parameters.configuration import (
+    Configuration,
+    MechanismAndDrive,
+    parameter_leaves,
+)
 from linkage_ros.quantities import Leaf, Quantity
 
 _LARGE = 1e6  # from here on powers of ten are easier to read
@@ -25,19 +32,14 @@ def help_on(parameters: Iterable[Leaf]) -> str:
         The lines.
     """
     return '\n'.join(
-        f'  {name}: {_values(quantity)}{quantity.meaning}{_default(default)}'
+        f'  {name}: {_valid(quantity)}{quantity.meaning}{_default(default)}'
         for name, quantity, default in parameters
     )
 
 
-def _values(quantity: Quantity) -> str:
-    """The valid values, shorter than in an error message; empty where any text is valid."""
-    return {
-        'pair': f'two, {quantity.span}; ',
-        'choice': f'{", ".join(quantity.choices)}; ',
-        'text': f'{quantity.pattern}; ' if quantity.pattern else '',
-        'switch': 'true, false; ',
-    }.get(quantity.kind, f'{quantity.span}; ')
+def _valid(quantity: Quantity) -> str:
+    """The valid values; empty where any text is valid."""
+    return '' if quantity.valid == 'text' else f'{quantity.valid}; '
 
 
 def _default(value: object) -> str:
@@ -63,3 +65,38 @@ def help_on_every_kind() -> str:
         parts.append(f'with {name}:={value}, beside some of these:')
         parts.append(help_on(leaf for leaf in found if leaf.name not in known))
     return '\n'.join(parts)
+
+
+def summary(configuration: Configuration, solver: Solver) -> str:
+    """What moves, and how.
+
+    Args:
+        configuration: Configuration of the run.
+        solver: Solver of its mechanism.
+
+    Returns:
+        One line.
+    """
+    words = [configuration.kind.mechanism, configuration.mechanism.assembly]
+    if reach := solver.mobility:
+        words.append(reach.grashof)
+        if reach.turns_fully:
+            words += travel(solver).words()
+    words.append(f'{_drive(configuration.drive)} at {configuration.session.rate_hz:g} Hz')
+    return ', '.join(words)
+
+
+def motor_line(motor: Motor) -> str:
+    """A motor and its damping."""
+    lost = f' - {motor.damping:g} N m s x speed' if motor.damping else ''
+    return f'motor {motor.torque:g} N m{lost}'
+
+
+def _drive(drive: Drive) -> str:
+    if isinstance(drive, TorqueDrive):
+        return f'{motor_line(drive.motor)}, from {drive.start_rpm:g} rpm'
+    if drive.start_rpm is None or not drive.crank_acceleration:
+        return f'{drive.rpm:g} rpm'
+    return (
+        f'from {drive.start_rpm:g} to {drive.rpm:g} rpm with {drive.crank_acceleration:g} rad/s^2'
+    )
