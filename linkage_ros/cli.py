@@ -189,7 +189,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
     except LinkageError as error:
         print_error(name, error)
         return 2
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         print_error(name, missing_library(error.name or ''))
         return 2
     except KeyboardInterrupt:

@@ -25,7 +25,6 @@ from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.command_inbox import CommandInbox
 from linkage_ros.ros.context import on_ros, reported_as_configuration
 from linkage_ros.ros.executor import served
-from linkage_ros.ros.live_view import LiveView
 from linkage_ros.ros.parameters import (
     ParameterNode,
     check_parameter_files,
@@ -42,8 +41,9 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
 from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION, Topic
 
-# MCAP may be missing: it is imported where a log is written.
+# MCAP and Rerun may be missing: they are imported where a log is written and a view opens.
 if TYPE_CHECKING:
+    from linkage_ros.ros.live_view import LiveView
     from linkage_ros.ros.run_log import RunLog
 
 _NAME = 'linkage_node'
@@ -74,10 +74,10 @@ class LinkageNode(ParameterNode):
                 topic.name: create_publisher(self, topic)
                 for topic in (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
             }
-        self._view = LiveView(self, configuration) if configuration.session.viewer else None
+        self._view = self._open_view(configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log(configuration) if configuration.session.log else None
-        except (LogError, ModuleNotFoundError):
+        except (LogError, ImportError):
             if self._view is not None:
                 self._view.discard()
             raise
@@ -133,6 +133,11 @@ class LinkageNode(ParameterNode):
             f'{counts.clock_steps} clock steps, latest tick {counts.latest / NS_PER_MS:.1f} ms '
             f'late{"".join(lost)}'
         )
+
+    def _open_view(self, configuration: Configuration) -> LiveView:
+        from linkage_ros.ros.live_view import LiveView
+
+        return LiveView(self, configuration)
 
     def _open_log(self, configuration: Configuration) -> RunLog:
         from linkage_ros.ros.run_log import RunLog

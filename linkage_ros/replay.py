@@ -22,7 +22,6 @@ from linkage_ros.playback.feed import Excerpt, excerpt_of, feed
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
 from linkage_ros.playback.player import KEYS, Player, Show, Sink
-from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.quantities import Quantity
 from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
@@ -137,6 +136,8 @@ def _sinks(
     # The viewer is opened first, because its errors come at once; but topics get messages first.
     sinks: list[Sink] = []
     if options.viewer:
+        from linkage_ros.playback.replay_view import ReplayView
+
         view = ReplayView(_NAME, log, options.viewer, alone=publishing is None)
         sinks.append(stack.enter_context(view))
     if publishing:

@@ -38,14 +38,9 @@ from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.diagnostics import ERROR
 from linkage_ros.wire.topics import JOINT_STATES
 
-# First as views import it: from then on the SDK says nothing in this process, not even from a
-# thread that notices after a test that the viewer has gone.
-with suppress(ViewerError):
-    rerun_sender._import_rerun()
-rerun = pytest.importorskip('rerun')
 rerun_chunk = pytest.importorskip('rerun.chunk')
 
-PROGRAM = Path(rerun.__file__).parents[1] / 'rerun_cli' / 'rerun'
+PROGRAM = Path(rerun_sender.rr.__file__).parents[1] / 'rerun_cli' / 'rerun'
 PATIENCE = 20.0  # s, until a wait that must end counts as a hang
 WALL = 1_795_000_000_000_000_000
 JOINTS = ('crank', 'coupler', 'rocker')
@@ -252,14 +247,8 @@ view.close()
     assert done.stderr == ''  # and none of Rerun's own
 
 
-def test_missing_rerun_names_the_package_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'rerun', None)
-    with pytest.raises(ViewerError, match=r'needs rerun-sdk, .* pip install --upgrade rerun-sdk'):
-        View(CONFIGURATION, 'run.rrd')
-
-
 def test_rerun_is_imported_only_when_a_view_opens():
-    code = 'import sys, linkage_ros.view.rerun_view; sys.exit("rerun" in sys.modules)'
+    code = 'import sys, linkage_ros.node, linkage_ros.replay; sys.exit("rerun" in sys.modules)'
     subprocess.run([sys.executable, '-c', code], check=True, timeout=PATIENCE)
 
 

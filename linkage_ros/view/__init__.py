@@ -1,3 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The view of a run: its drawing and curves, sent to Rerun by the files named rerun_."""
+"""The live view in Rerun, whose SDK takes 60 MB and most of a second to import."""
+
+import os
+
+# Before the SDK is imported, which reads it. It would warn that files get no index, which is
+# intended, that flushes time out, which is how they are used here, and that a disk is full, which
+# is reported here.
+os.environ.setdefault('RUST_LOG', 'warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off')

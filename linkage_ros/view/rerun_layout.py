@@ -5,9 +5,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
 
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.numeric import Array
@@ -24,10 +26,6 @@ from linkage_ros.view.scene import (
     RATES,
     TIMELINE,
 )
-
-if TYPE_CHECKING:
-    import rerun as rr
-    import rerun.blueprint as rrb
 
 _TURNS, _LONGEST = 5, 60.0  # plotted at a speed: turns, but no more seconds than these
 _STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
@@ -47,8 +45,6 @@ def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
     Returns:
         The blueprint.
     """
-    import rerun.blueprint as rrb
-
     (left, low), (right, high) = drawing.bounds.tolist()
     linkage = rrb.Spatial2DView(
         name='Linkage, m',
@@ -104,9 +100,6 @@ def _plot(
     shown: Collection[str] | None = None,
 ) -> rrb.TimeSeriesView:
     """Curves of an entity over the last seconds: all, or those of some names."""
-    import rerun as rr
-    import rerun.blueprint as rrb
-
     shown = colors if shown is None else shown
     series = rr.SeriesLines(
         names=list(colors),
@@ -139,8 +132,6 @@ def fixed_components(drawing: Drawing) -> dict[str, rr.AsComponents]:
     Returns:
         Components by entity.
     """
-    import rerun as rr
-
     line, point = rr.LineStrips2D, rr.Points2D
     thin: dict[str, Any] = {'colors': GREY, 'radii': _THIN}
     pin: dict[str, Any] = {'colors': GREY, 'radii': _PIN, 'draw_order': _FRONT}
@@ -174,8 +165,6 @@ def fixed_components(drawing: Drawing) -> dict[str, rr.AsComponents]:
 
 def _texts(places: Array | None, texts: Collection[str]) -> rr.Points2D:
     """Texts that hang from places; None: places come later."""
-    import rerun as rr
-
     return rr.Points2D.from_fields(
         positions=places, radii=0.0, colors=GREY, labels=list(texts), show_labels=True
     )

@@ -17,11 +17,13 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
+import rerun as rr
+from rerun import FileSink, GrpcServerSink, GrpcSink  # missing in old versions
 
-from linkage_ros.errors import ViewerError, missing_library
+from linkage_ros.errors import ViewerError
 from linkage_ros.files import is_replaceable, open_file
 from linkage_ros.parameters.session import (
     SPAWN,
@@ -34,10 +36,6 @@ from linkage_ros.parameters.session import (
 from linkage_ros.quantities import shown
 from linkage_ros.view.scene import TIMELINE, Form, Rows
 from linkage_ros.view.viewer_process import free_address, public_host
-
-# Importing Rerun costs 60 MB and most of a second: it is imported where it is used.
-if TYPE_CHECKING:
-    import rerun as rr
 
 _SERVED = '64MB'  # of the past, for windows that connect late
 _SEND_SECONDS = 2.0  # a viewer may delay a batch for so long
@@ -77,9 +75,11 @@ class Sender:
         Raises:
             ViewerError: The target cannot be opened, or Rerun is missing.
         """
-        _import_rerun()
-        import rerun as rr
-
+        if os.environ.get('RERUN', '').lower() in {'0', 'false', 'off'}:  # as Rerun reads it
+            raise ViewerError(
+                'Rerun is switched off: unset RERUN in the environment, or set no viewer'
+            )
+        rr.unregister_shutdown()
         self.url: str | None = None
         self.exposed = False
         self.trouble = ''
@@ -92,12 +92,12 @@ class Sender:
         if target in (SPAWN, WEB):
             host, port, self.exposed = free_address(bind)
             self.url = f'rerun+http://{public_host(host) if target == WEB else host}:{port}/proxy'
-            self._connect(rr.GrpcServerSink(host, port, server_memory_limit=_SERVED))
+            self._connect(GrpcServerSink(host, port, server_memory_limit=_SERVED))
         elif self._address:
             self._find(self._address, _ANSWER_SECONDS)
         else:
             self._file = _create_file(target, overwrite=overwrite)
-            self._connect(rr.FileSink(target, write_footer=False))
+            self._connect(FileSink(target, write_footer=False))
 
     @property
     def is_file(self) -> bool:
@@ -136,8 +136,6 @@ class Sender:
             rows: Values at stamps.
             wall_clock: Whether the stamps are times of day, not durations.
         """
-        import rerun as rr
-
         if wall_clock:
             times = rr.TimeColumn(TIMELINE, timestamp=rows.stamps.astype('datetime64[ns]'))
         else:
@@ -154,8 +152,6 @@ class Sender:
 
     def _find(self, address: tuple[str, int], timeout: float) -> None:
         """Connects to the viewer elsewhere if it answers in time."""
-        import rerun as rr
-
         self._missing = None if _answers(address, timeout) else address
         if self._missing:
             self._retry_at = time.monotonic() + _RETRY_SECONDS
@@ -164,9 +160,9 @@ class Sender:
             )
         else:
             self.trouble = ''
-            self._connect(rr.GrpcSink(self._target))
+            self._connect(GrpcSink(self._target))
 
-    def _connect(self, sink: rr.GrpcServerSink | rr.GrpcSink | rr.FileSink) -> None:
+    def _connect(self, sink: GrpcServerSink | GrpcSink | FileSink) -> None:
         try:
             self._stream.set_sinks(sink)
         except RuntimeError as error:
@@ -201,8 +197,6 @@ def _answers(address: tuple[str, int], timeout: float) -> bool:
 
 def _columns(rows: Rows) -> rr.ComponentColumnList:
     """The values of an entity, as Rerun takes them."""
-    import rerun as rr
-
     values = rows.values
     if rows.form is Form.SCALARS:
         return rr.Scalars.columns(scalars=values)
@@ -235,25 +229,3 @@ def _create_file(target: str, *, overwrite: bool) -> BinaryIO:
         reason = error.strerror or error
         problem = f'cannot be written ({reason}); a viewer is one of: {VIEWERS}'
     raise ViewerError(f'viewer = {shown(target)} {problem}')
-
-
-def _import_rerun() -> None:
-    # The SDK would warn that files get no index, which is intended, that flushes time out, which
-    # is how they are used here, and that a disk is full, which is reported here.
-    quiet = 'RUST_LOG' not in os.environ
-    if quiet:
-        os.environ['RUST_LOG'] = 'warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off'
-    try:
-        import rerun as rr
-
-        rr.GrpcServerSink  # noqa: B018, missing in old versions
-    except (ImportError, AttributeError) as error:
-        raise ViewerError(missing_library('rerun')) from error
-    finally:
-        if quiet:
-            del os.environ['RUST_LOG']
-    if os.environ.get('RERUN', '').lower() in {'0', 'false', 'off'}:  # as Rerun reads it
-        raise ViewerError(
-            'Rerun is switched off: unset RERUN in the environment, or set no viewer'
-        )
-    rr.unregister_shutdown()

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
+import rerun as rr
 
 from linkage_ros.errors import ViewerError
 from linkage_ros.parameters.configuration import Configuration
@@ -24,10 +25,6 @@ from linkage_ros.view.viewer_process import (
     require_screen,
     serve_page,
 )
-
-# Rerun is imported only when a View opens.
-if TYPE_CHECKING:
-    import rerun as rr
 
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, count from a start
 _BATCH = 20_000  # greatest number of samples sent at once

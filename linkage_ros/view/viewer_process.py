@@ -40,7 +40,7 @@ class ViewerProcess:
             ViewerError: The program cannot be run.
         """
         # With `CI` set, the viewer sends no usage statistics, and the user's settings stay.
-        environment = {'RUST_LOG': 'error', **os.environ, 'CI': '1'}
+        environment = {**os.environ, 'RUST_LOG': 'error', 'CI': '1'}
         setpriv = None if outlives else shutil.which('setpriv')
         prefix = [setpriv, '--pdeathsig', 'TERM'] if setpriv else []
         self._outlives = outlives
