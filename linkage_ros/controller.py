@@ -29,15 +29,18 @@ from linkage_ros.parameters.descriptions import help_on
 from linkage_ros.parameters.session import JOINT_PREFIX
 from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
-from linkage_ros.ros.context import on_ros, reported_as_configuration
-from linkage_ros.ros.executor import served
 from linkage_ros.ros.parameters import (
     ParameterNode,
     check_parameter_files,
     declare_values,
     given_values,
 )
-from linkage_ros.ros.stderr import nonblocking_stderr
+from linkage_ros.ros.process import (
+    nonblocking_stderr,
+    on_ros,
+    reported_as_configuration,
+    served,
+)
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'

@@ -78,7 +78,7 @@ def _listen(process: subprocess.Popen[bytes]) -> list[tuple[int, float]]:
     import rclpy
     from sensor_msgs.msg import JointState
 
-    from linkage_ros.ros.context import on_ros
+    from linkage_ros.ros.process import on_ros
 
     states = []
 

@@ -23,16 +23,19 @@ from linkage_ros.parameters.configuration import Configuration, configure, prese
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.command_inbox import CommandInbox
-from linkage_ros.ros.context import on_ros, reported_as_configuration
-from linkage_ros.ros.executor import served
 from linkage_ros.ros.parameters import (
     ParameterNode,
     check_parameter_files,
     declare,
     given_values,
 )
+from linkage_ros.ros.process import (
+    nonblocking_stderr,
+    on_ros,
+    reported_as_configuration,
+    served,
+)
 from linkage_ros.ros.publishers import await_listeners, create_publisher
-from linkage_ros.ros.stderr import nonblocking_stderr
 from linkage_ros.run.health import SPAN, Health, Watch
 from linkage_ros.run.machine import Machine
 from linkage_ros.run.scheduling import freeze_heap

@@ -6,16 +6,20 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import math
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import MotionError
+from linkage_ros.errors import ConfigurationError, MotionError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
+from linkage_ros.motion.speed_driven import SpeedMotion
+from linkage_ros.motion.torque_driven import Motion
 from linkage_ros.parameters.configuration import (
     Configuration,
     configure,
@@ -26,18 +30,17 @@ from linkage_ros.parameters.descriptions import summary
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import Session
 from linkage_ros.progress import progress_bar
-from linkage_ros.quantities import leaves
-from linkage_ros.record_end import (
-    DEFAULT_DURATION,
-    DURATION,
-    REVOLUTIONS,
-    count_states,
-    has_turned,
-)
+from linkage_ros.quantities import Quantity, leaves
 from linkage_ros.run.machine import Machine
+from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION, qualified
 
 _NAME = 'linkage_record'
+_DEFAULT_DURATION = 10.0  # s
+_LONGEST = 1e9  # s; stamps of thirty years still fit ROS's time
+_DURATION = Quantity('number', 'how long', 's', 1e-9, _LONGEST)
+_REVOLUTIONS = Quantity('whole', 'how far the crank turns', 'turns', 1, _LONGEST)
+_LONGEST_WAIT = 3600  # s of a motion under a torque, for its revolutions
 _RATE = next(leaf.quantity for leaf in leaves(Session) if leaf.name == 'rate_hz')
 
 
@@ -91,7 +94,7 @@ def record(
                 stamp = machine.elapsed(tick)
                 snapshot = machine.snapshot_at(motion, stamp)
                 turned = snapshot.coordinates.unwrapped - start
-                if stopped() or (turns and has_turned(turned, turns, stamp)):
+                if stopped() or (turns and _has_turned(turned, turns, stamp)):
                     return tick
                 for channel, message in zip(channels, snapshot.messages, strict=True):
                     log.write(channel, stamp, message)
@@ -101,6 +104,64 @@ def record(
                 time=error.time, coordinates=error.coordinates,
             ) from error  # fmt: skip
     return tick + 1
+
+
+def count_states(
+    machine: Machine, motion: Motion, duration: float | None, revolutions: int | None
+) -> int | None:
+    """The number of states in a record.
+
+    Args:
+        machine: Which is recorded.
+        motion: Motion of its crank, from t = 0.
+        duration: s; None: 10.
+        revolutions: Turns of the crank, either way, instead of a duration.
+
+    Returns:
+        The number; None where only the motion shows when the crank has turned so far.
+
+    Raises:
+        ConfigurationError: A value is out of range, or the crank never turns so far.
+    """
+    if revolutions is None:
+        duration = _DEFAULT_DURATION if duration is None else duration
+        _DURATION.clean('duration', duration)
+        # The decimals count: in binary, 0.535 * 10^9 is a little more than 535000000.
+        end = math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
+    else:
+        _REVOLUTIONS.clean('revolutions', revolutions)
+        if not isinstance(motion, SpeedMotion):
+            return None
+        end = motion.time_to_turn(revolutions) or 0
+        if not 0 < end <= _LONGEST * NS_PER_S:
+            raise ConfigurationError(
+                f'the crank does not make {revolutions} revolutions within {_LONGEST:g} s: '
+                'give a --duration, fewer revolutions, or a higher rpm'
+            )
+    return machine.tick_at(end - 1) + 1
+
+
+def _has_turned(angle: float, revolutions: int, stamp: int) -> bool:
+    """Whether a torque-driven crank has made its revolutions.
+
+    Args:
+        angle: Since the start, rad.
+        revolutions: Turns, either way.
+        stamp: Time since the start, ns.
+
+    Returns:
+        Whether it has.
+
+    Raises:
+        ConfigurationError: It has not within an hour.
+    """
+    turned = abs(angle) / (2 * math.pi)
+    if stamp > _LONGEST_WAIT * NS_PER_S:
+        raise ConfigurationError(
+            f'the crank has not made {revolutions} revolutions within {_LONGEST_WAIT} s, but '
+            f'{turned:.3g}: give a --duration'
+        )
+    return turned >= revolutions
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -119,11 +180,11 @@ def _parser() -> argparse.ArgumentParser:
     cli.add_number(
         length,
         '--duration',
-        quantity=DURATION,
-        note=f' (default {DEFAULT_DURATION:g})',
+        quantity=_DURATION,
+        note=f' (default {_DEFAULT_DURATION:g})',
         metavar='S',
     )
-    cli.add_number(length, '--revolutions', quantity=REVOLUTIONS, metavar='N')
+    cli.add_number(length, '--revolutions', quantity=_REVOLUTIONS, metavar='N')
     cli.add_number(
         parser, '--rate', quantity=_RATE, note=' (default: rate_hz of the file)', metavar='HZ'
     )

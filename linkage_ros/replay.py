@@ -20,8 +20,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.session import VIEWERS
 from linkage_ros.playback.feed import Excerpt, excerpt_of, feed
 from linkage_ros.playback.keyboard import Keyboard
-from linkage_ros.playback.pace import FASTEST, SLOWEST, Pace
-from linkage_ros.playback.player import KEYS, Player, Show, Sink
+from linkage_ros.playback.player import FASTEST, KEYS, SLOWEST, Pace, Player, Show, Sink
 from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.quantities import Quantity
 from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval

@@ -18,8 +18,7 @@ from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.playback.feed import Item, excerpt_of, feed
 from linkage_ros.playback.keyboard import RIGHT
-from linkage_ros.playback.pace import FASTEST, Pace
-from linkage_ros.playback.player import Player
+from linkage_ros.playback.player import FASTEST, Pace, Player
 from linkage_ros.record import record
 
 PERIOD = 5_000_000

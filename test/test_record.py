@@ -24,8 +24,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
-from linkage_ros.record import record
-from linkage_ros.record_end import count_states
+from linkage_ros.record import count_states, record
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.codecs import encode_float64, encode_string
 from linkage_ros.wire.urdf import make_urdf

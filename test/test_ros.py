@@ -17,14 +17,14 @@ from ros_harness import Listener, command, environment, fresh_domain, node_argum
 from test_node import TYPES, logged
 
 from linkage_ros import ConfigurationError
-from linkage_ros.ros import context
+from linkage_ros.ros import process
 
 STUCK = """
 import rclpy
 from rclpy.node import Node
-from linkage_ros.ros import executor
+from linkage_ros.ros import process
 
-executor._STUCK = 0.5
+process._STUCK = 0.5
 rclpy.init()
 
 class Stuck(Node):
@@ -32,7 +32,7 @@ class Stuck(Node):
         ''.join('' for _ in range({turns}))  # holds the interpreter for ever, or not at all
         super().destroy_node()
 
-with executor.served(Stuck('stuck')):
+with process.served(Stuck('stuck')):
     print('all is logged', flush=True)
 rclpy.try_shutdown()
 """
@@ -160,9 +160,9 @@ def test_a_program_without_stderr_or_stdout_does_its_work(tmp_path, closed):
 @pytest.mark.parametrize('domain', ['233', '+300', ' 300', '300abc', '0233', '9' * 30])
 def test_a_domain_without_ports_is_refused(domain):
     with pytest.raises(ConfigurationError, match='from 0 to 232'):
-        context._require_ports(domain)
+        process._require_ports(domain)
 
 
 @pytest.mark.parametrize('domain', ['', '0', '232', '007', ' +12', 'abc'])
 def test_other_domains_are_left_to_rcl(domain):
-    context._require_ports(domain)
+    process._require_ports(domain)

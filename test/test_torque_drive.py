@@ -246,7 +246,7 @@ def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
         assert len(turned) == count
         assert turned[-1] < 3 < turned[-1] + 0.2
     resting = changed(QUADRILATERAL, drive={'motor': replace(motor, torque=0.0)})
-    with pytest.raises(ConfigurationError, match='has not come 1 revolutions far within 3600 s'):
+    with pytest.raises(ConfigurationError, match='has not made 1 revolutions within 3600 s'):
         record(changed(resting, session={'rate_hz': 0.05}), tmp_path / 'rest.mcap', revolutions=1)
 
 

@@ -18,12 +18,10 @@ from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import without_ros_own
 from linkage_ros.playback.feed import Item
-from linkage_ros.playback.pace import Pace
-from linkage_ros.playback.player import Sink
+from linkage_ros.playback.player import Pace, Sink
 from linkage_ros.quantities import shown
-from linkage_ros.ros.context import USER_ERRORS, on_ros, reported_as_configuration
-from linkage_ros.ros.executor import served
 from linkage_ros.ros.parameters import given_values
+from linkage_ros.ros.process import USER_ERRORS, on_ros, reported_as_configuration, served
 from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.wire.codecs import encode_clock
 from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import time
 
-from rclpy.callback_groups import CallbackGroup
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -24,7 +24,7 @@ _DEPTH = 100
 _QOS = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-class _NeverServed(CallbackGroup):  # type: ignore[misc]  # rclpy has no types
+class _NeverServed(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
     """Keeps a subscription from the executor.
 
     Its thread would be woken by each command, and thousands a second took the interpreter from
@@ -34,13 +34,6 @@ class _NeverServed(CallbackGroup):  # type: ignore[misc]  # rclpy has no types
     def can_execute(self, entity: object) -> bool:  # noqa: ARG002, the executor's signature
         """Never."""
         return False
-
-    def beginning_execution(self, entity: object) -> bool:  # noqa: ARG002, as above
-        """Never."""
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        """Nothing was executed."""
 
 
 class CommandInbox:
@@ -60,7 +53,6 @@ class CommandInbox:
         """
         self.commands = TorqueCommands(drive.torque_limit, drive.command_timeout, crank=crank)
         self._logger = node.get_logger()
-        self._silent_until = 0.0
         self._subscription = node.create_subscription(
             JointState, JOINT_COMMANDS.name, lambda _: None, _QOS, raw=True,
             callback_group=_NeverServed(),
@@ -79,13 +71,12 @@ class CommandInbox:
             while len(fetched) < _DEPTH and (taken := handle.take_message(JointState, True)):
                 data, info = taken
                 fetched.append((info['received_timestamp'] or time.time_ns(), data))
-        now = time.time_ns()
+        now, wrong = time.time_ns(), ''
         for came, data in fetched:
-            wrong = self._hear(data, max(0, now - came) / NS_PER_S)
-            # Asking the logger to keep quiet takes ten times as long as a command does.
-            if wrong and time.monotonic() >= self._silent_until:
-                self._silent_until = time.monotonic() + 1.0
-                self._logger.warning(f'a command on {JOINT_COMMANDS.name} is refused: {wrong}')
+            wrong = self._hear(data, max(0, now - came) / NS_PER_S) or wrong
+        if wrong:
+            words = f'a command on {JOINT_COMMANDS.name} is refused: {wrong}'
+            self._logger.warning(words, throttle_duration_sec=1.0)
         # Megabytes would be a log's largest chunk, and nobody's command.
         return [(came, data) for came, data in fetched if len(data) <= LARGEST_COMMAND]
 
