@@ -51,7 +51,9 @@ class SpeedMotion:
         self._rate = rate if gap > 0 else -rate
         # Once settled, the crank is where it would be had it always turned at its final speed,
         # but for gap^2 / (2 rate).
-        self._settled_phase = self._phase - round(Fraction(gap * gap, 120 * self._rate))
+        settled = self._phase - round(Fraction(gap * gap, 120 * self._rate))
+        self._settled_phase = settled * (_TURN // _GRID)
+        self._settled_speed = _radians(self._target * NS_PER_S, _SPEED_GRID)
 
     @classmethod
     def begin(cls, drive: SpeedDrive, stamp: int) -> SpeedMotion:
@@ -79,13 +81,13 @@ class SpeedMotion:
             Angle, speed and acceleration, each rounded once.
         """
         elapsed = stamp - self.segment.stamp
-        turned, acceleration = self._phase_after(elapsed), 0.0
+        turned, speed, acceleration = self._phase_after(elapsed), self._settled_speed, 0.0
         unwrapped = angle = _radians(turned, _TURN_GRID)
         if not 0 <= turned < 2 * _TURN:
             angle = _radians(turned % (2 * _TURN), _TURN_GRID)
         if elapsed < self._ramp_ns:
+            speed = _radians(self._speed_after(elapsed), _SPEED_GRID)
             acceleration = math.copysign(self.segment.acceleration, self._rate)
-        speed = _radians(self._speed_after(elapsed), _SPEED_GRID)
         return Coordinates((angle,), (speed,), (acceleration,), unwrapped)
 
     def follow(self, stamp: int, drive: Any) -> SpeedMotion:
@@ -164,7 +166,7 @@ class SpeedMotion:
         """The phase after so many ns, in 1 / _TURN turn."""
         twice = 2 * NS_PER_S * elapsed
         if elapsed >= self._ramp_ns:
-            return self._settled_phase * (_TURN // _GRID) + self._target * twice
+            return self._settled_phase + self._target * twice
         return self._phase * (_TURN // _GRID) + self._speed * twice + self._rate * elapsed**2
 
     def _speed_after(self, elapsed: int) -> int:
