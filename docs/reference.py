@@ -188,18 +188,13 @@ def _usage(action: argparse.Action) -> str:
 def launch_arguments(path: Path) -> dict[str, tuple[str, str]]:
     """The arguments that a launch file declares: default and meaning by name.
 
-    The file runs without ROS's launch: stand-ins for its modules note what is declared.
+    The file runs without ROS's launch: its modules have stand-ins.
     """
-    tree = ast.walk(ast.parse(path.read_text()))
-    names = [part.module or '' for part in tree if isinstance(part, ast.ImportFrom)]
-    modules = {name: MagicMock() for name in names if name.startswith('launch')}
+    names = ('launch', 'launch.actions', 'launch.events', 'launch.events.process', 'launch_ros')
+    modules = {name: MagicMock() for name in (*names, 'launch_ros.actions')}
     with patch.dict(sys.modules, modules):
-        runpy.run_path(str(path))['generate_launch_description']()
-    calls = modules['launch.actions'].DeclareLaunchArgument.call_args_list
-    return {
-        call.args[0]: (call.kwargs.get('default_value', ''), call.kwargs.get('description', ''))
-        for call in calls
-    }
+        arguments: dict[str, tuple[str, str]] = runpy.run_path(str(path))['ARGUMENTS']
+    return arguments
 
 
 def _launch_files() -> str:

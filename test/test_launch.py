@@ -60,6 +60,7 @@ def stand_in(monkeypatch):
         'launch_ros': (),
         'launch_ros.actions': ('Node',),
     }
+    monkeypatch.delitem(sys.modules, 'linkage_ros.ros.launching', raising=False)
     for module, classes in names.items():
         made = ModuleType(module)
         for name in classes:

@@ -1,0 +1,84 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the launch files share: arguments, how a program is started, and how the launch ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
+from launch_ros.actions import Node
+
+from linkage_ros.parameters.launched import parameter_file
+from linkage_ros.parameters.session import VIEWERS
+
+# Default and meaning of launch arguments, by name.
+Arguments: TypeAlias = dict[str, tuple[str, str]]
+
+# Those of every launch file. An empty argument leaves the parameter as it is.
+NAMES: Arguments = {
+    'namespace': ('', 'namespace of all nodes, such as left'),
+    'use_sim_time': ('', 'true: take the time from /clock'),
+    'joint_prefix': ('', 'put before every joint and link name, such as left_'),
+}
+OUTPUTS: Arguments = {
+    'log': ('', '.mcap file to write'),
+    'log_overwrite': ('', 'true: replace an existing log or .rrd file'),
+    'viewer': ('', VIEWERS),
+}
+
+
+def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any]]) -> Any:
+    """What `ros2 launch` asks a launch file for.
+
+    Args:
+        arguments: Of the launch file.
+        start: Returns the actions for the values of the arguments, by name.
+
+    Returns:
+        The launch description.
+    """
+
+    def begin(context: LaunchContext) -> list[Any]:
+        return start({name: context.launch_configurations[name] for name in arguments})
+
+    declared = (
+        DeclareLaunchArgument(name, default_value=default, description=meaning)
+        for name, (default, meaning) in arguments.items()
+    )
+    return LaunchDescription([*declared, OpaqueFunction(function=begin)])
+
+
+def program(name: str, namespace: str, values: Mapping[str, object]) -> Any:
+    """Starts a program of this package; the launch ends with it.
+
+    Args:
+        name: Of the executable.
+        namespace: Of its node.
+        values: Its parameters.
+
+    Returns:
+        The action.
+    """
+    return Node(
+        package='linkage_ros',
+        executable=name,
+        namespace=namespace,
+        parameters=[parameter_file(values)],
+        output='screen',
+        on_exit=_end,
+    )
+
+
+def _end(event: ProcessExited, _: LaunchContext) -> list[Any]:
+    """Ends the launch with a process.
+
+    Raises:
+        RuntimeError: The process failed; `ros2 launch` then ends with exit code 1.
+    """
+    if event.returncode:
+        raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
+    return [Shutdown(reason=f'{event.process_name} ended')]
