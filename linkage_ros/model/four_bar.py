@@ -45,7 +45,6 @@ from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Struc
 from linkage_ros.model.swing import swing
 from linkage_ros.model.transmission import Halves, Square, Transmission
 from linkage_ros.numeric import (
-    SCALAR,
     Real,
     equalities,
     nearest_turns,
@@ -371,10 +370,10 @@ class FourBar(Mechanism):
         middle = 0.5 * (low + high)
         if low == 0 or high == math.pi or len(self.reach().arcs) > 1:
             middle = math.pi if high == math.pi else 0.0  # it swings to both sides of the frame
-        back: float = wrap(self.frame.angle + math.pi, SCALAR)  # from B0 to A0
+        back: float = wrap(self.frame.angle + math.pi)  # from B0 to A0
         links, _ = self.loop().pose((0.5 * sum(self.reach().arcs[0]),))
-        side = math.copysign(1.0, wrap(links[2].position - back, SCALAR))
-        found: float = wrap(back + side * middle, SCALAR)
+        side = math.copysign(1.0, wrap(links[2].position - back))
+        found: float = wrap(back + side * middle)
         return found
 
     def structure(self) -> Structure:
