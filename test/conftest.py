@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+import linkage_ros.view  # noqa: F401, it makes Rerun quiet, whoever imports that first
+
 # What starts the checks in the background may have them ignore these, and so what they start.
 for number, handler in (
     (signal.SIGINT, signal.default_int_handler),

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from mechanisms import ALL
 
-from linkage_ros import SliderCrank, Solver
+from linkage_ros import FourBar, SliderCrank, Solver
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.units import radians_per_second
@@ -200,7 +200,9 @@ def test_the_urdf_of_every_preset_loads(preset, prefix):
 @pytest.mark.parametrize('preset', [name for name in preset_names() if name != 'wind_pump'])
 def test_small_masses_for_zeros_change_torques_by_less_than_a_millionth(preset):
     configuration = load(preset)
-    mechanism, drive = configuration.mechanism, configuration.drive
+    mechanism, drive = replace(configuration.mechanism, loads=()), configuration.drive
+    if isinstance(mechanism, FourBar):  # the engine is not told of loads
+        mechanism = replace(mechanism, rocker=replace(mechanism.rocker, damping=0.0))
     speed = radians_per_second(drive.rpm)
     error, gap = compare(mechanism, mechanism, speed, drive.crank_acceleration)
     assert error < 1e-6

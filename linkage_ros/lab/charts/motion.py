@@ -153,7 +153,7 @@ def _draw(axes: Axes, period: Period, panel: _Panel, *, numbered: bool) -> None:
     axes.set_ylabel(f'{panel.title}, {panel.unit}', fontsize=SMALL)
     axes.tick_params(labelsize=NUMBERS, labelbottom=numbered)
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
-    axes.yaxis.set_major_formatter(lambda value, _: f'{value:.4g}')
+    axes.yaxis.set_major_formatter(lambda value, _: f'{value:.5g}')
     if numbered:
         axes.set_xlabel('Crank angle, deg', fontsize=SMALL, labelpad=1)
 
