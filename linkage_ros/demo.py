@@ -18,15 +18,12 @@ from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
-from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.session import SPAWN
 from linkage_ros.progress import progress_bar
 from linkage_ros.record import record
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.view.viewer_process import require_screen
-from linkage_ros.wire.cdr import stamp_of
-from linkage_ros.wire.topics import JOINT_STATES
 
 _NAME = 'demo'
 _FOLDER = Path('demo')
@@ -61,12 +58,6 @@ def report(states: list[tuple[int, float]]) -> str:
         f'{span * _RPM / 60:.1f} turns, driving torque {min(torques):.4f} to '
         f'{max(torques):.4f} N m'
     )
-
-
-def count_lost(states: list[tuple[int, float]], log: LogReader) -> int:
-    """How many joint states of a log, from the first to the last received, were not received."""
-    stamps = (stamp_of(message.data) for message in log.messages([f'/{JOINT_STATES.name}']))
-    return sum(states[0][0] <= stamp <= states[-1][0] for stamp in stamps) - len(states)
 
 
 def _listen(process: subprocess.Popen[bytes]) -> list[tuple[int, float]]:
@@ -121,9 +112,6 @@ def _live(viewer: str | Path) -> None:
     if code != 0:
         raise LinkageError(f'linkage_node ended with exit code {code}')
     print(report(states))
-    with LogReader(_LOG) as log:
-        if lost := count_lost(states, log):
-            print(f'published but not received: {lost}; the subscriber lost them, not the node')
 
 
 def _recorded(viewer: str | Path) -> None:

@@ -15,11 +15,6 @@ from pathlib import Path
 
 from ros_harness import environment, fresh_domain
 
-from linkage_ros.demo import count_lost
-from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.configuration import load
-from linkage_ros.record import record
-
 PROGRAM = 'python -m linkage_ros.demo'
 SHORT = 'from linkage_ros import demo; demo._SECONDS = 5.5; demo._main()'
 
@@ -32,16 +27,6 @@ def test_an_argument_does_not_start_it(tmp_path):
     words = f'{PROGRAM}: unrecognized arguments: --rate; see {PROGRAM} --help\n'
     assert (done.returncode, done.stdout, done.stderr) == (2, '', words)
     assert not list(tmp_path.iterdir())
-
-
-def test_messages_that_the_subscriber_lost_are_counted(tmp_path):
-    path = tmp_path / 'run.mcap'
-    record(load('quadrilateral'), path, duration=0.1)  # 200 Hz
-    with LogReader(path) as log:
-        begin = log.motions[0].stamp
-        received = [(begin + tick * 5_000_000, 0.0) for tick in (3, 4, 5, 6, 9)]  # joined late
-        assert count_lost(received, log) == 2
-        assert count_lost(received[:4], log) == 0
 
 
 def children(pid):

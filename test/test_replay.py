@@ -15,6 +15,7 @@ import time
 import tracemalloc
 from bisect import bisect
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 from ros_harness import (
@@ -231,7 +232,8 @@ def test_keys_change_the_rate_and_ctrl_c_restores_the_terminal(player):
 class View:
     """Takes what a view is given, or fails."""
 
-    page, trouble, dropped, period = None, '', 0, 0.03
+    page, dropped, period = None, 0, 0.03
+    sender = SimpleNamespace(trouble='')
 
     def __init__(self, shown, *, fails=False):
         self._shown, self._fails = shown, fails

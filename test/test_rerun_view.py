@@ -120,7 +120,7 @@ def test_file_holds_every_sample_bit_for_bit(tmp_path, start, kind):
         rows = [tuple(row) for row in entity['Scalars:scalars']]
         assert rows == [getattr(sample, quantity) for sample in samples]
         assert entity['SeriesLines:names'] == [list(JOINTS)]
-    assert (view.dropped, view.url, view.exposed) == (0, None, False)
+    assert (view.dropped, view.sender.url, view.sender.exposed) == (0, None, False)
 
 
 @pytest.mark.parametrize(('rate', 'drawings'), [(1000, 100), (10, 20)])
@@ -343,8 +343,8 @@ def test_data_is_served_only_on_viewer_bind(window, bind, address, exposed):
         ((name, host, port),) = listening() - before
         assert (name, host) == address
         written = f'[{bind}]' if ':' in bind else bind
-        assert view.url == f'rerun+http://{written}:{port}/proxy'
-        assert view.exposed is exposed
+        assert view.sender.url == f'rerun+http://{written}:{port}/proxy'
+        assert view.sender.exposed is exposed
     assert listening() == before
 
 
@@ -353,7 +353,7 @@ def test_window_sends_no_statistics_and_listens_locally(tmp_path, window):
     with opened('spawn') as (view, _):
         wait_until((tmp_path / 'told').exists)
     arguments, *environment = (tmp_path / 'told').read_text().splitlines()
-    assert arguments.startswith(f'{view.url} --bind 127.0.0.1 --port auto')
+    assert arguments.startswith(f'{view.sender.url} --bind 127.0.0.1 --port auto')
     assert 'CI=1' in environment
 
 
@@ -439,7 +439,7 @@ def test_page_needs_no_screen_and_ends_with_the_run(monkeypatch):
         wait_until(lambda: 'rerun' in reached(view.page).lower())
         assert re.fullmatch(r'http://127\.0\.0\.1:\d+/\?url=rerun%2Bhttp%3A.*%2Fproxy', view.page)
         data = urllib.parse.parse_qs(urllib.parse.urlsplit(view.page).query)['url']
-        assert data == [view.url]
+        assert data == [view.sender.url]
         feed(view, run_of(CONFIGURATION, 10)[0])
         port = urllib.parse.urlsplit(view.page).port
         sockets = [line.split() for line in Path('/proc/net/tcp').read_text().splitlines()]
@@ -461,7 +461,7 @@ def test_page_that_ends_early_is_an_error_in_the_diagnostics():
         process.kill()
         wait_until(lambda: worker.error)
         worker.close(PATIENCE)
-        health = Health('web', worker.dropped, worker.error, view.trouble)
+        health = Health('web', worker.dropped, worker.error, view.sender.trouble)
         _, status = Watch('linkage_node').report(TickCounts(), {}, {'viewer': health}, [])
     assert status.level == ERROR
     assert status.message.startswith('failed: the viewer has ended (signal 9, Killed)')
@@ -519,7 +519,7 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
     url = f'rerun+http://127.0.0.1:{port}/proxy'
     view = View(CONFIGURATION, url)
     for n in range(2):
-        assert view.trouble.startswith(f'no viewer answers at {url}: states are left out')
+        assert view.sender.trouble.startswith(f'no viewer answers at {url}: states are left out')
         before = view.dropped
         feed(view, samples[:100])
         assert view.dropped == before + 100
@@ -532,7 +532,7 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
                 return view.dropped == before
 
             wait_until(is_taken)
-            assert view.trouble == ''
+            assert view.sender.trouble == ''
             feed(view, samples[100:])
             wait_until(lambda saved=saved: len(stamps_in(saved)) == 201)
             process.kill()
@@ -540,7 +540,7 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
         # What never changes came again as well.
         assert read(saved)['/joint_states/effort']['SeriesLines:names'] == [list(JOINTS)]
         assert stamps_in(saved) == [s.stamp for s in (samples[0], *samples[100:])]
-        wait_until(lambda: feed(view, samples[:1]) or view.trouble)
+        wait_until(lambda: feed(view, samples[:1]) or view.sender.trouble)
     start = time.monotonic()
     view.close()
     assert time.monotonic() - start < 3
@@ -625,8 +625,8 @@ def test_page_on_all_addresses_names_this_machine(window, bind):
     window('exec sleep 30')
     with opened('web', bind) as (view, _):
         host = socket.gethostname() if bind == '0.0.0.0' else bind
-        assert re.fullmatch(rf'rerun\+http://{host}:\d+/proxy', view.url)
-        asked = urllib.parse.quote(view.url, safe='')
+        assert re.fullmatch(rf'rerun\+http://{host}:\d+/proxy', view.sender.url)
+        asked = urllib.parse.quote(view.sender.url, safe='')
         assert re.fullmatch(rf'http://{host}:\d+/\?url={asked}', view.page)
 
 

@@ -36,7 +36,7 @@ class ReplayView:
         # Commands have the same type.
         self._topics = {name for name, _ in paired(log, [JOINT_STATES])}
         self._view = View(log.configuration, target)
-        if self._view.trouble:
+        if self._view.sender.trouble:
             raise ViewerError(
                 f'no viewer answers at {target}: start one there first, with `rerun`'
             )

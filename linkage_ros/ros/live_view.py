@@ -34,9 +34,9 @@ class LiveView:
         )
         if view.page:
             self._logger.info(f'watch it in a browser: {view.page}')
-        if view.exposed:
+        if view.sender.exposed:
             self._logger.warning(
-                f'the view is served at {view.url} to whoever reaches it; viewer_bind = '
+                f'the view is served at {view.sender.url} to whoever reaches it; viewer_bind = '
                 '127.0.0.1 keeps it on this machine'
             )
         self._worker: Worker[Sample] = Worker(
@@ -51,7 +51,7 @@ class LiveView:
         """States lost so far, the error that ended the view, and its present trouble."""
         # States are lost on the way to the view, and in the view if the viewer lags.
         lost = self._worker.dropped + self._view.dropped
-        return Health(self._target, lost, self._worker.error, self._view.trouble)
+        return Health(self._target, lost, self._worker.error, self._view.sender.trouble)
 
     def close(self) -> None:
         """Disconnects from the viewer."""

@@ -19,7 +19,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
 import rerun as rr
 from rerun import FileSink, GrpcServerSink, GrpcSink  # missing in old versions
 
@@ -34,9 +33,11 @@ from linkage_ros.parameters.session import (
     viewer_address,
 )
 from linkage_ros.quantities import shown
-from linkage_ros.view.scene import TIMELINE, Form, Rows
+from linkage_ros.view.scene import TIMELINE, Rows
 from linkage_ros.view.viewer_process import free_address, public_host
 
+# What the columns of an archetype hold.
+_FIELDS = {rr.Scalars: 'scalars', rr.Points2D: 'positions', rr.LineStrips2D: 'strips'}
 _SERVED = '64MB'  # of the past, for windows that connect late
 _SEND_SECONDS = 2.0  # a viewer may delay a batch for so long
 _LAGGING_SECONDS = 0.05  # likewise after it has done so once
@@ -53,6 +54,7 @@ class Sender:
     Attributes:
         url: Where viewers connect; None: nothing is served here.
         exposed: Whether other machines can read the data.
+        is_file: Whether it is a file.
         trouble: Why nothing can be sent now, in words; empty: it can.
     """
 
@@ -83,11 +85,12 @@ class Sender:
         self.url: str | None = None
         self.exposed = False
         self.trouble = ''
-        self._file: BinaryIO | None = None
         self._target, self._begin = target, begin
         self._address = viewer_address(target)
         self._missing: tuple[str, int] | None = None  # the address, while no viewer answers there
         self._retry_at = 0.0
+        self.is_file = not (target in (SPAWN, WEB) or self._address)
+        self._file = _create_file(target, overwrite=overwrite) if self.is_file else None
         self._stream = rr.RecordingStream('linkage_ros')
         if target in (SPAWN, WEB):
             host, port, self.exposed = free_address(bind)
@@ -96,13 +99,7 @@ class Sender:
         elif self._address:
             self._find(self._address, _ANSWER_SECONDS)
         else:
-            self._file = _create_file(target, overwrite=overwrite)
             self._connect(FileSink(target, write_footer=False))
-
-    @property
-    def is_file(self) -> bool:
-        """Whether it is a file."""
-        return self._file is not None
 
     def ready(self) -> bool:
         """Whether more may be sent: a viewer is there and has taken all that was sent.
@@ -140,7 +137,8 @@ class Sender:
             times = rr.TimeColumn(TIMELINE, timestamp=rows.stamps.astype('datetime64[ns]'))
         else:
             times = rr.TimeColumn(TIMELINE, duration=rows.stamps.astype('timedelta64[ns]'))
-        self._stream.send_columns(rows.entity, [times], _columns(rows), strict=True)
+        columns = rows.archetype.columns(**{_FIELDS[rows.archetype]: rows.values})
+        self._stream.send_columns(rows.entity, [times], columns, strict=True)
 
     def close(self) -> None:
         """Sends what is left and disconnects: within 3 s, even from a viewer that hangs."""
@@ -193,16 +191,6 @@ def _answers(address: tuple[str, int], timeout: float) -> bool:
         if time.monotonic() > deadline:
             return False
         time.sleep(0.1)
-
-
-def _columns(rows: Rows) -> rr.ComponentColumnList:
-    """The values of an entity, as Rerun takes them."""
-    values = rows.values
-    if rows.form is Form.SCALARS:
-        return rr.Scalars.columns(scalars=values)
-    if rows.form is Form.POINTS:
-        return rr.Points2D.columns(positions=values)
-    return rr.LineStrips2D.columns(strips=values.astype(np.float32))
 
 
 def _create_file(target: str, *, overwrite: bool) -> BinaryIO:

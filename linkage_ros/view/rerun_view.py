@@ -49,8 +49,7 @@ class View:
     from 0 is marked 0 s, 1 s, 2 s and not with dates in 1970.
 
     Attributes:
-        url: Where viewers connect; None: nothing is served here.
-        exposed: Whether other machines can read the data that are served.
+        sender: Knows where viewers connect, and why nothing can be sent.
         page: URL of the page for a browser; None: there is none.
         dropped: Samples left out because the viewer lagged, or was not there.
         period: Time between calls of `consume`, s: a file takes four times the space with small
@@ -85,19 +84,14 @@ class View:
         if target == SPAWN:
             require_screen()
         binary = find_viewer() if target in (SPAWN, WEB) else None
-        self._sender = Sender(target, bind, self._begin, overwrite=overwrite)
-        self.url, self.exposed = self._sender.url, self._sender.exposed
-        self.period = _FILE_PERIOD if self._sender.is_file else _PERIOD
+        self.sender = Sender(target, bind, self._begin, overwrite=overwrite)
+        self.period = _FILE_PERIOD if self.sender.is_file else _PERIOD
         self._process: ViewerProcess | None = None
-        if binary and self.url and target == SPAWN:
-            self._process = open_window(binary, self.url)
-        elif binary and self.url:
-            self._process, self.page = serve_page(binary, self.url, bind)
-
-    @property
-    def trouble(self) -> str:
-        """Why nothing is shown now, in words; empty if all is well."""
-        return self._sender.trouble
+        url = self.sender.url
+        if binary and url and target == SPAWN:
+            self._process = open_window(binary, url)
+        elif binary and url:
+            self._process, self.page = serve_page(binary, url, bind)
 
     def consume(self, samples: Sequence[Sample]) -> None:
         """Shows the samples since the last call; may be none.
@@ -113,7 +107,7 @@ class View:
             self._process.check()
         for start in range(0, len(samples), _BATCH):
             batch = samples[start : start + _BATCH]
-            if self._sender.ready():
+            if self.sender.ready():
                 self._send(batch)
             else:
                 self.dropped += len(batch)
@@ -123,12 +117,12 @@ class View:
         if self._process:
             self._process.release()
             self._process = None
-        self._sender.close()
+        self.sender.close()
 
     def discard(self) -> None:
         """Closes the view and removes its file, if any."""
         self.close()
-        if self._sender.is_file:
+        if self.sender.is_file:
             Path(self._target).unlink(missing_ok=True)
 
     def _begin(self, stream: rr.RecordingStream) -> None:
@@ -148,4 +142,4 @@ class View:
         if self._wall_clock is None:
             self._wall_clock = bool(stamps[0] >= _WALL_CLOCK)
         for rows in self._scene.advance(stamps, *values):
-            self._sender.send(rows, wall_clock=self._wall_clock)
+            self.sender.send(rows, wall_clock=self._wall_clock)

@@ -1,16 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The contents of a view: rows of numbers over time for each entity, whatever shows them."""
+"""The contents of a view: rows of numbers over time for each entity."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from enum import Enum
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+import rerun as rr
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
@@ -35,26 +35,18 @@ JOINT_STATES, LINKAGE = 'joint_states', 'linkage'  # with entities below them
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
 
 
-class Form(Enum):
-    """How the values of an entity are shown."""
-
-    SCALARS = 'one or more curves'
-    POINTS = 'points'
-    LINES = 'lines'
-
-
 class Rows(NamedTuple):
     """Values of an entity at some stamps.
 
     Attributes:
         entity: Its path.
-        form: How the values are shown.
+        archetype: Of Rerun: what the values are.
         stamps: ns.
         values: One row for each stamp.
     """
 
     entity: str
-    form: Form
+    archetype: Any
     stamps: Stamps
     values: Array
 
@@ -146,14 +138,14 @@ class Scene:
             Rows of all entities that have any.
         """
         for field, row in zip(JOINT_FIELDS, (position, velocity, effort), strict=True):
-            yield Rows(f'{JOINT_STATES}/{field}', Form.SCALARS, stamps, row)
+            yield Rows(f'{JOINT_STATES}/{field}', rr.Scalars, stamps, row)
         links, count = self.drawing.of_links(position), len(self.drawing.turning)
         directions = self._directions.follow(links[:, 1:count])
-        yield Rows(DIRECTIONS, Form.SCALARS, stamps, directions)
+        yield Rows(DIRECTIONS, rr.Scalars, stamps, directions)
         rates = self.drawing.of_links(velocity)[:, :count]
-        yield Rows(RATES, Form.SCALARS, stamps, rates)
+        yield Rows(RATES, rr.Scalars, stamps, rates)
         if self._energies:
-            yield Rows(ENERGY, Form.SCALARS, stamps, self._energies.at(position, velocity))
+            yield Rows(ENERGY, rr.Scalars, stamps, self._energies.at(position, velocity))
         frames = stamps // _DRAWING_NS
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
@@ -162,7 +154,7 @@ class Scene:
 
     def _draw(self, stamps: Stamps, links: Array) -> Iterator[Rows]:
         points = self.drawing.place(links)
-        yield Rows(f'{LINKAGE}/pins', Form.POINTS, stamps, points)
-        yield Rows(f'{LINKAGE}/pins/names', Form.POINTS, stamps, self.drawing.labels(points))
+        yield Rows(f'{LINKAGE}/pins', rr.Points2D, stamps, points)
+        yield Rows(f'{LINKAGE}/pins/names', rr.Points2D, stamps, self.drawing.labels(points))
         for link, lines in self.drawing.links(points).items():
-            yield Rows(f'{LINKAGE}/{link}', Form.LINES, stamps, lines)
+            yield Rows(f'{LINKAGE}/{link}', rr.LineStrips2D, stamps, lines.astype(np.float32))
