@@ -55,6 +55,7 @@ setup(
             'linkage_record = linkage_ros.executables:record',
             'linkage_replay = linkage_ros.executables:replay',
             'linkage_log = linkage_ros.executables:log',
+            'linkage_export = linkage_ros.executables:export',
             'linkage_chart = linkage_ros.executables:chart',
             'linkage_controller = linkage_ros.executables:controller',
         ],

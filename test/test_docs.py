@@ -45,12 +45,14 @@ from linkage_ros.parameters.configuration import configure, read_values
 from linkage_ros.quantities import build, leaves
 from linkage_ros.wire.topics import TOPICS, qualified
 
-MODULES = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool'}
-CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log')
+MODULES = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool',
+           'linkage_export': 'export_tool'}  # fmt: skip
+CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')
 # The programs of these pages need a log or a node to work on: tests of their own run them.
 PYTHON_ELSEWHERE = {
     'docs/controllers.md': 'test_controllers_page.py',
     'docs/mcap.md': 'test_foreign_readers.py',
+    'docs/urdf.md': 'test_export.py',
 }
 README = read('README.md')
 

@@ -55,7 +55,7 @@ def test_core_works_with_all_libraries_but_numpy_absent():
 
 
 def test_programs_are_imported_without_ros_viewer_and_charts():
-    programs = ('record', 'log_tool', 'replay', 'chart_tool', 'executables')
+    programs = ('record', 'log_tool', 'replay', 'chart_tool', 'export_tool', 'executables')
     done = run(f'import {", ".join(f"linkage_ros.{name}" for name in programs)}', OPTIONAL)
     assert done.returncode == 0, done.stderr
 

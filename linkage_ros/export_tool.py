@@ -1,0 +1,135 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_export: a mechanism as a file for other tools, URDF or MJCF."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from linkage_ros import cli
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.files import is_one_file, open_file
+from linkage_ros.parameters.configuration import Configuration, load
+from linkage_ros.parameters.presets import find_file, preset_names
+from linkage_ros.run.machine import Machine
+from linkage_ros.wire.mjcf import make_mjcf
+from linkage_ros.wire.urdf import make_urdf
+
+_NAME = 'linkage_export'
+
+
+def urdf(options: argparse.Namespace) -> None:
+    """Writes the URDF of the open tree.
+
+    Args:
+        options: Options of the command line.
+
+    Raises:
+        ConfigurationError: The mechanism cannot be used, or the file cannot be written.
+    """
+    configuration = _configuration(options)
+    session = configuration.session
+    text = make_urdf(
+        configuration.mechanism, session.joint_prefix, session.frame_id,
+        ros2_control=options.ros2_control,
+    )  # fmt: skip
+    _write(options, text)
+
+
+def mjcf(options: argparse.Namespace) -> None:
+    """Writes the MJCF with the loop closed.
+
+    Args:
+        options: Options of the command line.
+
+    Raises:
+        ConfigurationError: The mechanism cannot be used, or the file cannot be written.
+    """
+    configuration = _configuration(options)
+    machine = Machine(configuration)
+    start = machine.snapshot_at(machine.begin(0), 0).state
+    text = make_mjcf(configuration.mechanism, start, configuration.session.joint_prefix)
+    _write(options, text)
+
+
+def _configuration(options: argparse.Namespace) -> Configuration:
+    configuration = load(options.params)
+    if options.joint_prefix is None:
+        return configuration
+    session = replace(configuration.session, joint_prefix=options.joint_prefix)
+    session.require_fixed_frame(configuration.mechanism)
+    return replace(configuration, session=session)
+
+
+def _write(options: argparse.Namespace, text: str) -> None:
+    """Writes the file.
+
+    Raises:
+        ConfigurationError: It exists and is not to be replaced, or cannot be written.
+    """
+    out = options.out
+    if is_one_file(str(out), str(find_file(options.params))):
+        raise ConfigurationError(f'{out} holds the parameters and is kept: choose another name')
+    try:
+        with open_file(out, 'wb' if options.overwrite else 'xb') as stream:
+            stream.write(text.encode())
+    except FileExistsError as error:
+        raise ConfigurationError(
+            f'{out} exists already and is kept: choose another name, or give --overwrite'
+        ) from error
+    except OSError as error:
+        raise ConfigurationError(f'{out} cannot be written: {error.strerror or error}') from error
+    print(out)
+
+
+# Function, file, further example, purpose.
+_COMMANDS = (
+    (
+        urdf, 'OUT.urdf', '--ros2-control',
+        'the URDF of the open tree, as on robot_description',
+    ),
+    (
+        mjcf, 'OUT.xml', '--overwrite',
+        "MuJoCo's format, with the loop closed, a motor on the crank and sensors",
+    ),
+)  # fmt: skip
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = cli.make_parser(
+        _NAME,
+        'Write a mechanism as a file for other tools; needs no ROS.',
+        ('urdf quadrilateral linkage.urdf', 'mjcf my_linkage.yaml linkage.xml'),
+    )
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    for write, file, option, purpose in _COMMANDS:
+        name, out = write.__name__, Path(file).with_stem('linkage')
+        examples = f'quadrilateral {out}', f'my_linkage.yaml {out} --joint-prefix left_ {option}'
+        command = cli.add_command(commands, _NAME, name, purpose, examples)
+        add = command.add_argument
+        # fmt: off
+        add('params', metavar='PARAMS',
+            help=f'parameter file, or a preset: {", ".join(preset_names())}')
+        add('out', metavar=file, type=cli.path, help='the file to write')
+        add('--joint-prefix', metavar='TEXT',
+            help='put before every joint and link name (default: joint_prefix of the file)')
+        if write is urdf:
+            add('--ros2-control', action='store_true',
+                help='add the tag by which ros2_control drives the crank of a node')
+        add('--overwrite', action='store_true', help='replace an existing file')
+        # fmt: on
+        command.set_defaults(write=write)
+    return parser
+
+
+def main() -> int:
+    """Entry point."""
+    options = _parser().parse_args()
+    return cli.run(_NAME, lambda: options.write(options))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

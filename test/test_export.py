@@ -1,0 +1,300 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_export: the URDF of the node as a file, and an MJCF that MuJoCo turns as our plant does.
+
+MuJoCo closes the loop by a soft constraint and integrates with steps of its own. docs/urdf.md says
+how far off its crank is after 5 s under the same torque as our plant; the table there is held to
+what is measured here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import fields, replace
+from xml.etree import ElementTree as ET
+
+import mujoco  # the proof rests on it: without it this file fails, it does not skip
+import numpy as np
+import pytest
+from pages import block, read, run_python
+from ros_harness import assert_refused
+from test_mujoco import slipped
+
+from linkage_ros import ConfigurationError, MotionError, SliderCrank, export_tool
+from linkage_ros.model.loads import LinkForce
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.torque_driven import TorqueMotion
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.presets import preset_names, preset_path
+from linkage_ros.run.machine import Machine
+from linkage_ros.units import NS_PER_S
+from linkage_ros.wire.mjcf import make_mjcf
+from linkage_ros.wire.urdf import make_urdf
+
+PAGE = read('docs/urdf.md')
+each = pytest.mark.parametrize('preset', preset_names())
+
+
+def changed(preset, **values):
+    """The configuration of a preset with other values."""
+    given = {k: v for k, v in load(preset).parameters().items() if v is not None}
+    return configure({**given, **values})
+
+
+def start_of(configuration):
+    machine = Machine(configuration)
+    return machine.snapshot_at(machine.begin(0), 0).state
+
+
+def exported(configuration, mechanism=None):
+    """The model that MuJoCo makes of the MJCF, and its data at rest at the start."""
+    prefix = configuration.session.joint_prefix
+    text = make_mjcf(mechanism or configuration.mechanism, start_of(configuration), prefix)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def gap(model, data):
+    """The distance of the two sites that the loop joins, m."""
+    return math.dist(data.site_xpos[model.eq_obj1id[0]], data.site_xpos[model.eq_obj2id[0]])
+
+
+# ---------------------------------------------------------------- what the file holds
+
+
+@each
+@pytest.mark.parametrize('assembly', ['open', 'crossed'])
+def test_model_begins_closed_in_its_assembly(preset, assembly):
+    configuration = changed(preset, assembly=assembly)
+    state, mechanism = start_of(configuration), configuration.mechanism
+    model, data = exported(configuration)
+    scale = mechanism.crank.length + mechanism.coupler.length
+    assert gap(model, data) < 1e-14 * scale
+    # Direction of the coupler from the crank pin, from the solver alone.
+    turned = data.body('coupler_link').xmat.reshape(3, 3)
+    direction = math.cos(state.position[1]), math.sin(state.position[1]), 0.0
+    assert turned[:, 0] == pytest.approx(direction, abs=1e-14)
+    positions = data.qpos.copy()
+    mujoco.mj_resetDataKeyframe(model, data, model.key('start').id)
+    mujoco.mj_forward(model, data)
+    assert np.array_equal(data.qpos, positions)
+    assert data.actuator('crank').ctrl == state.torque
+    assert gap(model, data) < 1e-14 * scale
+    speeds = data.sensordata[model.nq : 2 * model.nq]
+    assert np.array_equal(speeds, data.qvel)
+    assert speeds[0] == state.velocity[0]
+
+
+def test_masses_gravity_motor_loads_and_sensors_are_those_of_the_mechanism():
+    configuration = changed('compressor', joint_prefix='left_')
+    mechanism = configuration.mechanism
+    model, _ = exported(configuration)
+    assert model.opt.gravity == pytest.approx((*mechanism.gravity, 0.0))
+    for name in ('crank', 'coupler', 'slider'):
+        found, part = model.body(f'left_{name}_link'), getattr(mechanism, name)
+        assert found.mass == part.mass
+        if name != 'slider':
+            assert found.inertia[2] == part.inertia
+            assert tuple(found.ipos[:2]) == part.center
+    motor = model.actuator('left_crank')
+    assert motor.trnid[0] == model.joint('left_crank').id
+    assert (motor.gainprm[0], motor.biasprm[0], motor.biasprm[2]) == (1.0, 0.0, 0.0)
+    load_ = model.actuator('left_slider_load')
+    assert load_.gainprm[0] == 0.0
+    slider = mechanism.slider
+    assert (load_.biasprm[0], load_.biasprm[2]) == (slider.force, -slider.damping)
+    assert [model.sensor(number).name for number in range(model.nsensor)] == [
+        *(f'left_{name}_position' for name in ('crank', 'coupler', 'slider')),
+        *(f'left_{name}_velocity' for name in ('crank', 'coupler', 'slider')),
+        'left_crank_effort',
+    ]
+
+
+def test_coupler_point_is_a_sensor():
+    configuration = load('coupler_point')
+    machine = Machine(configuration)
+    _, data = exported(configuration)
+    place = machine.solver.point(start_of(configuration), 'C').position
+    assert data.sensor('coupler_point').data == pytest.approx((*place, 0.0), abs=1e-15)
+
+
+CURVE = {'load.link': 'slider', 'load.over': 'crank_angle', 'load.at': [0.0, 2.0],
+         'load.value': [0.0, 9.0]}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('values', 'name'), [(CURVE, 'CurveForce'), ({'friction.guide': 0.1}, 'Friction')]
+)
+def test_a_load_that_mjcf_cannot_hold_is_refused(values, name):
+    with pytest.raises(ConfigurationError, match=rf'^MJCF cannot hold {name}: only force, '):
+        exported(changed('compressor', **values))
+
+
+def test_a_load_on_a_link_that_hangs_on_another_is_refused():
+    class Loaded(SliderCrank):
+        def link_loads(self):
+            return (LinkForce(1, force=2.0),)
+
+    plain = changed('compressor')
+    parts = {field.name: getattr(plain.mechanism, field.name) for field in fields(plain.mechanism)}
+    with pytest.raises(ConfigurationError, match=r'^MJCF cannot hold LinkForce: only force, '):
+        exported(plain, Loaded(**parts))
+
+
+# ---------------------------------------------------------------- MuJoCo turns as our plant does
+
+
+def run(configuration, seconds, mechanism=None):
+    """MuJoCo and our plant under the same torque, which is held for each step of MuJoCo.
+
+    Args:
+        configuration: Drive and mechanism.
+        seconds: How long.
+        mechanism: What MuJoCo is told: another one, for deliberate slips.
+
+    Returns:
+        Largest difference of the crank angles, deg, largest gap of the loop, m, and the time
+        reached, s, which is shorter where our plant refuses to go on.
+    """
+    model, data = exported(configuration, mechanism)
+    mujoco.mj_resetDataKeyframe(model, data, model.key('start').id)
+    machine, drive = Machine(configuration), configuration.drive
+    solver, given = machine.solver, machine.begin(0)
+    step = round(model.opt.timestep * NS_PER_S)
+    is_motor = isinstance(drive, TorqueDrive)
+    rpm = drive.start_rpm if is_motor else drive.initial_rpm
+    unpowered = TorqueDrive(start_rpm=rpm, crank_angle=drive.crank_angle)
+    plant = TorqueMotion(solver, unpowered, 0, step)
+    place, worst, widest = plant.at(0), 0.0, 0.0
+    for stamp in range(0, round(seconds * NS_PER_S), step):
+        if is_motor:
+            torque = drive.motor.at(place.u[0])
+        else:  # that of the middle of the step, on the preset's own motion
+            (q,), (u,), (a,), _ = given.at(stamp + step // 2)
+            torque = solver.state(q, u, a).torque
+        try:
+            plant.command(stamp, torque)
+            place = plant.at(stamp + step)
+        except MotionError:
+            break
+        data.actuator('crank').ctrl = torque
+        mujoco.mj_step(model, data)
+        # The sites are those of the start of the step.
+        widest = max(widest, gap(model, data))
+        worst = max(worst, abs(data.joint('crank').qpos.item() - place.unwrapped))
+    return math.degrees(worst), widest, data.time
+
+
+def rows_of_the_page():
+    """Preset, time, s, difference, deg, and gap, micrometres, as the page shows them."""
+    found = re.findall(r'^\| (\w+) \| ([\d.]+) s \| (\S+) deg \| (\S+) um \|$', PAGE, re.MULTILINE)
+    return {preset: [float(number) for number in row] for preset, *row in found}
+
+
+def test_the_page_shows_every_preset():
+    assert sorted(rows_of_the_page()) == preset_names()
+
+
+@each
+def test_mujoco_turns_as_far_off_our_plant_as_the_page_says(preset):
+    seconds, angle, micrometres = rows_of_the_page()[preset]
+    worst, widest, reached = run(load(preset), 5.0)
+    # Two digits are shown.
+    assert worst == pytest.approx(angle, rel=0.06)
+    assert widest * 1e6 == pytest.approx(micrometres, rel=0.06)
+    assert reached == pytest.approx(seconds, rel=1e-3)
+
+
+@pytest.mark.parametrize('preset', ['quadrilateral', 'compressor'])
+def test_springs_and_torques_act_as_on_our_plant(preset):
+    """The swing of the rocker is turned over the jump from pi to -pi, before which it starts."""
+    loads = {
+        'quadrilateral': {'rocker.torque': 3.0, 'rocker.damping': 0.5, 'rocker.stiffness': 40.0,
+                          'rocker.rest_angle': 3.0, 'frame.angle': 0.65},
+        'compressor': {'slider.stiffness': 500.0, 'slider.rest_position': 0.1},
+    }  # fmt: skip
+    plain = changed(preset, **{'frame.angle': loads[preset].get('frame.angle', math.pi / 2)})
+    configuration = changed(preset, **loads[preset])
+    right, _, _ = run(configuration, 0.4)
+    wrong, _, _ = run(configuration, 0.4, plain.mechanism)
+    assert right < 1e-3
+    assert wrong > 1.0
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        *(f'{body}.{what}' for body in ('crank', 'coupler') for what in ('mass', 'inertia')),
+        *('crank.center', 'coupler.center', 'slider.mass', 'slider.force', 'slider.damping'),
+        *('gravity', 'coupler.length', 'slider.offset'),
+    ],
+)
+def test_a_slip_of_a_hundredth_in_any_number_is_seen(name):
+    """Negative control, in 0.1 s; the crank is accelerated, so that its inertia counts."""
+    configuration = changed('compressor', start_rpm=300.0, crank_acceleration=500.0)
+    mechanism = configuration.mechanism
+    if name.endswith('center'):  # along the link; `slipped` changes the second number, here 0
+        part, _ = name.split('.')
+        body = getattr(mechanism, part)
+        moved = replace(body, center=(body.center[0] * 1.01, body.center[1]))
+        told = replace(mechanism, **{part: moved})
+    else:
+        told = slipped(mechanism, name, 0.01)
+    right, _, _ = run(configuration, 0.1)
+    wrong, _, _ = run(configuration, 0.1, told)
+    assert wrong > 10 * right
+
+
+def test_the_urdf_is_that_of_the_node_and_the_tag_that_of_the_docs(tmp_path, called):
+    out, configuration = tmp_path / 'linkage.urdf', load('slider_crank')
+    assert called(export_tool, 'urdf', 'slider_crank', out)[0] == 0
+    assert out.read_text() == make_urdf(configuration.mechanism)
+    words = ('--joint-prefix', 'left_', '--ros2-control', '--overwrite')
+    assert called(export_tool, 'urdf', 'slider_crank', out, *words)[0] == 0
+    robot = ET.fromstring(out.read_bytes())
+    tag = robot.find('ros2_control')
+    robot.remove(tag)
+    plain = ET.fromstring(make_urdf(configuration.mechanism, 'left_').encode())
+    assert canonical(robot) == canonical(plain)
+    shown = block(read('docs/controllers.md'), '<ros2_control').replace('"crank"', '"left_crank"')
+    assert canonical(tag) == canonical(ET.fromstring(shown))
+    mujoco.MjModel.from_xml_path(str(out))  # takes no offence at the tag
+
+
+def canonical(element):
+    return ET.canonicalize(ET.tostring(element), strip_text=True)
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (('urdf', 'quadrilateral', 'linkage.urdf'), 'linkage.urdf exists already and is kept: '),
+        (('mjcf', 'own.yaml', 'own.yaml', '--overwrite'), 'own.yaml holds the parameters'),
+        (('mjcf', 'quadrilateral', 'no/linkage.xml'), 'no/linkage.xml cannot be written: No such'),
+        (('mjcf', 'quadrilateral', 'a.xml', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
+        (('mjcf', 'triangle', 'a.xml'), "no preset 'triangle': choose one of"),
+        (('sdf', 'quadrilateral', 'a.sdf'), "invalid choice: 'sdf'"),
+        (('mjcf', 'quadrilateral', 'a.xml', '--ros2-control'), 'unrecognized arguments'),
+        (('mjcf', 'quadrilateral', ''), "'' is no path"),
+    ],
+)
+def test_what_cannot_be_written_is_one_line(tmp_path, monkeypatch, called, words, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'linkage.urdf').write_text('mine')
+    preset = preset_path('quadrilateral').read_text()
+    (tmp_path / 'own.yaml').write_text(preset)
+    assert_refused(*called(export_tool, *words), re.escape(said))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['linkage.urdf', 'own.yaml']
+    assert (tmp_path / 'linkage.urdf').read_text() == 'mine'
+    assert (tmp_path / 'own.yaml').read_text() == preset
+
+
+def test_the_program_of_the_page_turns_the_crank(tmp_path, monkeypatch, called, capfd):
+    monkeypatch.chdir(tmp_path)
+    assert called(export_tool, 'mjcf', 'quadrilateral', 'linkage.xml')[0] == 0
+    run_python(block(PAGE, 'import mujoco'), 'docs/urdf.md')
+    (words,) = capfd.readouterr().out.splitlines()
+    assert abs(float(words.split()[0])) < 1e-5
