@@ -12,6 +12,8 @@ from typing import Any
 
 from linkage_ros import cli
 from linkage_ros.lab.commands.accuracy import accuracy
+from linkage_ros.lab.commands.economy import RPM as BESIDES
+from linkage_ros.lab.commands.economy import TOLERANCE, economy
 from linkage_ros.lab.commands.motion import ACCELERATION, RPM, motion
 from linkage_ros.lab.commands.pump import pump
 from linkage_ros.lab.commands.stability import stability
@@ -27,7 +29,8 @@ def _parser() -> argparse.ArgumentParser:
         'Draw the motion of a mechanism, or measurements of the methods; needs no ROS.',
         ('motion quadrilateral', 'motion my_linkage.yaml --reactions --out charts',
          'motion slider_crank --rpm 30 --acceleration 1',
-         'accuracy --quick --out charts', 'stability --out charts', 'pump --out charts'),
+         'accuracy --quick --out charts', 'stability --out charts', 'economy quadrilateral',
+         'pump --out charts'),
     )  # fmt: skip
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     _add_motion(commands)
@@ -36,6 +39,7 @@ def _parser() -> argparse.ArgumentParser:
         (stability, 'outcome of each method in the situations where some fail: PNG and JSON'),
     ):
         _add_measured(commands, draw, purpose, '--quick --out charts')
+    _add_economy(commands)
     _add_pump(commands)
     return parser
 
@@ -79,6 +83,21 @@ def _add_measured(
         '--quick', action='store_true', help='fewer settings, cases and rounds: half a minute'
     )
     return command
+
+
+def _add_economy(commands: Any) -> None:
+    command = _add_measured(
+        commands, economy, 'error of the torque without each of its terms: PNG and JSON',
+        'quadrilateral', 'my_linkage.yaml --rpm 30 60 --tolerance 0.02 --quick --out charts',
+    )  # fmt: skip
+    command.usage = '%(prog)s PARAMS [options]'  # behind --rpm it would be one of them
+    # fmt: off
+    command.add_argument('params', metavar='PARAMS', help='parameter file, or a preset')
+    cli.add_number(command, '--rpm', quantity=BESIDES, nargs='+', metavar='N',
+                   note=' (default: a quarter to four times it)')
+    cli.add_number(command, '--tolerance', quantity=TOLERANCE, default=0.01, metavar='E',
+                   note=' (default 0.01)')
+    # fmt: on
 
 
 def _add_pump(commands: Any) -> None:

@@ -1,0 +1,67 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart economy: the torque of one mechanism without each of its terms, over speed."""
+
+from __future__ import annotations
+
+import argparse
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.commands.output import folder, progress, save_records
+from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.parameters.configuration import Configuration, load
+from linkage_ros.parameters.presets import find_file
+from linkage_ros.quantities import Quantity
+
+RPM = Quantity('number', "crank speeds besides the file's", 'rpm', -1e6, 1e6)
+TOLERANCE = Quantity('number', 'error that is allowed, a share of the peak', '', 1e-9, 1.0)
+_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # of the mechanism's own speed, where none are given
+
+
+def economy(options: argparse.Namespace) -> None:
+    """Leaves out each term at each speed, draws the errors and writes the records.
+
+    Args:
+        options: Options of the command line.
+
+    Raises:
+        ConfigurationError: No speed is given, or the folder cannot be written.
+        MechanismError: The crank angle does not determine the motion, or nothing needs a torque.
+    """
+    from linkage_ros.lab.charts.economy import draw_economy
+    from linkage_ros.lab.economy import Economy
+
+    configuration, name = load(options.params), find_file(options.params).stem
+    own, rpms = _speeds(options, configuration)
+    records, picture = options.out / f'{name}_economy.json', options.out / f'{name}_economy.png'
+    measured = Economy(configuration.mechanism, name)
+    with folder(options.out):
+        savings = measured.measure(rpms, 20 if options.quick else 200, progress)
+        sentence = measured.sentence(own, options.tolerance, savings)
+        save_records(records, [saving.record() for saving in savings])
+        draw_economy(savings, sentence, own, options.tolerance, picture)
+    print(f'{name}: {sentence}', records, picture, sep='\n')
+
+
+def _speeds(
+    options: argparse.Namespace, configuration: Configuration
+) -> tuple[float, list[float]]:
+    """The speed of the sentence, that of the file or the first given, and all speeds, rpm.
+
+    Raises:
+        ConfigurationError: There is none, or the crank stands still.
+    """
+    drive, given = configuration.drive, options.rpm or []
+    is_driven = isinstance(drive, SpeedDrive)
+    if not (is_driven or given):
+        raise ConfigurationError(
+            f'{options.params} has no crank speed of its own: at which speeds to leave terms out? '
+            'Add --rpm 30 60'
+        )
+    own = drive.rpm if isinstance(drive, SpeedDrive) else given[0]
+    rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
+    if 0.0 in rpms:
+        raise ConfigurationError(
+            'rpm = 0: a crank at rest has no turn to compare; choose other speeds (--rpm)'
+        )
+    return own, rpms

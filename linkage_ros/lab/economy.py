@@ -1,0 +1,283 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Economy: the error of the driving torque without one term, and what leaving it out saves."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.errors import MechanismError
+from linkage_ros.lab.torque_models import (
+    STATIC,
+    numbers,
+    operations,
+    series_program,
+    table_program,
+    terms,
+    torque_program,
+    with_point_masses,
+    without,
+)
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.numeric import Array
+from linkage_ros.quantities import flatten
+from linkage_ros.units import radians_per_second
+
+POINT_MASSES = 'coupler as two point masses'
+_HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
+_NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
+_SERIES_SAMPLES = 2048  # states to which series are fitted
+
+# Makes the program of a simpler model for a crank speed, rad/s.
+_Make = Callable[[float], Program]
+
+
+class Cost(NamedTuple):
+    """The cost of a model of the torque, or what a simpler one saves of it.
+
+    Attributes:
+        operations: Operations of its program.
+        microseconds: Time of one run of that program.
+        parameters: Numbers that somebody has to identify.
+    """
+
+    operations: int
+    microseconds: float
+    parameters: int
+
+    def saved(self, full: Cost) -> Cost:
+        """What this model saves of the full one."""
+        return Cost(
+            full.operations - self.operations,
+            full.microseconds - self.microseconds,
+            full.parameters - self.parameters,
+        )
+
+
+class Saving(NamedTuple):
+    """The error of one simpler model at one speed, and what it saves.
+
+    Attributes:
+        mechanism: Name of the parameter file.
+        rpm: Crank speed.
+        left_out: The term that is left out, or the reduced model.
+        error: Largest error of the torque over a period, as a share of the full torque's peak.
+        saved: The full model's cost less that of this model.
+        full: The full model's cost.
+    """
+
+    mechanism: str
+    rpm: float
+    left_out: str
+    error: float
+    saved: Cost
+    full: Cost
+
+    def record(self) -> dict[str, Any]:
+        """For JSON: the savings, and the costs of the full model as `full_operations` etc."""
+        full = {f'full_{name}': value for name, value in self.full._asdict().items()}
+        head = dict(zip(self._fields[:4], self[:4], strict=True))
+        return {**head, **self.saved._asdict(), **full}
+
+
+class Economy:
+    """The driving torque of one mechanism at constant speeds, by ever simpler models.
+
+    Attributes:
+        terms: Its terms, with their parameters that are not 0.
+    """
+
+    def __init__(self, mechanism: Mechanism, name: str) -> None:
+        """Takes a mechanism.
+
+        Args:
+            mechanism: Its crank must turn fully.
+            name: Name of its parameter file.
+
+        Raises:
+            MechanismError: The crank does not turn fully, or nothing needs a torque.
+        """
+        reach = Solver(mechanism).reach
+        reach.require_full_turn()
+        self.terms = terms(mechanism)
+        if not self.terms.keys() - {'gravity'}:
+            raise MechanismError(
+                f'{name} needs no torque, because nothing has a mass or a load: give links masses'
+            )
+        self._mechanism, self._name, self._values = mechanism, name, flatten(mechanism)
+        self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples().tolist()
+        self._full = torque_program(mechanism)
+
+    def measure(
+        self, rpms: Sequence[float], rounds: int, progress: Callable[..., Iterable[Any]]
+    ) -> list[Saving]:
+        """Leaves out each term, and tries each reduced model, at each speed.
+
+        Args:
+            rpms: Crank speeds.
+            rounds: How often each program is timed; its shortest time counts.
+            progress: Wraps what is gone through, with a word for it: a progress bar.
+
+        Returns:
+            Speed by speed.
+
+        Raises:
+            MechanismError: No torque is needed at one of the speeds.
+        """
+        models = self._models()
+        programs = {name: make(radians_per_second(rpms[0])) for name, (make, _) in models.items()}
+        full, *costs = self._costs(
+            [self._full, *programs.values()],
+            [self._count(*self.terms.values()), *(needed for _, needed in models.values())],
+            progress(range(rounds), 'timing'),
+        )
+        found = []
+        for rpm in progress(rpms, 'speeds'):
+            speed = radians_per_second(rpm)
+            for (name, (make, _)), cost in zip(models.items(), costs, strict=True):
+                error = self._error(make(speed), speed)
+                found.append(Saving(self._name, rpm, name, error, cost.saved(full), full))
+        return found
+
+    def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
+        """What the torque needs at one speed; all that may be left out, may be left out together.
+
+        Args:
+            rpm: A speed that was measured.
+            tolerance: Error that is allowed, as a share of the full torque's peak.
+            savings: From `measure`.
+
+        Returns:
+            One sentence.
+        """
+        errors = {x.left_out: x.error for x in savings if x.rpm == rpm}
+        out: list[str] = []
+        for name in sorted(self.terms, key=lambda name: errors[name]):
+            joint = self._without([*out, name])
+            if self._error(joint, radians_per_second(rpm)) <= tolerance:
+                out.append(name)
+        gone = {x for name in out for x in self.terms[name]}
+        links = {name: own for name, own in self.terms.items() if name != STATIC}
+        needed = [
+            name for name, own in links.items()
+            if not own <= gone and not any(own < other for other in links.values())
+        ]  # fmt: skip
+        largest = [x for x in out if not any(self.terms[x] < self.terms[y] for y in out)]
+        words = (
+            f'at {rpm:g} rpm, within {100 * tolerance:g} % of the peak, this scene needs '
+            f'{_listed(needed, "and")}; it can leave out {_listed(largest, "and")}'
+        )
+        good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
+        kinds = POINT_MASSES, 'harmonic', 'table'
+        found = [next((x for x in good if kind in x), '') for kind in kinds]
+        smallest = [x.replace('table', 'a table').replace('coupler', 'the coupler') for x in found]
+        return words + (f'; {_listed([*filter(None, smallest)], "or")} will do' if good else '')
+
+    def _models(self) -> dict[str, tuple[_Make, int]]:
+        """The simpler models by name: their programs for a speed, and the numbers they need."""
+        everything = {x for own in self.terms.values() for x in own}
+        found: dict[str, tuple[_Make, int]] = {}
+        for name, own in self.terms.items():
+            program = self._without([name])
+            found[name] = functools.partial(_same, program), self._count(everything - own)
+        if reduced := with_point_masses(self._mechanism):
+            others = self._count(everything - self.terms['coupler'])
+            found[POINT_MASSES] = functools.partial(_same, torque_program(reduced)), others + 2
+        for n in _HARMONICS:
+            make = functools.partial(self._series, n)
+            found[f'{n} harmonic{"s" if n > 1 else ""}'] = make, 2 * n + 1
+        for n in _NODES:
+            found[f'table of {n} nodes'] = functools.partial(self._table, n), n
+        return found
+
+    def _without(self, names: Iterable[str]) -> Program:
+        gone = {x for name in names for x in self.terms[name]}
+        return torque_program(without(self._mechanism, gone), static=STATIC in names)
+
+    def _series(self, harmonics: int, speed: float) -> Program:
+        return series_program(self._even(_SERIES_SAMPLES, speed), self._period, harmonics)
+
+    def _table(self, nodes: int, speed: float) -> Program:
+        return table_program(self._even(nodes, speed), self._period)
+
+    @functools.cache  # noqa: B019
+    def _even(self, count: int, speed: float) -> Array:
+        """Torques at even angles of one period, N m."""
+        angles = (i * self._period / count for i in range(count))
+        return np.array([self._full.scalar(angle, speed)[0] for angle in angles])
+
+    def _count(self, *groups: Iterable[str]) -> int:
+        """How many numbers groups of parameters have together."""
+        return sum(numbers(self._values[name]) for name in {*itertools.chain(*groups)})
+
+    def _costs(
+        self, programs: Sequence[Program], needed: Sequence[int], rounds: Iterable[int]
+    ) -> list[Cost]:
+        """The costs of programs; they take turns, so that a busy machine slows all of them."""
+        by_source = {program.source: program for program in programs}
+        best = dict.fromkeys(by_source, math.inf)
+        for _ in rounds:
+            for source, program in by_source.items():
+                best[source] = min(best[source], self._time(program))
+        return [
+            Cost(operations(program), best[program.source], count)
+            for program, count in zip(programs, needed, strict=True)
+        ]
+
+    def _time(self, program: Program) -> float:
+        """The time of one run, us."""
+        run = program.scalar
+        start = time.perf_counter()
+        for angle in self._samples:
+            run(angle, 1.0)
+        return (time.perf_counter() - start) / len(self._samples) * 1e6
+
+    def _error(self, program: Program, speed: float) -> float:
+        """The largest error of a program's torque, as a share of the full torque's peak.
+
+        Raises:
+            MechanismError: There is no torque.
+        """
+        full, found = (
+            np.array([run.scalar(angle, speed)[0] for angle in self._samples])
+            for run in (self._full, program)
+        )
+        peak = np.abs(full).max()
+        if not peak:
+            raise MechanismError(
+                f'{self._name} needs no torque at {speed:g} rad/s: choose other speeds (--rpm)'
+            )
+        return float(np.abs(found - full).max() / peak)
+
+
+def handover(savings: Sequence[Saving]) -> float | None:
+    """The speed at which weights and inertia count alike, rpm; None: one of them counts nothing.
+
+    The torque of the weights is the same at every speed, that of inertia grows with its square.
+    """
+    for one in savings:
+        errors = {x.left_out: x.error for x in savings if x.rpm == one.rpm}
+        weights, inertia = errors.get('gravity', 0.0), errors.get(STATIC, 0.0)
+        if weights and inertia:
+            return abs(one.rpm) * math.sqrt(weights / inertia)
+    return None
+
+
+def _same(program: Program, _: float) -> Program:
+    """A program that is the same at every speed."""
+    return program
+
+
+def _listed(names: Sequence[str], word: str) -> str:
+    """Names in words: a, b and c."""
+    *others, last = names or ['nothing']
+    return f'{", ".join(others)} {word} {last}' if others else last

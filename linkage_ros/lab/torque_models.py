@@ -1,0 +1,232 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Simpler models of the driving torque at a constant crank speed, as programs.
+
+A term is left out with its parameters; reduced models replace the coupler, or the whole torque.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_ros.dynamics.equations import Model, accelerations, balance, model_of, velocities
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.formulas import ZERO, Opaque, Vector
+from linkage_ros.model.parts import Body
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.numeric import Array, Real, require_finite
+from linkage_ros.quantities import build, flatten
+
+STATIC = 'inertia'  # without it the masses resist no motion; weights and loads remain
+# The parameters of each term, or their group; a term is there if one of them is not 0.
+TERMS: dict[str, tuple[str, ...]] = {
+    'gravity': ('gravity',),
+    STATIC: ('crank.inertia', 'coupler.inertia', 'rocker.inertia'),
+    'crank': ('crank.mass', 'crank.inertia'),
+    'crank.inertia': ('crank.inertia',),
+    'coupler': ('coupler.mass', 'coupler.inertia'),
+    'coupler.inertia': ('coupler.inertia',),
+    'rocker': ('rocker.mass', 'rocker.inertia'),
+    'rocker.inertia': ('rocker.inertia',),
+    'slider': ('slider.mass',),
+    'slider.force': ('slider.force',),
+    'slider.damping': ('slider.damping',),
+}
+_COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
+
+
+def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
+    """The terms that a mechanism has, with their parameters that are not 0."""
+    values = flatten(mechanism)
+    masses = any(values[x] for x in values if x.endswith(('.mass', '.inertia')))
+    found = {name: _present(values, own) for name, own in TERMS.items()}
+    # A link without mass has its inertia as its only term.
+    twice = {name for name, own in found.items() if own == found.get(f'{name}.inertia')}
+    return {
+        name: own for name, own in found.items()
+        if (own or (name == STATIC and masses)) and name not in twice
+    }  # fmt: skip
+
+
+def _present(values: Mapping[str, object], wanted: Iterable[str]) -> frozenset[str]:
+    """The parameters of a term that are not 0; with its mass, a link has a centre of mass."""
+    own = {x for x in values for name in wanted if x == name or x.startswith(f'{name}.')}
+    centers = {x.replace('.mass', '.center') for x in own if x.endswith('.mass') and values[x]}
+    return frozenset(x for x in own | (centers & values.keys()) if numbers(values[x]))
+
+
+def numbers(value: object) -> int:
+    """How many numbers of a parameter are not 0."""
+    items = value if isinstance(value, (tuple, list)) else (value,)
+    return sum(bool(item) for item in items)
+
+
+def without(mechanism: Mechanism, parameters: Iterable[str]) -> Mechanism:
+    """A mechanism without the effect of parameters: every default but gravity's has none."""
+    gone = {*parameters}
+    values = {name: value for name, value in flatten(mechanism).items() if name not in gone}
+    return build(type(mechanism), {'gravity': (0.0, 0.0)} | values)
+
+
+def inertia_alone(mechanism: Mechanism) -> Mechanism:
+    """A mechanism without gravity and loads."""
+    masses = '.mass', '.inertia', '.center'
+    named = {x for own in terms(mechanism).values() for x in own}
+    return without(mechanism, {x for x in named if not x.endswith(masses)})
+
+
+def with_point_masses(mechanism: Any) -> Mechanism | None:
+    """The coupler's mass at its two pins, as parts of the crank and of the output link.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        The mechanism with a massless coupler; None: it has no coupler between a crank and an
+        output link, no mass there, or a centre of mass that does not lie between the pins.
+    """
+    coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
+    if coupler is None or not hasattr(mechanism, output) or not coupler.mass:
+        return None
+    share = coupler.center[0] / coupler.length
+    if not 0 <= share <= 1:
+        return None
+    link, at_end = getattr(mechanism, output), share * coupler.mass
+    if isinstance(link, Body):
+        link = _with_mass_at_tip(link, at_end)
+    else:
+        link = replace(link, mass=link.mass + at_end)
+    crank = _with_mass_at_tip(mechanism.crank, coupler.mass - at_end)
+    bare = replace(coupler, mass=0.0, inertia=0.0)
+    found: Mechanism = replace(mechanism, crank=crank, coupler=bare, **{output: link})
+    return found
+
+
+def _with_mass_at_tip(body: Body, added: float) -> Body:
+    """A link with a point mass at its second pin."""
+    mass = body.mass + added
+    if not mass:
+        return body
+    center, tip = complex(*body.center), complex(body.length)
+    middle = (body.mass * center + added * tip) / mass
+    inertia = body.inertia + body.mass * abs(center - middle) ** 2 + added * abs(tip - middle) ** 2
+    return replace(body, mass=mass, inertia=inertia, center=(middle.real, middle.imag))
+
+
+def torque_program(mechanism: Mechanism, *, static: bool = False) -> Program:
+    """The program that gives the driving torque alone, from crank angle and constant speed.
+
+    Args:
+        mechanism: The mechanism.
+        static: Whether to leave out all inertia.
+
+    Returns:
+        A program of one result, N m.
+    """
+    refuse = Opaque(require_finite)
+    model = model_of(mechanism, mechanism.structure(), refuse, refuse, refuse)
+    if static:
+        model = model._replace(inertias=(ZERO,) * len(model.inertias), couplings=())
+    return Program(_driving_torque, model, ('angle', 'speed'))
+
+
+def _driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
+    pose = model.loop.pose((angle,))
+    rates = velocities(pose, (speed,))
+    return (balance(model, pose, rates, accelerations(pose, (speed,), ()))[0],)
+
+
+class _Series(NamedTuple):
+    """A Fourier series of torques.
+
+    Attributes:
+        rate: Phase of the first harmonic per crank angle.
+        mean: N m.
+        waves: Amplitudes of cosine and sine of each harmonic, N m.
+    """
+
+    rate: float
+    mean: float
+    waves: tuple[Vector, ...]
+
+
+def series_program(torques: Array, period: float, harmonics: int) -> Program:
+    """A Fourier series in place of the driving torque at one speed.
+
+    Args:
+        torques: At even angles of one period, the first at 0, N m.
+        period: rad.
+        harmonics: Their number.
+
+    Returns:
+        A program as `torque_program` gives it, at any speed.
+    """
+    spectrum = np.fft.rfft(torques, norm='forward')
+    parts = 2 * spectrum[1 : harmonics + 1]
+    waves = tuple(Vector(float(x.real), float(-x.imag)) for x in parts)
+    series = _Series(2 * math.pi / period, float(spectrum[0].real), waves)
+    return Program(_series_torque, series, ('angle', 'speed'))
+
+
+def _series_torque(series: _Series, angle: Real, _: Real) -> tuple[Real]:
+    wave = Vector.at(series.rate * angle)  # Clenshaw's sum
+    now = before = Vector(ZERO, ZERO)
+    for amplitude in reversed(series.waves):
+        now, before = amplitude + now * (2.0 * wave.x) - before, now
+    return (series.mean + (now.x * wave.x - before.x) + now.y * wave.y,)
+
+
+class _Table(NamedTuple):
+    """A periodic table of torques.
+
+    Attributes:
+        per_angle: Nodes per crank angle, 1/rad.
+        floor: The node before a place.
+        value: Torque at a node, N m.
+        slope: Difference to the next node, N m.
+    """
+
+    per_angle: float
+    floor: Opaque
+    value: Opaque
+    slope: Opaque
+
+
+def table_program(torques: Array, period: float) -> Program:
+    """A table with linear interpolation in place of the driving torque at one speed.
+
+    Args:
+        torques: At even angles of one period, the first at 0, N m: the nodes.
+        period: rad.
+
+    Returns:
+        A program as `torque_program` gives it, at any speed.
+    """
+    nodes, values = len(torques), torques.tolist()
+    slopes = (np.roll(torques, -1) - torques).tolist()
+    at, after = (Opaque(lambda i, row=row: row[i % nodes]) for row in (values, slopes))
+    table = _Table(nodes / period, Opaque(math.floor), at, after)
+    return Program(_table_torque, table, ('angle', 'speed'))
+
+
+def _table_torque(table: _Table, angle: Real, _: Real) -> tuple[Real]:
+    place = table.per_angle * angle
+    node = table.floor(place)
+    return (table.value(node) + table.slope(node) * (place - node),)
+
+
+def operations(program: Program) -> int:
+    """How many operations a run of a program takes: its guards count, their refusals do not."""
+    (bind,) = ast.parse(program.source).body
+    (run,) = (x for x in ast.walk(bind) if isinstance(x, ast.FunctionDef) and x is not bind)
+    parts = [x.test if isinstance(x, ast.If) else x for x in run.body]
+    nodes = (node for part in parts for node in ast.walk(part) if isinstance(node, _COUNTED))
+    # A minus before a number is no operation.
+    return sum(not isinstance(getattr(x, 'operand', None), ast.Constant) for x in nodes)

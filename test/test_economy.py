@@ -1,0 +1,321 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart economy: errors against the solver, costs, and the sentence."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from pages import ROOT, read
+
+from linkage_ros import (
+    Body,
+    Coupler,
+    FourBar,
+    Frame,
+    Guide,
+    Slider,
+    SliderCrank,
+    Solver,
+    chart_tool,
+)
+from linkage_ros.dynamics.program import Program
+from linkage_ros.errors import MechanismError
+from linkage_ros.formulas import sin
+from linkage_ros.lab.economy import POINT_MASSES, Economy, handover
+from linkage_ros.lab.torque_models import (
+    inertia_alone,
+    operations,
+    series_program,
+    table_program,
+    terms,
+    torque_program,
+    with_point_masses,
+)
+from linkage_ros.parameters.configuration import load
+
+ANGLES = np.linspace(0, 2 * math.pi, 721)
+SPEED = 5 * math.pi  # 150 rpm
+# All numbers differ from 0; centres of mass lie beside the links.
+FULL = FourBar(
+    Frame(0.42, 0.3),
+    Body(0.1, 0.4, 0.002, (0.03, -0.02)),
+    Coupler(0.32, 2.0, 0.016, (0.14, 0.05)),
+    Body(0.5, 3.5, 0.066, (0.25, -0.03)),
+    gravity=(1.0, -9.0),
+)
+PRESS = SliderCrank(
+    crank=Body(0.1, 0.4, 0.002, (0.03, -0.02)),
+    coupler=Coupler(0.32, 2.0, 0.016, (0.14, 0.05)),
+    slider=Slider(0.02, 1.5, -40.0, 12.0),
+    frame=Guide(0.4),
+)
+
+
+def quiet(items, _):
+    return items
+
+
+def torque(mechanism, speed=SPEED):
+    return Solver(mechanism).state(ANGLES, speed).torque
+
+
+def run(program, speed=SPEED):
+    return np.array([program.scalar(angle, speed)[0] for angle in ANGLES.tolist()])
+
+
+@pytest.fixture(scope='module')
+def savings():
+    """Of the quadrilateral, at three speeds."""
+    return Economy(load('quadrilateral').mechanism, 'quadrilateral').measure(
+        [75.0, 150.0, 300.0], 1, quiet
+    )
+
+
+def of(savings, name, rpm=150.0):
+    (found,) = [x for x in savings if (x.left_out, x.rpm) == (name, rpm)]
+    return found
+
+
+@pytest.mark.parametrize('mechanism', [FULL, PRESS])
+def test_the_full_program_is_the_solvers_torque(mechanism):
+    full = torque(mechanism)
+    assert run(torque_program(mechanism)) == pytest.approx(full, abs=1e-13 * np.abs(full).max())
+
+
+@pytest.mark.parametrize(
+    ('name', 'error'), [('gravity', 0.170), ('inertia', 1.09), ('coupler', 0.454)]
+)
+def test_errors_of_the_quadrilateral_are_those_known(savings, name, error):
+    assert float(f'{of(savings, name).error:.3g}') == error
+
+
+def test_without_inertia_weights_remain():
+    """The static torque is the slope of the potential energy; no load, no damping."""
+    step = 1e-5
+    solver = Solver(FULL)
+    high, low = (solver.energy(ANGLES + shift, 1.0)[1] for shift in (step, -step))
+    static = run(torque_program(FULL, static=True))
+    assert static == pytest.approx((high - low) / (2 * step), abs=1e-8 * np.abs(static).max())
+
+
+def test_without_inertia_loads_remain():
+    static = run(torque_program(PRESS, static=True))
+    inertia = torque(inertia_alone(PRESS))
+    assert static + inertia == pytest.approx(torque(PRESS), abs=1e-12 * np.abs(inertia).max())
+    assert inertia_alone(PRESS) == replace(
+        PRESS, gravity=(0.0, 0.0), slider=Slider(0.02, 1.5, 0.0, 0.0)
+    )
+
+
+@pytest.mark.parametrize('mechanism', [FULL, PRESS])
+def test_each_term_is_left_out_alone(mechanism):
+    found = Economy(mechanism, 'm').measure([150.0], 1, quiet)
+    full, peak = torque(mechanism), np.abs(torque(mechanism)).max()
+    changed = {
+        'gravity': replace(mechanism, gravity=(0.0, 0.0)),
+        'coupler': replace(mechanism, coupler=Coupler(0.32)),
+        'coupler.inertia': replace(mechanism, coupler=replace(mechanism.coupler, inertia=0.0)),
+        'crank': replace(mechanism, crank=Body(0.1)),
+    }
+    if mechanism is FULL:
+        changed['rocker'] = replace(FULL, rocker=Body(0.5))
+    else:
+        changed['slider.damping'] = replace(PRESS, slider=Slider(0.02, 1.5, -40.0))
+        changed['slider.force'] = replace(PRESS, slider=Slider(0.02, 1.5, 0.0, 12.0))
+        changed['slider'] = replace(PRESS, slider=Slider(0.02, 0.0, -40.0, 12.0))
+    for name, other in changed.items():
+        assert of(found, name).error == pytest.approx(
+            np.abs(torque(other) - full).max() / peak, rel=1e-9
+        ), name
+    assert of(found, 'crank.inertia').error < 1e-15  # at a constant speed
+    assert set(terms(mechanism)) - set(changed) <= {
+        'inertia', 'crank.inertia', 'rocker.inertia'
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize('mechanism', [FULL, PRESS])
+def test_two_point_masses_keep_mass_and_centre_along_the_coupler(mechanism):
+    """Their moment of inertia about the centre is m s (b - s)."""
+    coupler = replace(mechanism.coupler, center=(0.14, 0.0), inertia=2.0 * 0.14 * (0.32 - 0.14))
+    expected = torque(replace(mechanism, coupler=coupler))
+    lumped = with_point_masses(mechanism)
+    assert lumped.coupler.mass == lumped.coupler.inertia == 0.0
+    assert torque(lumped) == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    'coupler',
+    [Coupler(0.32), Coupler(0.32, 1.0, 0.1, (-0.01, 0.0)), Coupler(0.32, 1, 0, (0.33, 0))],
+)
+def test_point_masses_must_lie_between_the_pins(coupler):
+    assert with_point_masses(replace(FULL, coupler=coupler)) is None
+
+
+def test_a_series_has_its_first_harmonics():
+    period = 4 * math.pi
+    angles = np.arange(64) * period / 64
+    torques = 2 + 3 * np.cos(angles / 2) - np.sin(angles) + 0.5 * np.cos(1.5 * angles - 1)
+    for harmonics, expected in (
+        (1, 2 + 3 * np.cos(ANGLES / 2)),
+        (2, 2 + 3 * np.cos(ANGLES / 2) - np.sin(ANGLES)),
+        (4, 2 + 3 * np.cos(ANGLES / 2) - np.sin(ANGLES) + 0.5 * np.cos(1.5 * ANGLES - 1)),
+    ):
+        found = run(series_program(torques, period, harmonics))
+        assert found == pytest.approx(expected, abs=1e-13)
+
+
+def test_a_table_is_linear_between_its_nodes():
+    table = table_program(np.array([1.0, 5.0, -2.0, 0.0]), 4 * math.pi).scalar
+    nodes = [table(math.pi * i, 0.0)[0] for i in range(-1, 5)]
+    assert nodes == pytest.approx([0.0, 1.0, 5.0, -2.0, 0.0, 1.0], abs=1e-12)
+    assert table(0.25 * math.pi, 0.0)[0] == pytest.approx(2.0)
+    assert table(3.5 * math.pi, 0.0)[0] == pytest.approx(0.5)  # towards the first again
+
+
+def _counted(constants, x, y):
+    return (-1.5 * x + sin(constants * y) / y,)
+
+
+def test_operations_are_counted():
+    assert operations(Program(_counted, 2.0, ('x', 'y'))) == 5
+
+
+def test_costs_are_of_the_models(savings):
+    full = savings[0].full
+    assert full.parameters == 8  # gravity; inertia; twice mass, inertia, centre along the link
+    for name, parameters in (('gravity', 1), ('coupler', 3), ('inertia', 3), (POINT_MASSES, 1)):
+        assert of(savings, name).saved.parameters == parameters
+    assert of(savings, '3 harmonics').saved.parameters == 8 - 7
+    assert of(savings, 'table of 64 nodes').saved.parameters == 8 - 64
+    # Sums of constants are made before: an inertia is no operation, a whole coupler many.
+    assert of(savings, 'coupler.inertia').saved.operations == 0
+    assert of(savings, 'coupler').saved.operations > 20
+    ways = [of(savings, f'{n} harmonics').saved.operations for n in (2, 3, 4)]
+    assert ways[0] - ways[1] == ways[1] - ways[2] == 6
+
+
+def test_weights_hand_over_to_inertia(savings):
+    mechanism, rpm = load('quadrilateral').mechanism, handover(savings)
+    static = run(torque_program(mechanism, static=True))
+    moving = torque(inertia_alone(mechanism), rpm * math.pi / 30)
+    assert np.abs(moving).max() == pytest.approx(np.abs(static).max(), rel=1e-9)
+    assert handover([x for x in savings if x.left_out != 'gravity']) is None
+
+
+@pytest.mark.parametrize(
+    ('rpm', 'tolerance', 'words'),
+    [
+        (150.0, 0.07, 'needs gravity, coupler and rocker; it can leave out crank.inertia;'),
+        # Each inertia alone is within 14 %, 0.074 and 0.136, both together are not.
+        (150.0, 0.14, 'it can leave out crank.inertia and coupler.inertia;'),
+        (
+            150.0,
+            0.2,
+            'leave out crank.inertia, coupler.inertia and rocker.inertia; the coupler as',
+        ),
+        (300.0, 0.05, 'needs coupler and rocker; it can leave out crank.inertia and gravity;'),
+        (300.0, 1.0, 'needs nothing; it can leave out gravity, coupler, rocker and inertia;'),
+    ],
+)
+def test_all_that_is_left_out_is_left_out_together(savings, rpm, tolerance, words):
+    economy = Economy(load('quadrilateral').mechanism, 'quadrilateral')
+    assert words in economy.sentence(rpm, tolerance, savings)
+
+
+def test_a_mass_on_a_level_guide_has_no_weight():
+    mechanism = load('slider_crank').mechanism
+    economy = Economy(mechanism, 'slider_crank')
+    assert economy.terms.keys() == {'gravity', 'inertia', 'slider'}
+    found = economy.measure([60.0], 1, quiet)
+    assert of(found, 'inertia', 60.0).error == of(found, 'slider', 60.0).error == 1.0
+    assert 'needs slider; it can leave out gravity;' in economy.sentence(60.0, 0.01, found)
+
+
+def test_nothing_to_leave_out_is_refused():
+    with pytest.raises(MechanismError, match='no_mass needs no torque'):
+        Economy(FourBar(Frame(0.4), Body(0.1), Coupler(0.3), Body(0.35)), 'no_mass')
+
+
+# ---------------------------------------------------------------- the command
+
+
+def chart(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, 'argv', ['linkage_chart', *map(str, arguments)])
+    try:
+        return chart_tool.main()
+    except SystemExit as error:
+        return error.code
+
+
+def test_the_command_writes_records_and_a_picture(tmp_path, monkeypatch, capsys):
+    pages, save = [], Figure.savefig
+    monkeypatch.setattr(
+        Figure, 'savefig', lambda page, path: pages.append(page) or save(page, path)
+    )
+    options = 'economy', 'compressor', '--rpm', '300', '--tolerance', '0.05', '--quick'
+    assert chart(monkeypatch, *options, '--out', tmp_path) == 0
+    sentence, records, picture = capsys.readouterr().out.splitlines()
+    assert sentence.startswith('compressor: at 900 rpm, within 5 % of the peak, this scene needs ')
+    found = json.loads((tmp_path / records).read_text())['records']
+    assert {x['rpm'] for x in found} == {300.0, 900.0}
+    assert found[0].keys() == {
+        'mechanism', 'rpm', 'left_out', 'error', 'operations', 'microseconds', 'parameters',
+        'full_operations', 'full_microseconds', 'full_parameters',
+    }  # fmt: skip
+    assert (tmp_path / picture).is_file()
+    # At half its size, on 700 pixels, no letter has less than 8.
+    (page,) = pages
+    sizes = [text.get_fontsize() for text in page.findobj(Text) if text.get_text()]
+    assert min(sizes) * 700 / page.get_figwidth() / 72 > 7.9
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['wind_pump'], 'wind_pump has no crank speed of its own: at which speeds to leave'),
+        (['wind_pump', '--rpm', '20'], 'its crank angle alone does not determine its motion'),
+        (['quadrilateral', '--rpm', '0'], 'rpm = 0: a crank at rest has no turn to compare'),
+        (['quadrilateral', '--tolerance', '0'], "--tolerance: '0': must be a number from 1e-09"),
+        (['quadrilateral', '--rpm', 'x'], "--rpm: 'x': must be a number from -1e+06"),
+        ([], 'PARAMS'),
+    ],
+)
+def test_what_cannot_be_compared_is_one_line(monkeypatch, capsys, arguments, words):
+    assert chart(monkeypatch, 'economy', *arguments) == 2
+    out, err = capsys.readouterr()
+    (line,) = err.splitlines()
+    assert words in line
+    assert out == ''
+
+
+# ---------------------------------------------------------------- the pages
+
+
+def test_readme_quotes_the_sentence_of_the_figures(savings):
+    economy = Economy(load('quadrilateral').mechanism, 'quadrilateral')
+    sentence = economy.sentence(150.0, 0.01, savings)
+    assert sentence in ' '.join(read('README.md').split())
+    records = json.loads((ROOT / 'docs' / 'quadrilateral_economy.json').read_text())['records']
+    errors = {(x['left_out'], x['rpm']): x['error'] for x in records}
+    for saving in savings:
+        found = errors[saving.left_out, saving.rpm]
+        assert found == pytest.approx(saving.error, rel=1e-6, abs=1e-12), saving
+
+
+def test_sizing_quotes_the_figures(savings):
+    names = 'gravity', 'inertia', 'coupler'
+    errors = [f'{of(savings, name).error:.3g}' for name in names]
+    words = (
+        f'Below {handover(savings):.0f} rpm the weights of this linkage count more than its '
+        f'inertia, above it less: without gravity the torque at 150 rpm is off by {errors[0]}0 of '
+        f'its peak, without any inertia by {errors[1]}, without the coupler by {errors[2]}.'
+    )
+    assert words in ' '.join(read('docs/sizing.md').split())
