@@ -222,6 +222,8 @@ def test_a_wrong_command_is_found(line, found):
 def quick(words):
     """The same in less time, and without a window."""
     words = [re.sub('^(viewer:=)?(spawn|web)$', r'\1shown.rrd', word) for word in words]
+    if '--duration' in words:
+        words[words.index('--duration') + 1] = '1'
     return [*words, '--rate', '100'] if words[0] == 'linkage_replay' else words
 
 

@@ -6,12 +6,11 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_harness import Listener, fresh_domain, running, unbroken, wait_for
-from test_node import logged, set_parameter, stop
+from ros_harness import logged, stop, unbroken, watched
+from test_node_parameters import set_parameter
 
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
@@ -20,7 +19,6 @@ from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
 from linkage_ros.wire.codecs import JointStateCodec
 
-CONFIG = Path(__file__).resolve().parents[1] / 'config'
 # At theta = pi the coupler and the rocker stretch, at theta = 0 they fold: both are passed.
 PARALLELOGRAM = 'mechanism: four_bar, frame: {length: 0.3}, rocker: {length: 0.1, mass: 1.0}'
 FOLDING = 'mechanism: four_bar, frame: {length: 0.2, angle: 0.4}, rocker: {length: 0.2}'
@@ -64,7 +62,7 @@ def check_smooth(stamps, rows, slides, whole=None):
 @pytest.mark.parametrize('head', COUPLERS, ids=NAMES)
 def test_spin_up_and_reversal_pass_all_change_points_in_a_record(tmp_path, head):
     (tmp_path / 'linkage.yaml').write_text(
-        parameters(head, rpm=-240.0, start_rpm=300.0, crank_acceleration=40.0, rate_hz=4000.0)
+        parameters(head, rpm=-240.0, start_rpm=300.0, crank_acceleration=40.0, rate_hz=1000.0)
     )
     configuration = load(str(tmp_path / 'linkage.yaml'))
     assert Machine(configuration).solver.mobility.grashof == 'change-point'
@@ -75,13 +73,13 @@ def test_spin_up_and_reversal_pass_all_change_points_in_a_record(tmp_path, head)
     assert np.ptp(rows[:, 0]) > 4 * math.pi  # both turns of the period, both ways
     assert rows[0, 3] == pytest.approx(10 * math.pi)
     assert rows[-1, 3] == pytest.approx(-8 * math.pi)
-    assert np.any(np.abs(rows[:, 3]) < 0.01)
+    assert np.any(np.abs(rows[:, 3]) < 0.05)
     check_smooth(stamps, rows, configuration.kind.mechanism == 'slider_crank')
     assert len(messages['/coupler_point']) == len(stamps)
 
 
 def test_a_jump_to_the_other_branch_would_be_seen(tmp_path):
-    (tmp_path / 'linkage.yaml').write_text(parameters(FOLDING, rpm=300.0, rate_hz=4000.0))
+    (tmp_path / 'linkage.yaml').write_text(parameters(FOLDING, rpm=300.0, rate_hz=1000.0))
     record(load(str(tmp_path / 'linkage.yaml')), tmp_path / 'run.mcap', duration=0.5)
     stamps, rows = states(*logged(tmp_path / 'run.mcap'))
     check_smooth(stamps, rows, slides=False)
@@ -91,29 +89,18 @@ def test_a_jump_to_the_other_branch_would_be_seen(tmp_path):
         check_smooth(stamps, rows, slides=False)
 
 
-LIVE = {
-    'compressor': (CONFIG / 'compressor.yaml').read_text(),
-    'folding': parameters(FOLDING, rpm=600.0, rate_hz=1000.0, crank_acceleration=500.0),
-    'rod as long as the crank': parameters(
-        EQUAL_ROD, rpm=600.0, rate_hz=1000.0, crank_acceleration=500.0
-    ),
-}
-
-
-@pytest.mark.parametrize('text', LIVE.values(), ids=LIVE.keys())
-def test_the_node_turns_it_and_its_log_explains_every_state(tmp_path, text):
-    path, domain = tmp_path / 'run.mcap', fresh_domain()
-    (tmp_path / 'linkage.yaml').write_text(text)
+def test_the_node_passes_change_points_and_its_log_explains_every_state(tmp_path):
+    """A rod as long as the crank, which passes two change points a turn, both ways."""
+    path = tmp_path / 'run.mcap'
+    (tmp_path / 'linkage.yaml').write_text(
+        parameters(EQUAL_ROD, rpm=600.0, rate_hz=500.0, crank_acceleration=500.0)
+    )
     arguments = ['--ros-args', '--params-file', tmp_path / 'linkage.yaml', '-p', f'log:={path}']
-    with (
-        Listener(domain, {'/joint_states': 'sensor_msgs/msg/JointState'}) as listener,
-        running('node', *arguments, domain=domain) as process,
-    ):
-        wait_for(lambda: len(listener.received['/joint_states']) > 300)
-        # Type 3 is a double. The crank reverses through zero, or at once without acceleration.
+    with watched(['/joint_states'], *arguments) as (listener, process):
+        listener.await_more(150)
+        # Type 3 is a double.
         assert set_parameter(listener, 'rpm', type=3, double_value=-450.0).successful
-        count = len(listener.received['/joint_states'])
-        wait_for(lambda: len(listener.received['/joint_states']) > count + 600)
+        listener.await_more(250)
         code, output = stop(process)
     assert code == 0, output
     log, messages = logged(path)
@@ -131,9 +118,7 @@ def test_the_node_turns_it_and_its_log_explains_every_state(tmp_path, text):
     words = output.partition('linkage_node]: ')[2].splitlines()[0]
     assert summary(machine.configuration, machine.solver) in words
     assert 'transmission angle' in words
-    if machine.configuration.drive.crank_acceleration:
-        steady = [i for i, (a, b) in enumerate(pairwise(stamps)) if b - a == 10**6]
-        assert len(steady) > 200  # most of 900, but for a busy machine
-        pairs = np.array([(rows[i], rows[i + 1]) for i in steady])
-        for pair in pairs:
-            check_smooth(np.array([0, 10**6]), pair, machine.joints[2] == 'slider', rows)
+    steady = [i for i, (a, b) in enumerate(pairwise(stamps)) if b - a == 2_000_000]
+    assert len(steady) > 50  # most of 400, but for a busy machine
+    for i in steady:
+        check_smooth(stamps[i : i + 2], rows[i : i + 2], slides=True, whole=rows)

@@ -94,7 +94,7 @@ def test_stderr_that_is_not_read_holds_nothing_up(tmp_path, read):
         )
         os.close(inlet)
         try:
-            wait_for(lambda: len(listener.received['/joint_states']) > 200)
+            wait_for(lambda: len(listener.received['/joint_states']) > 50)
             said = read_from_now_on(outlet) if read else None
             node.send_signal(signal.SIGINT)
             assert node.wait(30) == 0
