@@ -16,13 +16,14 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from linkage_ros import cli
 from linkage_ros.dynamics.state import State, loop_residual
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.motion.drives import Drive, FollowDrive, TorqueDrive
 from linkage_ros.motion.segments import Segment
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.command_inbox import CommandInbox
+from linkage_ros.ros.measurement_inbox import hear_measurements
 from linkage_ros.ros.parameters import (
     ParameterNode,
     check_parameter_files,
@@ -37,12 +38,26 @@ from linkage_ros.ros.process import (
 )
 from linkage_ros.ros.publishers import await_listeners, create_publisher
 from linkage_ros.run.health import SPAN, Health, Watch
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.machine import Machine, Snapshot
+from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.scheduling import freeze_heap
-from linkage_ros.run.ticker import Callbacks, RealTimeTicker, SimTimeTicker, Ticker
+from linkage_ros.run.ticker import (
+    Callbacks,
+    MeasurementTicker,
+    RealTimeTicker,
+    SimTimeTicker,
+    Ticker,
+)
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
-from linkage_ros.wire.topics import DIAGNOSTICS, JOINT_COMMANDS, ROBOT_DESCRIPTION, Topic
+from linkage_ros.wire.topics import (
+    DIAGNOSTICS,
+    JOINT_COMMANDS,
+    MEASURED_JOINT_STATES,
+    ROBOT_DESCRIPTION,
+    Topic,
+)
+from linkage_ros.wire.untrusted_command import LARGEST_COMMAND
 
 # MCAP and Rerun may be missing: they are imported where a log is written and a view opens.
 if TYPE_CHECKING:
@@ -50,6 +65,8 @@ if TYPE_CHECKING:
     from linkage_ros.ros.run_log import RunLog
 
 _NAME = 'linkage_node'
+# What a log holds of what a run hears.
+HEARD = {TorqueDrive: JOINT_COMMANDS, FollowDrive: MEASURED_JOINT_STATES}
 # As ROS's own clocks listen, but a burst is not thinned out.
 _CLOCK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -92,6 +109,11 @@ class LinkageNode(ParameterNode):
         if isinstance(configuration.drive, TorqueDrive):
             crank = self._machine.joints[0]
             self._inbox = CommandInbox(self, configuration.drive, crank)
+        self._measured: MeasuredCrank | None = None
+        if isinstance(configuration.drive, FollowDrive):
+            crank = self._machine.joints[0]
+            self._measured = MeasuredCrank(configuration.drive, self._machine.solver, crank)
+            hear_measurements(self, self._hear_measurement)
         self.get_logger().info(preset_note(given) + summary(configuration, self._machine.solver))
         await_listeners([self._outputs[topic.name] for topic in self._machine.topics])
         freeze_heap()
@@ -145,12 +167,14 @@ class LinkageNode(ParameterNode):
     def _open_log(self, configuration: Configuration) -> RunLog:
         from linkage_ros.ros.run_log import RunLog
 
-        commands = [JOINT_COMMANDS] if isinstance(configuration.drive, TorqueDrive) else []
-        topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *commands)
+        heard = [HEARD[kind] for kind in HEARD if isinstance(configuration.drive, kind)]
+        topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *heard)
         return RunLog(self, configuration, topics)
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
         callbacks = Callbacks(self._tick, self._restamp, self._fail)
+        if isinstance(self._drive, FollowDrive):
+            return MeasurementTicker(self._machine, callbacks)
         if not simulated:
             return RealTimeTicker(self._machine, callbacks)
         ticker = SimTimeTicker(self._machine, callbacks)
@@ -177,7 +201,31 @@ class LinkageNode(ParameterNode):
                 if self._log is not None:
                     self._log.write(came, [(JOINT_COMMANDS, command)])
             motion.command(stamp, self._inbox.commands.torque())
-        snapshot = self._machine.snapshot_at(motion, stamp)
+        self._show(self._machine.snapshot_at(motion, stamp))
+
+    def _hear_measurement(self, data: bytes) -> None:
+        """Takes a measurement of the crank, in the executor's thread."""
+        if isinstance(self._ticker, MeasurementTicker):
+            self._ticker.hear(lambda: self._answer(data))
+
+    def _answer(self, data: bytes) -> bool:
+        """Answers a measurement; returns whether it did not have to be left out."""
+        if self._measured is None:
+            return False
+        came, before = time.time_ns(), self._measured.left_out.copy()
+        if self._log is not None and len(data) <= LARGEST_COMMAND:
+            self._log.write(came, [(MEASURED_JOINT_STATES, data)])
+        heard = self._measured.hear(data, came)
+        if heard is None:
+            (cause,) = self._measured.left_out - before
+            words = f'a message on {MEASURED_JOINT_STATES.name} is left out: {cause}'
+            self.get_logger().warning(words, throttle_duration_sec=1.0)
+            return False
+        self._show(self._machine.snapshot_measured(*heard))
+        return True
+
+    def _show(self, snapshot: Snapshot) -> None:
+        """Publishes, logs and shows a state."""
         self._state = snapshot.state
         self._publish(*zip(self._machine.topics, snapshot.messages, strict=True))
         if self._view is not None:
@@ -243,7 +291,13 @@ class LinkageNode(ParameterNode):
             'driving torque, N m': f'{self._state.torque:.6g}',
             'loop residual, m': f'{residual:.3g}',
             **(self._inbox.commands.figures() if self._inbox else {}),
+            **self._left_out(),
         }
+
+    def _left_out(self) -> dict[str, str]:
+        """Measurements that were left out, by cause."""
+        counts = self._measured.left_out if self._measured else {}
+        return {f'left out, {cause}': str(count) for cause, count in counts.items()}
 
     def _fail(self, error: BaseException) -> None:
         known = isinstance(error, LinkageError)
@@ -258,6 +312,7 @@ def _parser() -> argparse.ArgumentParser:
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
          '--ros-args -p drive:=torque -p motor.torque:=9.0 -p motor.damping:=0.5',
+         '--ros-args -p drive:=follow -r joint_states:=linkage/joint_states',
          '--ros-args --params-file linkage.yaml'),
         help_on_every_kind(),
     )  # fmt: skip

@@ -26,7 +26,7 @@ from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec
-from linkage_ros.wire.untrusted_command import decode_command
+from linkage_ros.wire.untrusted_command import decode_joint_state
 
 pytest.importorskip('rclpy')
 import rclpy
@@ -130,7 +130,7 @@ def test_a_killed_controller_is_noticed_and_a_new_one_takes_over(tmp_path):
         report = verify(log)
         sent = next(log.messages([COMMANDS])).data
     assert (report.difference, report.others) == ('', ('/diagnostics', COMMANDS))
-    assert decode_command(sent)[0] == ['left_crank']
+    assert decode_joint_state(sent).names == ['left_crank']
 
 
 # Of other robots, and of a crank without what a controller needs.

@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What drives a mechanism: a crank speed, or a torque. The parameters are read from here."""
+"""What drives a mechanism: a crank speed, a torque, or a crank that is measured.
+
+The parameters are read from here.
+"""
 
 from __future__ import annotations
 
@@ -96,4 +99,23 @@ class TorqueDrive(Checked):
     )
 
 
-Drive: TypeAlias = SpeedDrive | TorqueDrive
+@dataclass(frozen=True)
+class FollowDrive(Checked):
+    """A crank that is measured: everything else follows it.
+
+    Attributes:
+        follow_bandwidth: Of the filter that gives rates and accelerations, Hz; 0: they are 0.
+    """
+
+    follow_bandwidth: float = quantity(
+        'number', 'bandwidth of the filter that gives rates and accelerations; 0: they are 0',
+        'Hz', span=(0.0, 1e4), default=20.0,
+    )  # fmt: skip
+
+    @property
+    def crank_angle(self) -> float:
+        """Where the crank is before it is measured, rad."""
+        return 0.0
+
+
+Drive: TypeAlias = SpeedDrive | TorqueDrive | FollowDrive

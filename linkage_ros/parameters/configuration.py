@@ -12,7 +12,7 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.torque_driven import start
 from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.parameter_file import read_parameter_file
@@ -38,7 +38,7 @@ class MechanismAndDrive(Checked):
 
     mechanism: str = quantity('choice', 'kind of mechanism', choices=MECHANISMS.keys())
     drive: str = quantity(
-        'choice', 'given quantity: the crank speed, or the torque on the crank',
+        'choice', 'given quantity: the crank speed, the torque on the crank, or a measured crank',
         choices=tuple(DRIVES), default='speed',
     )  # fmt: skip
 
@@ -82,13 +82,21 @@ class Configuration:
         flat: dict[str, object] = {}
         for part in (self.kind, self.mechanism, self.drive, self.session):
             flat.update(flatten(part))
+        for name in _lacking(self.kind):
+            del flat[name]
         return flat
 
 
 def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
     """The parameters that a mechanism and a drive use, in the order of their declaration."""
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
-    return tuple(leaf for cls in classes for leaf in leaves(cls))
+    lacking = _lacking(kind)
+    return tuple(leaf for cls in classes for leaf in leaves(cls) if leaf.name not in lacking)
+
+
+def _lacking(kind: MechanismAndDrive) -> tuple[str, ...]:
+    """The names of a session that a drive does not have: measurements come when they come."""
+    return ('rate_hz',) if kind.drive == 'follow' else ()
 
 
 def without_ros_own(values: Mapping[str, object]) -> dict[str, object]:
@@ -125,7 +133,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
     drive = build(DRIVES[kind.drive], given)
     if isinstance(drive, TorqueDrive):
         _require_start(mechanism, drive)
-    else:
+    elif isinstance(drive, SpeedDrive):
         Solver(mechanism).reach.require_full_turn()
     session = build(Session, given)
     session.require_fixed_frame(mechanism)
@@ -147,7 +155,8 @@ def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
 
 def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -> str:
     """Error message for a name that this mechanism and drive do not have."""
-    refused = f'a {"torque-driven " if kind.drive == "torque" else ""}{kind.mechanism}'
+    driven = {'torque': 'torque-driven ', 'follow': 'measured '}.get(kind.drive, '')
+    refused = f'a {driven}{kind.mechanism}'
     owners = {
         owner: cls
         for owner, cls in (*MECHANISMS.items(), *DRIVES.items())
@@ -165,7 +174,7 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -
         return unknown_name(name, refused, valid, 'linkage_node --help, or docs/reference.md,')
     cure = f', but of a {" or a ".join(owners)}: leave it out'
     if not owners.keys() <= MECHANISMS.keys():
-        (drive,) = owners
+        drive = next(iter(owners))
         cure = f': it needs drive: {drive} (-p drive:={drive})'
         if len(MECHANISMS[kind.mechanism].coordinates) > 1:
             cure = ': leave it out, and set motor.torque and start_rpm'

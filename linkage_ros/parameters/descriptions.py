@@ -11,7 +11,7 @@ from dataclasses import MISSING, replace
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.motion.drives import Drive, Motor, TorqueDrive
+from linkage_ros.motion.drives import FollowDrive, Motor, TorqueDrive
 from linkage_ros.parameters.configuration import (
     Configuration,
     MechanismAndDrive,
@@ -82,7 +82,7 @@ def summary(configuration: Configuration, solver: Solver) -> str:
         words.append(reach.grashof)
         if reach.turns_fully:
             words += travel(solver).words()
-    words.append(f'{_drive(configuration.drive)} at {configuration.session.rate_hz:g} Hz')
+    words.append(_drive(configuration))
     return ', '.join(words)
 
 
@@ -92,11 +92,13 @@ def motor_line(motor: Motor) -> str:
     return f'motor {motor.torque:g} N m{lost}'
 
 
-def _drive(drive: Drive) -> str:
+def _drive(configuration: Configuration) -> str:
+    drive, rate = configuration.drive, f' at {configuration.session.rate_hz:g} Hz'
+    if isinstance(drive, FollowDrive):
+        return f'follows a measured crank, filter of {drive.follow_bandwidth:g} Hz'
     if isinstance(drive, TorqueDrive):
-        return f'{motor_line(drive.motor)}, from {drive.start_rpm:g} rpm'
+        return f'{motor_line(drive.motor)}, from {drive.start_rpm:g} rpm{rate}'
     if drive.start_rpm is None or not drive.crank_acceleration:
-        return f'{drive.rpm:g} rpm'
-    return (
-        f'from {drive.start_rpm:g} to {drive.rpm:g} rpm with {drive.crank_acceleration:g} rad/s^2'
-    )
+        return f'{drive.rpm:g} rpm{rate}'
+    speeds = f'from {drive.start_rpm:g} to {drive.rpm:g} rpm'
+    return f'{speeds} with {drive.crank_acceleration:g} rad/s^2{rate}'

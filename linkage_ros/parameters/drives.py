@@ -8,15 +8,15 @@ import re
 from dataclasses import dataclass
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
-from linkage_ros.quantities import quantity, shown
+from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
+from linkage_ros.quantities import Checked, quantity, shown
 
 _TOPIC = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
 @dataclass(frozen=True)
-class FeedForwardDrive(SpeedDrive):
-    """A speed drive whose torque may be published for a controller.
+class FeedForward(Checked):
+    """The driving torque for a controller, ahead of time.
 
     Attributes:
         effort_command_topic: Topic of the driving torque for a controller; empty: none.
@@ -48,4 +48,18 @@ class FeedForwardDrive(SpeedDrive):
             )
 
 
-DRIVES: dict[str, type[Drive]] = {'speed': FeedForwardDrive, 'torque': TorqueDrive}
+@dataclass(frozen=True)
+class SpeedFeedForward(FeedForward, SpeedDrive):
+    """A crank at a given speed, and its torque for a controller."""
+
+
+@dataclass(frozen=True)
+class FollowFeedForward(FeedForward, FollowDrive):
+    """A measured crank, and its torque for a controller."""
+
+
+DRIVES: dict[str, type[Drive]] = {
+    'speed': SpeedFeedForward,
+    'torque': TorqueDrive,
+    'follow': FollowFeedForward,
+}

@@ -13,14 +13,20 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from linkage_ros.parameters.configuration import configure, read_values
+from linkage_ros.parameters.configuration import (
+    MechanismAndDrive,
+    configure,
+    parameter_leaves,
+    read_values,
+)
 from linkage_ros.parameters.parameter_file import read_scalar
 from linkage_ros.quantities import Quantity
 from linkage_ros.wire.codecs import ROOT_FRAME
 from linkage_ros.wire.urdf import make_urdf
 
 # Arguments that are text even where they look like a number; empty arguments are not given.
-_TEXTS = ('log', 'viewer', 'joint_prefix')
+_TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic')
+_COMMON = ('use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer')
 _RVIZ = Quantity('switch', 'open RViz as well')
 
 
@@ -54,6 +60,30 @@ def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, objec
     return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
 
 
+def follow(arguments: Mapping[str, str]) -> dict[str, object]:
+    """The parameters of a node that follows a measured crank.
+
+    Args:
+        arguments: Arguments of follow.launch.py, all of them.
+
+    Returns:
+        Those of the file that such a node has, and arguments that replace them.
+
+    Raises:
+        ConfigurationError: The file or a value cannot be used.
+    """
+    names = ('follow_bandwidth', 'effort_command_topic', 'lead_time', *_COMMON)
+    file = read_values(arguments['params'], arguments['namespace'])
+    configure(file)
+    # A preset says how its crank turns; here that is measured.
+    kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
+    known = {leaf.name for leaf in parameter_leaves(kind)}
+    kept = {name: value for name, value in file.items() if name in known}
+    values = {**kept, 'drive': 'follow', **given(arguments, names)}
+    configure(values)
+    return values
+
+
 def demo(arguments: Mapping[str, str]) -> Demo:
     """The parameters of the demo: those of the file, and arguments that replace them.
 
@@ -67,7 +97,7 @@ def demo(arguments: Mapping[str, str]) -> Demo:
     Raises:
         ConfigurationError: The file or a value cannot be used.
     """
-    names = ('rpm', 'use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer')
+    names = ('rpm', *_COMMON)
     file = read_values(arguments['params'], arguments['namespace'])
     values = {**file, **given(arguments, names)}
     configuration = configure(values)

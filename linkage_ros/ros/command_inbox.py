@@ -15,7 +15,7 @@ from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.topics import JOINT_COMMANDS
-from linkage_ros.wire.untrusted_command import LARGEST_COMMAND, decode_command
+from linkage_ros.wire.untrusted_command import LARGEST_COMMAND, decode_joint_state
 
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
 _DEPTH = 100
@@ -82,7 +82,7 @@ class CommandInbox:
 
     def _hear(self, data: bytes, age: float) -> str:
         try:
-            names, efforts = decode_command(data)
+            command = decode_joint_state(data)
         except ValueError as error:
             return self.commands.refuse(str(error))
-        return self.commands.hear(names, efforts, age)
+        return self.commands.hear(command.names, command.efforts, age)

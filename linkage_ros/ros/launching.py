@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from launch import LaunchContext, LaunchDescription
@@ -52,13 +52,19 @@ def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any
     return LaunchDescription([*declared, OpaqueFunction(function=begin)])
 
 
-def program(name: str, namespace: str, values: Mapping[str, object]) -> Any:
+def program(
+    name: str,
+    namespace: str,
+    values: Mapping[str, object],
+    remappings: Sequence[tuple[str, str]] = (),
+) -> Any:
     """Starts a program of this package; the launch ends with it.
 
     Args:
         name: Of the executable.
         namespace: Of its node.
         values: Its parameters.
+        remappings: Names of topics, and what they become.
 
     Returns:
         The action.
@@ -68,6 +74,7 @@ def program(name: str, namespace: str, values: Mapping[str, object]) -> Any:
         executable=name,
         namespace=namespace,
         parameters=[parameter_file(values)],
+        remappings=list(remappings),
         output='screen',
         on_exit=_end,
     )

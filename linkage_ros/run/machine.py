@@ -13,13 +13,15 @@ from typing import NamedTuple
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.coordinates import Coordinates
-from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
+from linkage_ros.motion.follow import ahead
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.parameters.drives import FeedForwardDrive
+from linkage_ros.parameters.drives import FeedForward
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.codecs import (
     JointStateCodec,
@@ -86,7 +88,7 @@ class Machine:
         self._point = PointCodec(frame_id)
         self._lead: int | None = None  # ns
         drive = configuration.drive
-        if isinstance(drive, FeedForwardDrive) and drive.effort_command_topic:
+        if isinstance(drive, FeedForward) and drive.effort_command_topic:
             self.topics += (effort_commands(drive.effort_command_topic),)
             self._lead = round(drive.lead_time * NS_PER_S)
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
@@ -101,11 +103,18 @@ class Machine:
 
         Returns:
             The motion.
+
+        Raises:
+            ConfigurationError: The crank is measured: nothing here moves it.
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
             return TorqueMotion(self.solver, drive, stamp, self.elapsed(1), integrate)
-        return SpeedMotion.begin(drive, stamp)
+        if isinstance(drive, SpeedDrive):
+            return SpeedMotion.begin(drive, stamp)
+        raise ConfigurationError(
+            'drive: follow needs a crank that is measured: run linkage_node, or give drive: speed'
+        )
 
     def elapsed(self, tick: int) -> int:
         """Time from the first tick to another, ns: whole, and never off by accumulation."""
@@ -132,8 +141,26 @@ class Machine:
         snapshot = self.snapshot_of(stamp, motion.at(stamp))
         if self._lead is None:
             return snapshot
-        ahead = self._solve(motion.at(stamp + self._lead)).torque
-        return snapshot._replace(messages=(*snapshot.messages, encode_float64_array(ahead)))
+        return self._with_command(snapshot, motion.at(stamp + self._lead))
+
+    def snapshot_measured(self, stamp: int, coordinates: Coordinates) -> Snapshot:
+        """Solves the state of a measured crank.
+
+        Args:
+            stamp: ns.
+            coordinates: As measured and filtered.
+
+        Returns:
+            The state and its messages.
+        """
+        snapshot = self.snapshot_of(stamp, coordinates)
+        if self._lead is None:
+            return snapshot
+        return self._with_command(snapshot, ahead(coordinates, self._lead / NS_PER_S))
+
+    def _with_command(self, snapshot: Snapshot, later: Coordinates) -> Snapshot:
+        command = encode_float64_array(self._solve(later).torque)
+        return snapshot._replace(messages=(*snapshot.messages, command))
 
     def snapshot_of(self, stamp: int, coordinates: Coordinates) -> Snapshot:
         """Solves the state at coordinates.

@@ -193,6 +193,34 @@ def _clock_offset() -> int:
             return wall - after
 
 
+class MeasurementTicker(Ticker):
+    """Makes a tick for each measurement that is heard."""
+
+    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
+        super().__init__(machine, callbacks)
+        self._is_running = False
+
+    def start(self) -> None:
+        """Lets measurements make ticks."""
+        self._is_running = True
+
+    def stop(self) -> None:
+        """Lets them make none from now on."""
+        self._is_running = False
+
+    def hear(self, answer: Callable[[], bool]) -> None:
+        """Makes the tick of a measurement; only one thread may do so.
+
+        Args:
+            answer: Answers it, and returns whether it did.
+        """
+        if self._is_running and self.error is None:
+            self._guard(self._count, answer)
+
+    def _count(self, answer: Callable[[], bool]) -> None:
+        self.counts.kept += answer()
+
+
 class SimTimeTicker(Ticker):
     """Makes every tick up to the time of a clock that is heard.
 

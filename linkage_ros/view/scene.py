@@ -14,7 +14,7 @@ import rerun as rr
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
-from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.motion.torque_driven import start
 from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import Configuration
@@ -116,7 +116,10 @@ class Scene:
 
     def __init__(self, configuration: Configuration) -> None:
         mechanism, drive = configuration.mechanism, configuration.drive
-        self.drawing = Drawing(mechanism, drive.crank_angle)
+        reach, start = mechanism.reach(), drive.crank_angle
+        if isinstance(drive, FollowDrive) and reach and not reach.turns_fully:
+            start = 0.5 * sum(reach.arcs[0])
+        self.drawing = Drawing(mechanism, start)
         self._directions = Directions()
         self._last_frame = -1
         self._energies: Energies | None = None

@@ -77,6 +77,12 @@ JOINT_COMMANDS = Topic(
     JOINT_STATE,
     meaning="best effort, with `drive: torque`: the crank's effort is added to the motor's torque",
 )
+MEASURED_JOINT_STATES = Topic(
+    'measured_joint_states',
+    JOINT_STATE,
+    depth=1000,
+    meaning='best effort, with `drive: follow`: the measured crank, which every state answers',
+)
 # Depth 1: a reader that lags needs only the latest time.
 SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: the time')
 

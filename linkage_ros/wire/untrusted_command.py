@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads commands from the bytes of JointState messages, whoever sent them.
+"""Reads the bytes of JointState messages, whoever sent them: commands and measurements.
 
 rclpy would do it as well, but each message that is none costs a line on stderr, from below Python.
 """
@@ -8,20 +8,39 @@ rclpy would do it as well, but each message that is none costs a line on stderr,
 from __future__ import annotations
 
 import struct
+from typing import NamedTuple
 
-from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, CdrReader
+from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, CdrReader, stamp_of
 
 LARGEST_COMMAND = 65536  # bytes
 
 
-def decode_command(data: bytes) -> tuple[list[str], tuple[float, ...]]:
-    """Names and efforts of a JointState.
+class JointStateData(NamedTuple):
+    """A JointState as it came: its lists need not belong together.
+
+    Attributes:
+        stamp: ns.
+        names: Of the joints.
+        positions: rad or m.
+        velocities: rad/s or m/s.
+        efforts: N m or N.
+    """
+
+    stamp: int
+    names: list[str]
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+    efforts: tuple[float, ...]
+
+
+def decode_joint_state(data: bytes) -> JointStateData:
+    """What a JointState holds.
 
     Args:
         data: Its CDR bytes, little endian.
 
     Returns:
-        Both, as they are: they need not belong together.
+        Its contents.
 
     Raises:
         ValueError: The bytes are none, or too many for a command.
@@ -34,7 +53,7 @@ def decode_command(data: bytes) -> tuple[list[str], tuple[float, ...]]:
     try:
         reader.text()  # the frame
         names = [reader.text() for _ in range(reader.count())]
-        _, _, efforts = (reader.numbers() for _ in range(3))
+        positions, velocities, efforts = (reader.numbers() for _ in range(3))
     except (struct.error, ValueError) as error:
         raise ValueError('its bytes are no JointState') from error
-    return names, efforts
+    return JointStateData(stamp_of(data), names, positions, velocities, efforts)

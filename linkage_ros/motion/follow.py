@@ -1,0 +1,162 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The motion of a crank that is measured: its angle as it is, its rates by a tracking filter.
+
+The filter follows a signal m with a value x and a rate v, both poles at -w = -2 pi bandwidth:
+
+    x' = v + 2 w (m - x)        v' = w^2 (m - x)
+
+It follows a steady rate without error, and where the rate changes steadily v' is that change. With
+e = m - x and d = m' - v it reads e' = d - 2 w e, d' = -w^2 e, and between two measurements, where
+m' = s is taken for constant,
+
+    e(t) = [e + (d - w e) t] exp(-w t)        d(t) = [d + w (d - w e) t] exp(-w t)
+
+exactly, whatever the time t between them. Of the crank's angle v is the speed and w^2 e the
+acceleration. Where the sensor gives the speed, the filter follows that, and v is the acceleration.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import NamedTuple
+
+from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.numeric import within_two_turns
+from linkage_ros.units import NS_PER_S
+
+# A step back of more than this is a bag that loops or a simulator that starts again, ns.
+_RESTART = NS_PER_S
+# Of 1 / bandwidth; after a longer gap the filter begins anew.
+_GAP = 10.0
+
+NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite'
+
+
+class Measurement(NamedTuple):
+    """What a sensor says of the crank.
+
+    Attributes:
+        stamp: ns.
+        position: rad.
+        velocity: rad/s; None: it is not measured.
+    """
+
+    stamp: int
+    position: float
+    velocity: float | None = None
+
+
+class Tracked(NamedTuple):
+    """A signal as the filter has followed it.
+
+    Attributes:
+        value: The signal when it was measured last.
+        error: What it is ahead of the filter's value then.
+        rate: The filter's rate then.
+    """
+
+    value: float
+    error: float
+    rate: float
+
+    def advance(self, value: float, time: float, w: float) -> Tracked:
+        """The signal once it is measured again.
+
+        Args:
+            value: The new measurement.
+            time: Since the last one, s.
+            w: 2 pi times the bandwidth, rad/s.
+
+        Returns:
+            The signal then.
+        """
+        slope = (value - self.value) / time
+        gap = slope - self.rate
+        drift, decay = gap - w * self.error, math.exp(-w * time)
+        error = (self.error + drift * time) * decay
+        return Tracked(value, error, slope - (gap + w * drift * time) * decay)
+
+
+class FollowMotion:
+    """The motion of a measured crank.
+
+    Attributes:
+        left_out: How many measurements were left out, by cause.
+    """
+
+    def __init__(self, drive: FollowDrive) -> None:
+        """Waits for a measurement.
+
+        Args:
+            drive: The settings.
+        """
+        self.left_out: Counter[str] = Counter()
+        self._w = 2 * math.pi * drive.follow_bandwidth
+        self._gap = _GAP / drive.follow_bandwidth if drive.follow_bandwidth else math.inf
+        self._last: Measurement | None = None
+        self._angle = self._speed = Tracked(0.0, 0.0, 0.0)
+
+    def at(self, measured: Measurement) -> Coordinates | None:
+        """Takes a measurement.
+
+        Args:
+            measured: In the order in which they come.
+
+        Returns:
+            The crank at its stamp; None: it is left out, and counted.
+        """
+        stamp, position, velocity = measured
+        values = (position,) if velocity is None else (position, velocity)
+        if not all(map(math.isfinite, values)):
+            self.left_out[NOT_FINITE] += 1
+            return None
+        last, since = self._last, 0
+        if last is not None:
+            since = stamp - last.stamp
+            if -_RESTART <= since <= 0:
+                self.left_out[NOT_NEWER] += 1
+                return None
+        time = since / NS_PER_S
+        if last is None or since < 0 or time > self._gap:
+            self._angle = Tracked(position, 0.0, velocity or 0.0)
+            self._speed = Tracked(velocity or 0.0, 0.0, 0.0)
+        else:
+            self._advance(position, velocity, time)
+        self._last = measured
+        angle, _ = within_two_turns(position)
+        return Coordinates((angle,), *self._rates(velocity), position)
+
+    def _advance(self, position: float, velocity: float | None, time: float) -> None:
+        # A sensor may begin each turn at 0: of all whole turns, those next to the speed.
+        turn = 2 * math.pi
+        ahead = self._angle.value + self._angle.rate * time
+        turns = round((ahead - position) / turn)
+        self._angle = self._angle.advance(position + turns * turn, time, self._w)
+        self._angle = self._angle._replace(value=position)
+        if velocity is not None:
+            self._speed = self._speed.advance(velocity, time, self._w)
+
+    def _rates(self, velocity: float | None) -> tuple[tuple[float], tuple[float]]:
+        if not self._w:
+            return (0.0,), (0.0,)
+        if velocity is None:
+            return (self._angle.rate,), (self._w * self._w * self._angle.error,)
+        return (velocity,), (self._speed.rate,)
+
+
+def ahead(coordinates: Coordinates, seconds: float) -> Coordinates:
+    """Coordinates a little later, at their acceleration.
+
+    Args:
+        coordinates: Now.
+        seconds: How much later.
+
+    Returns:
+        The coordinates then.
+    """
+    (q,), (u,), (a,), unwrapped = coordinates
+    moved = (u + 0.5 * a * seconds) * seconds
+    return Coordinates((q + moved,), (u + a * seconds,), (a,), unwrapped + moved)

@@ -1,0 +1,70 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The crank as other people's joint states tell it: from a message's bytes to coordinates."""
+
+from __future__ import annotations
+
+import math
+
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.errors import UnreachableError
+from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.follow import FollowMotion, Measurement
+from linkage_ros.wire.untrusted_command import decode_joint_state
+
+NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'
+
+
+class MeasuredCrank:
+    """Takes messages in the order in which they come.
+
+    Attributes:
+        left_out: How many were left out, by cause.
+    """
+
+    def __init__(self, drive: FollowDrive, solver: Solver, crank: str) -> None:
+        """Waits for a message.
+
+        Args:
+            drive: The settings.
+            solver: Solver of the mechanism.
+            crank: Name of the crank's joint.
+        """
+        self._motion, self._solver, self._crank = FollowMotion(drive), solver, crank
+        self.left_out = self._motion.left_out
+
+    def hear(self, data: bytes, came: int) -> tuple[int, Coordinates] | None:
+        """Takes a message.
+
+        Args:
+            data: CDR bytes of a JointState.
+            came: When it came, ns: the stamp of a message without one.
+
+        Returns:
+            The stamp, ns, and the crank; None: it is left out, and counted.
+        """
+        try:
+            heard = decode_joint_state(data)
+        except ValueError:
+            self.left_out[NO_JOINT_STATE] += 1
+            return None
+        named = zip(heard.names, range(len(heard.positions)), strict=False)
+        index = next((i for name, i in named if name == self._crank), None)
+        if index is None:
+            self.left_out[NO_CRANK] += 1
+            return None
+        position, stamp = heard.positions[index], heard.stamp or came
+        velocity = heard.velocities[index] if index < len(heard.velocities) else None
+        if math.isfinite(position) and not self._reaches(position):
+            self.left_out[OUT_OF_REACH] += 1
+            return None
+        found = self._motion.at(Measurement(stamp, position, velocity))
+        return None if found is None else (stamp, found)
+
+    def _reaches(self, position: float) -> bool:
+        try:
+            self._solver.state(position)
+        except UnreachableError:
+            return False
+        return True

@@ -1,0 +1,244 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A crank that is measured: the tracking filter, what is left out, and the node on DDS."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from mechanisms import LIMITED, four_bar
+from mpmath import mp
+from oracle import Oracle
+from rclpy.serialization import deserialize_message, serialize_message
+from ros_harness import (
+    assert_refused,
+    finished,
+    logged,
+    node_arguments,
+    stop,
+    wait_for,
+    watched,
+)
+from sensor_msgs.msg import JointState
+
+from linkage_ros import Solver
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, Measurement, ahead
+from linkage_ros.parameters.configuration import load
+from linkage_ros.run.measured_crank import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, MeasuredCrank
+from linkage_ros.wire.codecs import JointStateCodec
+
+TURN = 2 * math.pi
+MS = 1_000_000
+CODEC = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'base_link')
+
+
+def followed(measurements, bandwidth=20.0):
+    motion = FollowMotion(FollowDrive(bandwidth))
+    return motion, [motion.at(Measurement(*one)) for one in measurements]
+
+
+def test_between_measurements_the_filter_has_the_solution_of_its_equations():
+    """Against a Taylor series in 30 digits of x' = v + 2 w (m - x), v' = w^2 (m - x)."""
+    points = [(10, 0.3), (13, 0.5), (40, 0.1), (41, 0.12), (90, 0.7)]  # ms, rad
+    _, found = followed([(t * MS, m) for t, m in points])
+    with mp.workdps(30):
+        w = 2 * mp.pi * 20
+        x, v = mp.mpf(points[0][1]), mp.mpf(0)
+        for (t0, m0), (t1, m1), got in zip(points, points[1:], found[1:], strict=False):
+            span = mp.mpf(t1 - t0) / 1000
+            slope = (mp.mpf(m1) - mp.mpf(m0)) / span
+            solve = mp.odefun(
+                lambda t, y, m=m0, s=slope: [
+                    y[1] + 2 * w * (m + s * t - y[0]),
+                    w * w * (m + s * t - y[0]),
+                ],
+                0,
+                [x, v],
+            )
+            x, v = solve(span)
+            assert abs(got.u[0] - v) < 1e-12 * (1 + abs(v))
+            assert abs(got.a[0] - w * w * (m1 - x)) < 1e-11 * (1 + abs(w * w * (m1 - x)))
+
+
+@pytest.mark.parametrize('wrapped', [False, True])
+@pytest.mark.parametrize('has_velocity', [False, True])
+def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_velocity):
+    speed, change = -40.0, 3.0
+
+    def measured(n):
+        t = n / 500
+        place = speed * t + change * t * t / 2
+        angle = math.remainder(place, TURN) if wrapped else place
+        return (n + 1) * 2 * MS, angle, speed + change * t if has_velocity else None
+
+    _, found = followed(map(measured, range(500)))
+    _, position, _ = measured(499)
+    last = found[-1]
+    assert last.unwrapped == position
+    assert last.a[0] == pytest.approx(change, rel=1e-6 if has_velocity else 0.02)
+    # Without a measured speed, the filter's lags by twice the change over w.
+    lag = 0.0 if has_velocity else 2 * change / (40 * math.pi)
+    assert last.u[0] == pytest.approx(speed + change * 499 / 500 - lag, rel=1e-4)
+    later = ahead(last, 0.01)
+    assert later.q[0] - last.q[0] == pytest.approx(last.u[0] * 0.01 + last.a[0] * 5e-5, rel=1e-12)
+
+
+def test_the_filter_begins_anew_at_the_start_after_a_gap_and_after_a_step_back():
+    start, gap = 5000 * MS, 501 * MS  # 10 / bandwidth is 500 ms
+    motion, found = followed(
+        [(start, 0.1, 3.0), (start + 5 * MS, 0.2, 4.0), (start + gap + 5 * MS, 0.9, 5.0),
+         (start + gap + 9 * MS, 1.0, 6.0), (1000 * MS, 0.4), (1000 * MS + gap, 0.5)]
+    )  # fmt: skip
+    assert [one.u[0] for one in found] == [3.0, 4.0, 5.0, 6.0, 0.0, 0.0]
+    assert [one.a[0] == 0.0 for one in found] == [True, False, True, False, True, True]
+    assert not motion.left_out
+
+
+def test_what_is_not_newer_or_not_finite_is_left_out_and_changes_nothing():
+    good = [(1000 * MS, 0.1), (1005 * MS, 0.2), (1010 * MS, 0.4)]
+    bad = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0), (1006 * MS, math.nan),
+           (1007 * MS, math.inf), (1008 * MS, 0.3, math.nan)]  # fmt: skip
+    motion, found = followed([*good[:2], *bad, good[2]])
+    assert found[2:-1] == [None] * len(bad)
+    assert motion.left_out == {NOT_NEWER: 3, NOT_FINITE: 3}
+    assert found[-1] == followed(good)[1][-1]
+
+
+def test_without_a_bandwidth_there_are_no_rates():
+    _, found = followed([(MS * n, 0.1 * n, 5.0) for n in range(1, 5)], 0.0)
+    assert {(one.u, one.a) for one in found} == {((0.0,), (0.0,))}
+
+
+def message(stamp=0, name=('arm', 'crank'), position=(7.0, 0.5), velocity=()):
+    made = JointState(name=list(name), position=list(position), velocity=list(velocity))
+    made.header.stamp.sec, made.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+    return serialize_message(made)
+
+
+def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
+    limited = four_bar(LIMITED['rocker_crank'])
+    crank = MeasuredCrank(FollowDrive(), Solver(limited), 'crank')
+    (start, end), *_ = limited.reach().arcs
+    inside = 0.5 * (start + end)
+    came = 10**18
+    stamp, found = crank.hear(message(5, position=(0.0, inside)), came)
+    assert (stamp, found.unwrapped) == (5, inside)
+    assert crank.hear(message(position=(0.0, inside)), came)[0] == came
+    for data in (b'', b'\0\1\0\0abc', message(position=(0.0, inside))[:40]):
+        assert crank.hear(data, came) is None
+    for data in (message(name=('arm',)), message(position=(1.0,)), message(name=())):
+        assert crank.hear(data, came + 1) is None
+    beyond = end + 0.01 * (TURN - end + start)
+    assert crank.hear(message(position=(0.0, beyond)), came + 2) is None
+    assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
+
+
+# ---------------------------------------------------------------- the node
+
+MEASURED = '/joint_states'
+REMAPS = ('-r', 'measured_joint_states:=joint_states', '-r', 'joint_states:=linkage/joint_states')
+ANSWERS = '/linkage/joint_states'
+
+
+def test_the_same_topic_in_and_out_is_refused():
+    done = finished(
+        'node', *node_arguments(drive='follow'), '-r', 'measured_joint_states:=joint_states'
+    )
+    assert_refused(done.returncode, '', done.stderr, '-r joint_states:=linkage/joint_states')
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'rpm': 3.0}, "'rpm' is not a parameter of a measured four_bar: it needs drive: speed"),
+        ({'rate_hz': 3.0}, "'rate_hz' is not a parameter of a measured four_bar"),
+        ({'follow_bandwidth': -1.0}, r'follow_bandwidth = -1\.0: must be a number from 0 to'),
+    ],
+)
+def test_what_a_measured_crank_does_not_have_is_refused(values, words):
+    done = finished('node', *node_arguments(drive='follow', **values))
+    assert_refused(done.returncode, '', done.stderr, words)
+
+
+def test_a_record_needs_no_measurement_but_a_drive(tmp_path):
+    path = tmp_path / 'follow.yaml'
+    path.write_text('/**: {ros__parameters: {mechanism: four_bar, drive: follow, frame: '
+                    '{length: 0.4}, crank: {length: 0.1}, coupler: {length: 0.4}, rocker: '
+                    '{length: 0.3}}}')  # fmt: skip
+    done = finished('record', path, tmp_path / 'out.mcap')
+    assert_refused(
+        done.returncode, done.stdout, done.stderr, 'run linkage_node, or give drive: speed'
+    )
+
+
+@pytest.fixture(scope='module')
+def answered(tmp_path_factory):
+    """300 measurements at 200 Hz, some of them bad, their answers, the log and what was said."""
+    path = tmp_path_factory.mktemp('follow') / 'run.mcap'
+    topics = {
+        ANSWERS: 'sensor_msgs/msg/JointState',
+        '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    }
+    arguments = *node_arguments(drive='follow', log=path, joint_prefix='left_'), *REMAPS
+    with watched(topics, *arguments) as (listener, process):
+        publisher = listener.node.create_publisher(JointState, MEASURED, 1000)
+        wait_for(lambda: publisher.get_subscription_count())
+        wait_for(lambda: listener.received['/diagnostics'])
+        sent, start = [], time.time_ns()
+        for n in range(300):
+            stamp = start + n * 5 * MS
+            velocity = (0.0, 12.0) if n < 150 else ()
+            data = message(
+                stamp, ('arm', 'left_crank'), (0.0, math.remainder(0.06 * n, TURN)), velocity
+            )
+            publisher.publish(data)
+            sent.append((stamp, math.remainder(0.06 * n, TURN), bool(velocity)))
+            if n % 100 == 50:
+                publisher.publish(message(stamp, ('crank',), (0.3,)))
+                publisher.publish(message(stamp - MS, ('left_crank',), (0.3,)))
+                publisher.publish(message(stamp + MS, ('left_crank',), (math.nan,)))
+            time.sleep(0.004)
+        wait_for(lambda: len(listener.received[ANSWERS]) >= 300)
+        heard = len(listener.received['/diagnostics'])
+        wait_for(lambda: len(listener.received['/diagnostics']) > heard + 1)
+        code, output = stop(process)
+        assert code == 0, output
+        diagnosis = deserialize_message(listener.received['/diagnostics'][-1], DiagnosticArray)
+    return sent, listener.received[ANSWERS], logged(path)[1], output, diagnosis
+
+
+def test_each_accepted_measurement_is_answered_once_with_its_stamp(answered):
+    sent, received, messages, output, diagnosis = answered
+    found = [CODEC.decode(data) for data in received]
+    assert [stamp for stamp, _ in found] == [stamp for stamp, *_ in sent]
+    assert [values[0] for _, values in found] == [position for _, position, _ in sent]
+    assert '300 states published' in output
+    assert [message.data for message in messages[ANSWERS]] == received
+    assert len(messages[MEASURED]) == 309
+    values = {one.key: one.value for one in diagnosis.status[0].values}
+    left_out = {key: value for key, value in values.items() if key.startswith('left out')}
+    assert left_out == {f'left out, {cause}': '3' for cause in (NO_CRANK, NOT_NEWER, NOT_FINITE)}
+    assert len(re.findall('is left out: ', output)) <= 6  # once a second at most
+
+
+def test_passive_joints_and_torque_are_those_of_fifty_digits(answered):
+    _, received, *_ = answered
+    mechanism = load('quadrilateral').mechanism
+    oracle = Oracle(mechanism)
+    for data in (received[3], received[149]):
+        _, values = CODEC.decode(data)
+        crank, coupler, rocker, speed, *rates = values[:6]
+        with mp.workdps(40):
+            state = oracle.state(crank, speed, 0.0)
+        assert speed == 12.0
+        relative = math.remainder(float(state.position[1]) - crank, TURN)
+        assert coupler == pytest.approx(relative, abs=1e-12)
+        assert rocker == pytest.approx(float(state.position[2]), abs=1e-12)
+        expected = [float(state.velocity[1]) - speed, float(state.velocity[2])]
+        assert np.allclose(rates, expected, rtol=0, atol=1e-12 * speed)
