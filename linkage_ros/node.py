@@ -23,7 +23,7 @@ from linkage_ros.parameters.configuration import Configuration, configure, prese
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.command_inbox import CommandInbox
-from linkage_ros.ros.measurement_inbox import hear_measurements
+from linkage_ros.ros.measurement_inbox import MeasurementInbox
 from linkage_ros.ros.parameters import (
     ParameterNode,
     check_parameter_files,
@@ -52,12 +52,9 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
 from linkage_ros.wire.topics import (
     DIAGNOSTICS,
-    JOINT_COMMANDS,
-    MEASURED_JOINT_STATES,
     ROBOT_DESCRIPTION,
     Topic,
 )
-from linkage_ros.wire.untrusted_command import LARGEST_COMMAND
 
 # MCAP and Rerun may be missing: they are imported where a log is written and a view opens.
 if TYPE_CHECKING:
@@ -65,8 +62,6 @@ if TYPE_CHECKING:
     from linkage_ros.ros.run_log import RunLog
 
 _NAME = 'linkage_node'
-# What a log holds of what a run hears.
-HEARD = {TorqueDrive: JOINT_COMMANDS, FollowDrive: MEASURED_JOINT_STATES}
 # As ROS's own clocks listen, but a burst is not thinned out.
 _CLOCK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -109,11 +104,10 @@ class LinkageNode(ParameterNode):
         if isinstance(configuration.drive, TorqueDrive):
             crank = self._machine.joints[0]
             self._inbox = CommandInbox(self, configuration.drive, crank)
-        self._measured: MeasuredCrank | None = None
-        if isinstance(configuration.drive, FollowDrive):
-            crank = self._machine.joints[0]
-            self._measured = MeasuredCrank(configuration.drive, self._machine.solver, crank)
-            hear_measurements(self, self._hear_measurement)
+        self._measurements: MeasurementInbox | None = None
+        if isinstance(self._ticker, MeasurementTicker):
+            measured = MeasuredCrank(self._machine)
+            self._measurements = MeasurementInbox(self, measured, self._ticker)
         self.get_logger().info(preset_note(given) + summary(configuration, self._machine.solver))
         await_listeners([self._outputs[topic.name] for topic in self._machine.topics])
         freeze_heap()
@@ -167,14 +161,13 @@ class LinkageNode(ParameterNode):
     def _open_log(self, configuration: Configuration) -> RunLog:
         from linkage_ros.ros.run_log import RunLog
 
-        heard = [HEARD[kind] for kind in HEARD if isinstance(configuration.drive, kind)]
-        topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *heard)
+        topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
         return RunLog(self, configuration, topics)
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
         callbacks = Callbacks(self._tick, self._restamp, self._fail)
         if isinstance(self._drive, FollowDrive):
-            return MeasurementTicker(self._machine, callbacks)
+            return MeasurementTicker(self._machine, callbacks, self._answer)
         if not simulated:
             return RealTimeTicker(self._machine, callbacks)
         ticker = SimTimeTicker(self._machine, callbacks)
@@ -199,30 +192,18 @@ class LinkageNode(ParameterNode):
         if self._inbox and isinstance(motion, TorqueMotion):
             for came, command in self._inbox.fetch():
                 if self._log is not None:
-                    self._log.write(came, [(JOINT_COMMANDS, command)])
+                    self._log.write_heard(came, command)
             motion.command(stamp, self._inbox.commands.torque())
         self._show(self._machine.snapshot_at(motion, stamp))
 
-    def _hear_measurement(self, data: bytes) -> None:
-        """Takes a measurement of the crank, in the executor's thread."""
-        if isinstance(self._ticker, MeasurementTicker):
-            self._ticker.hear(lambda: self._answer(data))
-
-    def _answer(self, data: bytes) -> bool:
-        """Answers a measurement; returns whether it did not have to be left out."""
-        if self._measured is None:
-            return False
-        came, before = time.time_ns(), self._measured.left_out.copy()
-        if self._log is not None and len(data) <= LARGEST_COMMAND:
-            self._log.write(came, [(MEASURED_JOINT_STATES, data)])
-        heard = self._measured.hear(data, came)
-        if heard is None:
-            (cause,) = self._measured.left_out - before
-            words = f'a message on {MEASURED_JOINT_STATES.name} is left out: {cause}'
-            self.get_logger().warning(words, throttle_duration_sec=1.0)
-            return False
-        self._show(self._machine.snapshot_measured(*heard))
-        return True
+    def _answer(self, came: int, data: bytes) -> bool:
+        """Answers a measurement, in the executor's thread; returns whether it counts."""
+        if self._log is not None:
+            self._log.write_heard(came, data)
+        heard = self._measurements.take(came, data) if self._measurements else None
+        if heard is not None:
+            self._show(self._machine.snapshot_measured(*heard))
+        return heard is not None
 
     def _show(self, snapshot: Snapshot) -> None:
         """Publishes, logs and shows a state."""
@@ -291,13 +272,8 @@ class LinkageNode(ParameterNode):
             'driving torque, N m': f'{self._state.torque:.6g}',
             'loop residual, m': f'{residual:.3g}',
             **(self._inbox.commands.figures() if self._inbox else {}),
-            **self._left_out(),
+            **(self._measurements.figures() if self._measurements else {}),
         }
-
-    def _left_out(self) -> dict[str, str]:
-        """Measurements that were left out, by cause."""
-        counts = self._measured.left_out if self._measured else {}
-        return {f'left out, {cause}': str(count) for cause, count in counts.items()}
 
     def _fail(self, error: BaseException) -> None:
         known = isinstance(error, LinkageError)

@@ -21,13 +21,16 @@ from xml.etree import ElementTree as ET
 import pytest
 import yaml
 from ros_harness import Listener, environment, fresh_domain, running, wait_for
+from sensor_msgs.msg import JointState
 from test_node import stop
 
 from linkage_ros import ConfigurationError
 from linkage_ros.parameters.configuration import configure
 
 ROOT = Path(__file__).resolve().parents[1]
-DEMO, CONTROLLER = ROOT / 'launch' / 'demo.launch.py', ROOT / 'launch' / 'controller.launch.py'
+DEMO, CONTROLLER, FOLLOW = (
+    ROOT / 'launch' / f'{name}.launch.py' for name in ('demo', 'controller', 'follow')
+)
 # Each argument that the task of these files needs; frame_prefix is for robot_state_publisher.
 COMMON = {'rpm', 'namespace', 'use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer'}
 OWN = """
@@ -98,14 +101,16 @@ def values_of(node):
 
 def ros_arguments(node):
     """The command line that launch_ros makes of a node."""
-    return ['--ros-args', '-r', f'__ns:=/{node.namespace}', '--params-file', *node.parameters]
+    remaps = (word for pair in node.remappings or () for word in ('-r', ':='.join(pair)))
+    namespace = f'__ns:=/{node.namespace}'
+    return ['--ros-args', '-r', namespace, *remaps, '--params-file', *node.parameters]
 
 
-@pytest.mark.parametrize('file', [DEMO, CONTROLLER], ids=lambda path: path.name)
+@pytest.mark.parametrize('file', [DEMO, CONTROLLER, FOLLOW], ids=lambda path: path.name)
 def test_every_argument_is_declared_with_a_meaning(file, launched):
     *declared, _ = runpy.run_path(file)['generate_launch_description']().positional[0]
     names = {action.positional[0] for action in declared if action.description}
-    assert names >= COMMON
+    assert names >= (COMMON - {'rpm'} if file == FOLLOW else COMMON)
     assert len(names) == len(declared)
     assert ('frame_prefix' in names) == (file == DEMO)
 
@@ -214,7 +219,7 @@ def test_without_a_frame_prefix_rviz_gets_the_installed_file(launched):
     assert Path(nodes['rviz2'].arguments[1]) == ROOT / 'rviz' / 'linkage.rviz'
 
 
-@pytest.mark.parametrize('file', [DEMO, CONTROLLER], ids=lambda path: path.name)
+@pytest.mark.parametrize('file', [DEMO, CONTROLLER, FOLLOW], ids=lambda path: path.name)
 def test_the_launch_ends_with_each_node_and_fails_if_it_failed(file, launched):
     nodes, _ = launched(file)
     for name, node in nodes.items():
@@ -256,6 +261,23 @@ def test_controller_and_plant_take_what_their_launch_file_gives_them(launched):
         codes = stop(other)[0], stop(node)[0]
     assert codes == (0, 0)
     assert b'l_crank\0' in heard.received[topic][0]
+
+
+def test_a_node_that_follows_takes_what_its_launch_file_gives_it(launched):
+    """A preset says how its crank turns; what a measured crank does not have is left out."""
+    nodes, _ = launched(FOLLOW, params='quadrilateral', namespace='left', follow_bandwidth='7')
+    domain, topic = fresh_domain(), '/left/linkage/joint_states'
+    with (
+        Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as heard,
+        running('node', *ros_arguments(nodes['linkage_node']), domain=domain) as node,
+    ):
+        robot = heard.node.create_publisher(JointState, '/joint_states', 10)
+        wait_for(lambda: robot.get_subscription_count())
+        wait_for(lambda: robot.publish(JointState(name=['crank'], position=[0.5]))
+                 or heard.received[topic])  # fmt: skip
+        code, output = stop(node)
+    assert code == 0, output
+    assert 'follows a measured crank, filter of 7 Hz' in output
 
 
 # ---------------------------------------------------------------- the real command line

@@ -4,34 +4,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.run.measured_crank import MeasuredCrank
+from linkage_ros.run.ticker import MeasurementTicker
 from linkage_ros.wire.topics import JOINT_STATES, MEASURED_JOINT_STATES
 
 # Best effort hears every publisher, whatever its quality of service.
 _QOS = QoSProfile(depth=MEASURED_JOINT_STATES.depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def hear_measurements(node: Node, take: Callable[[bytes], None]) -> None:
-    """Subscribes to measured_joint_states.
+class MeasurementInbox:
+    """Hears the measurements, and has each one answered, in the executor's thread."""
 
-    Args:
-        node: The node.
-        take: Called with the CDR bytes of each message, in the executor's thread.
+    def __init__(self, node: Node, measured: MeasuredCrank, ticker: MeasurementTicker) -> None:
+        """Subscribes.
 
-    Raises:
-        ConfigurationError: The node publishes on that topic: it would answer itself for ever.
-    """
-    topics = JOINT_STATES, MEASURED_JOINT_STATES
-    ours, measured = (node.resolve_topic_name(topic.name) for topic in topics)
-    if ours == measured:
-        raise ConfigurationError(
-            f'measured_joint_states and joint_states are one topic, {ours}: the node would answer '
-            'itself; give its own another name, -r joint_states:=linkage/joint_states'
+        Args:
+            node: The node.
+            measured: Takes the messages.
+            ticker: Makes a tick of each.
+
+        Raises:
+            ConfigurationError: The node publishes on that topic: it would answer itself for ever.
+        """
+        topics = JOINT_STATES, MEASURED_JOINT_STATES
+        ours, theirs = (node.resolve_topic_name(topic.name) for topic in topics)
+        if ours == theirs:
+            raise ConfigurationError(
+                f'measured_joint_states and joint_states are one topic, {ours}: the node would '
+                'answer itself; give its own another name, -r joint_states:=linkage/joint_states'
+            )
+        self._measured, self._ticker, self._logger = measured, ticker, node.get_logger()
+        self._topic = theirs
+        node.create_subscription(
+            JointState, MEASURED_JOINT_STATES.name, self._hear, _QOS, raw=True
         )
-    node.create_subscription(JointState, MEASURED_JOINT_STATES.name, take, _QOS, raw=True)
+
+    def _hear(self, data: bytes) -> None:
+        came = time.time_ns()
+        self._ticker.hear(came, data)
+
+    def take(self, came: int, data: bytes) -> tuple[int, Coordinates] | None:
+        """Takes a message.
+
+        Args:
+            came: When it came, ns.
+            data: Its CDR bytes.
+
+        Returns:
+            Stamp, ns, and crank; None: it is left out, counted and said.
+        """
+        before = self._measured.left_out.copy()
+        heard = self._measured.hear(data, came)
+        if heard is None:
+            (cause,) = self._measured.left_out - before
+            words = f'a message on {self._topic} is left out: {cause}'
+            self._logger.warning(words, throttle_duration_sec=1.0)
+        return heard
+
+    def figures(self) -> dict[str, str]:
+        """What was left out by cause, for diagnostics."""
+        counts = self._measured.left_out.items()
+        return {f'left out, {cause}': str(count) for cause, count in counts}

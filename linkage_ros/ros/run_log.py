@@ -10,11 +10,13 @@ from rclpy.node import Node
 
 from linkage_ros import cli
 from linkage_ros.log.writer import LogItem, LogWriter
+from linkage_ros.motion.drives import Drive, FollowDrive, TorqueDrive
 from linkage_ros.motion.segments import Segment
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.run.health import Health
 from linkage_ros.run.worker import Worker
-from linkage_ros.wire.topics import Topic
+from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
+from linkage_ros.wire.untrusted_command import LARGEST_COMMAND
 
 # Items that wait for a stalled disk: half a minute's at 1 kHz with four topics.
 _CAPACITY = 120_000
@@ -34,17 +36,17 @@ class RunLog:
         Args:
             node: Says how it ends.
             configuration: Configuration of the run.
-            topics: Those that are logged.
+            topics: Those that it publishes; what it hears is logged too.
 
         Raises:
             LogError: The file cannot be created.
         """
         session = configuration.session
-        self._node, self._path = node, session.log
+        self._node, self._path, self._drive = node, session.log, configuration.drive
         log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
         self._channels = {
             topic.name: log.add_topic(topic, node.resolve_topic_name(topic.name))
-            for topic in topics
+            for topic in (*topics, *heard_topics(configuration.drive))
         }
         # A disk that is slow to keep things must not hold up the flushes.
         self._sync: Worker[None] = Worker(
@@ -63,6 +65,17 @@ class RunLog:
         """
         items = [(self._channels[topic.name], stamp, data) for topic, data in messages]
         self._worker.offer(*items)
+
+    def write_heard(self, came: int, data: bytes) -> None:
+        """Logs a message that the run heard: a command, or a measurement.
+
+        Args:
+            came: When it came, ns.
+            data: CDR bytes; megabytes are left out, they would be a log's largest chunk.
+        """
+        (topic,) = heard_topics(self._drive)
+        if len(data) <= LARGEST_COMMAND:
+            self.write(came, [(topic, data)])
 
     def write_motion(self, segment: Segment) -> None:
         """Logs a segment of motion."""
@@ -93,3 +106,9 @@ class RunLog:
         if self._worker.error is None:  # else it was said that the log has ended
             words = f'the log goes on, but may not outlive a power cut: {error}'
             self._node.get_logger().error(words)
+
+
+def heard_topics(drive: Drive) -> list[Topic]:
+    """What a run under a drive hears."""
+    topics = {TorqueDrive: JOINT_COMMANDS, FollowDrive: MEASURED_JOINT_STATES}
+    return [topic for kind, topic in topics.items() if isinstance(drive, kind)]

@@ -5,12 +5,13 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import UnreachableError
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import FollowMotion, Measurement
+from linkage_ros.run.machine import Machine
 from linkage_ros.wire.untrusted_command import decode_joint_state
 
 NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'
@@ -23,15 +24,14 @@ class MeasuredCrank:
         left_out: How many were left out, by cause.
     """
 
-    def __init__(self, drive: FollowDrive, solver: Solver, crank: str) -> None:
+    def __init__(self, machine: Machine) -> None:
         """Waits for a message.
 
         Args:
-            drive: The settings.
-            solver: Solver of the mechanism.
-            crank: Name of the crank's joint.
+            machine: Machine of a configuration with `drive: follow`.
         """
-        self._motion, self._solver, self._crank = FollowMotion(drive), solver, crank
+        self._motion = FollowMotion(cast('FollowDrive', machine.configuration.drive))
+        self._solver, self._crank = machine.solver, machine.joints[0]
         self.left_out = self._motion.left_out
 
     def hear(self, data: bytes, came: int) -> tuple[int, Coordinates] | None:

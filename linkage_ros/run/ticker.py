@@ -196,9 +196,18 @@ def _clock_offset() -> int:
 class MeasurementTicker(Ticker):
     """Makes a tick for each measurement that is heard."""
 
-    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
+    def __init__(
+        self, machine: Machine, callbacks: Callbacks, answer: Callable[[int, bytes], bool]
+    ) -> None:
+        """Prepares the ticks.
+
+        Args:
+            machine: As for every ticker.
+            callbacks: What to call; no tick, but `answer` is called.
+            answer: Called with when a message came, ns, and its bytes; returns whether it counts.
+        """
         super().__init__(machine, callbacks)
-        self._is_running = False
+        self._is_running, self._answer = False, answer
 
     def start(self) -> None:
         """Lets measurements make ticks."""
@@ -208,17 +217,18 @@ class MeasurementTicker(Ticker):
         """Lets them make none from now on."""
         self._is_running = False
 
-    def hear(self, answer: Callable[[], bool]) -> None:
+    def hear(self, came: int, data: bytes) -> None:
         """Makes the tick of a measurement; only one thread may do so.
 
         Args:
-            answer: Answers it, and returns whether it did.
+            came: When it came, ns.
+            data: CDR bytes of the message.
         """
         if self._is_running and self.error is None:
-            self._guard(self._count, answer)
+            self._guard(self._count, came, data)
 
-    def _count(self, answer: Callable[[], bool]) -> None:
-        self.counts.kept += answer()
+    def _count(self, came: int, data: bytes) -> None:
+        self.counts.kept += self._answer(came, data)
 
 
 class SimTimeTicker(Ticker):
