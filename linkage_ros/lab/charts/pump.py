@@ -7,32 +7,43 @@ from __future__ import annotations
 import itertools
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import blended_transform_factory
 
-from linkage_ros.lab.charts.page import Shade
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.lab.pump.periodic import PeriodicMotion
-from linkage_ros.lab.pump.pump import Analysis
-from linkage_ros.lab.pump.states_table import states_table
+from linkage_ros.lab.pump.analysis import Analysis, states_table
+from linkage_ros.lab.pump.branch import END, Piece, SteadyState, bistable_ranges
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 
-# Stable states by growing speed; the unstable are grey and dashed.
+# Stable pieces of the load curve by growing speed; the unstable are grey and dashed.
 _STABLE = tuple(
     map(fractions, (FIRST, SECOND, mixed(FIRST, BLACK, 0.6), mixed(SECOND, BLACK, 0.6)))
 )
 _UNSTABLE, _MOTOR, _REST = map(fractions, (DARK, BLACK, GREY))
 _PARTS = 256  # of a turn
-_QUANTITIES = (('speed', 'Mean crank speed w, rad/s'), ('stroke', 'Stroke s, m'),
-               ('flow', 'Flow s w, m/s'))  # fmt: skip
+_LABELS = {
+    'speed': 'Mean crank speed w, rad/s',
+    'load': 'Mean torque on the crank, N m',
+    'torque': "Motor's torque at rest M0, N m",
+    'stroke': 'Stroke s, m',
+    'flow': 'Flow s w, m/s',
+}
+_AVERAGED = 'averaged, one harmonic'
+_DOTS: dict[str, Any] = {'color': _MOTOR, 'linestyle': ':'}
+_STYLE: dict[Any, Any] = {
+    'axes.titlesize': TEXT, 'axes.labelsize': TEXT, 'legend.fontsize': SMALL,
+    'axes.grid': True, 'grid.color': '0.9', 'grid.linewidth': 0.6, 'axes.axisbelow': True,
+}  # fmt: skip
+_Colors: TypeAlias = dict[Piece, tuple[float, float, float]]
 
 
 def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
-    """Draws settled motions, how they are reached, and how they depend on the motor's torque.
+    """Draws steady states, how they are reached, and how they depend on the motor's torque.
 
     Args:
         analysis: Analysis of a pump.
@@ -42,24 +53,18 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
     Raises:
         OSError: The picture cannot be written.
     """
+    stable = itertools.cycle(_STABLE)
+    colors = {piece: next(stable) if piece.stable else _UNSTABLE for piece in analysis.pieces}
     figure = Figure(figsize=(WIDTH, 13.0), dpi=DPI, layout='constrained')
     figure.suptitle(title, fontsize=TITLE)
     cells = figure.add_gridspec(4, 2, height_ratios=(1, 1, 1, 0.29))
-    plane, runs, load, *others = (figure.add_subplot(cells[i // 2, i % 2]) for i in range(6))
-    for axes in (plane, runs, load, *others):
-        axes.grid(color='0.9', linewidth=0.6)
-        axes.set_axisbelow(True)
-    stable = itertools.cycle(_STABLE)
-    colors = [next(stable) if state.stable else _UNSTABLE for state in analysis.states]
-    _draw_phase_plane(plane, analysis, colors)
-    _draw_runs(runs, analysis, colors)
-    _draw_load_curve(load, analysis, colors)
-    for axes, (quantity, words) in zip(others, _QUANTITIES, strict=True):
-        _draw_over_torque(axes, analysis, colors, quantity)
-        _label(axes, "Motor's torque at rest M0, N m", words)
-    ranges = analysis.branch.bistable_ranges()
-    two = ', '.join(f'{one.low:.4g} to {one.high:.4g} N m' for one in ranges)
-    others[0].set_title(f'Two stable states: {two or "nowhere here"}', fontsize=TEXT)
+    with rc_context(_STYLE):
+        plane, runs, load, *others = (figure.add_subplot(cells[i // 2, i % 2]) for i in range(6))
+        _draw_phase_plane(plane, analysis, colors)
+        _draw_runs(runs, analysis, colors)
+        _draw_load_curve(load, analysis, colors)
+        for axes, quantity in zip(others, ('speed', 'stroke', 'flow'), strict=True):
+            _draw_over_torque(axes, analysis, colors, quantity)
     table = figure.add_subplot(cells[3, :])
     table.axis('off')
     numbers = table.text(
@@ -71,120 +76,107 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
     figure.savefig(path)
 
 
-def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None:
-    """The slider's settled motions, exact and averaged."""
-    axes.set_title('Settled motions', fontsize=TEXT)
-    for state, color in zip(analysis.states, colors, strict=True):
-        course = analysis.poincare.orbit(np.array([state.point]).T, state.torque, _PARTS)[..., 0]
-        line = '-' if state.stable else '--'
-        axes.plot(course[0], course[1], line, color=color, linewidth=2.2, label=_name(state))
-        axes.plot(*state.point[:2], **_mark(state, color))
-    angle = np.linspace(0, 2 * math.pi, _PARTS)
-    for number, one in enumerate(analysis.averaged_states):
-        axes.plot(
-            one.mean + one.cosine * np.cos(angle) + one.sine * np.sin(angle),
-            one.speed * (one.sine * np.cos(angle) - one.cosine * np.sin(angle)),
-            ':', color=_MOTOR, linewidth=1.8, label='' if number else 'averaged, one harmonic',
-        )  # fmt: skip
-    _label(axes, 'Slider position xD, m', "Slider velocity xD', m/s")
-    if analysis.states:
-        # Below the panel it hides nothing.
-        axes.legend(
-            fontsize=SMALL, ncols=2, frameon=False, columnspacing=1.2, loc='upper center',
-            bbox_to_anchor=(0.5, -0.16), borderpad=0,
-        )  # fmt: skip
-    else:
-        words = 'no settled motion found'
-        axes.text(0.5, 0.5, words, ha='center', transform=axes.transAxes, fontsize=TEXT)
+def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
+    """The slider's motions in the steady states, exact and averaged."""
+    angles = np.linspace(0, 2 * math.pi, _PARTS + 1)
+    for state in analysis.states:
+        x, _, v = state.motion.at(angles)
+        axes.plot(x, v, linewidth=2.2, label=_name(state), **_line(colors, state.piece))
+        axes.plot(x[0], v[0], **_mark(colors, state))
+    for number, state in enumerate(analysis.averaged_states):
+        x, _, v = state.motion.at(angles)
+        axes.plot(x, v, linewidth=1.8, label=_AVERAGED if not number else '', **_DOTS)
+    axes.set(
+        title='Settled motions',
+        xlabel='Slider position xD, m', ylabel="Slider velocity xD', m/s",
+    )  # fmt: skip
+    # Below the panel it hides nothing.
+    axes.legend(
+        *axes.get_legend_handles_labels(), ncols=2, frameon=False, columnspacing=1.2,
+        loc='upper center', bbox_to_anchor=(0.5, -0.16), borderpad=0,
+    )  # fmt: skip
 
 
-def _draw_runs(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None:
+def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     """The crank speed of single runs over time."""
-    axes.set_title('Crank speed from single starts', fontsize=TEXT)
-    for run, end in zip(analysis.runs, analysis.ends, strict=True):
-        color = _REST if end is None else colors[end]
+    for run in analysis.runs:
+        color = _REST if run.state is None else colors[analysis.states[run.state].piece]
         axes.plot(run.times, run.speeds, '-', color=color, linewidth=0.7)
         if run.ended:
             axes.plot(run.times[-1], run.speeds[-1], 'X', color='black', markersize=9)
     for state in analysis.states:
-        line = '-' if state.stable else '--'
-        axes.axhline(state.speed, color='black', linewidth=1, linestyle=line)
+        line = '-' if state.motion.stable else '--'
+        axes.axhline(state.motion.speed, color='black', linewidth=1, linestyle=line)
         axes.annotate(
-            _name(state), (0.98, state.speed), xycoords=('axes fraction', 'data'), ha='right',
-            xytext=(0, 9), textcoords='offset points', fontsize=SMALL,
+            _name(state), (0.98, state.motion.speed), xycoords=('axes fraction', 'data'),
+            ha='right', xytext=(0, 9), textcoords='offset points', fontsize=SMALL,
             color='0.2', weight='bold',
         )  # fmt: skip
     axes.margins(y=0.1)
-    axes.set_xlim(0, None)
-    _label(axes, 'Time, s', "Crank speed phi1', rad/s")
+    axes.set(
+        title='Crank speed from single starts', xlim=(0, None),
+        xlabel='Time, s', ylabel="Crank speed phi1', rad/s",
+    )  # fmt: skip
 
 
-def _draw_load_curve(axes: Axes, analysis: Analysis, colors: list[Shade]) -> None:
+def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     """The mean torque that the motions take over their speed, and where the motor gives it."""
-    axes.set_title('Load curve and motor line', fontsize=TEXT)
-    motor = analysis.motor
-    for number, stretch in enumerate(analysis.averaged):
-        axes.plot(
-            [one.speed for one in stretch], [one.load for one in stretch], ':', color=_MOTOR,
-            linewidth=2.2, zorder=4, label='' if number else 'averaged, one harmonic',
-        )  # fmt: skip
-    for motions, stable in analysis.branch.pieces:
-        speed, load = np.array([(m.speed, m.torque - motor.damping * m.speed) for m in motions]).T
-        axes.plot(speed, load, linewidth=2.2, **_line(analysis, colors, motions, stable=stable))
-    top = max((one.speed for stretch in analysis.averaged for one in stretch), default=1.0)
-    look: dict[str, Any] = {'color': _MOTOR, 'linewidth': 1.4}
-    lines = [('motor', motor.torque, look)]
-    for kind, motion in analysis.branch.boundaries:
-        lines.append((kind, motion.torque, {'color': _REST, 'linewidth': 1, 'linestyle': '-.'}))
+    motor, top = analysis.motor, 1.0
+    for number, piece in enumerate(analysis.averaged):
+        top = max(top, piece.motions[-1].speed)
+        rows = np.array([(one.speed, one.load) for one in piece.motions]).T
+        label = _AVERAGED if not number else ''
+        axes.plot(*rows, linewidth=2.2, zorder=4, label=label, **_DOTS)
+    style: dict[str, Any] = {'color': _MOTOR, 'linewidth': 1.4}
+    lines = [('motor', motor.torque, style)]
+    for piece in analysis.pieces:
+        if piece.ends_at != END:
+            style = {'color': _REST, 'linewidth': 1, 'linestyle': '-.'}
+            lines.append((piece.ends_at, piece.motions[-1].torque, style))
     for name, torque, style in lines:
         label = f'{name}, M0 = {torque:.4g} N m'
         axes.plot((0.0, top), (torque, torque - motor.damping * top), label=label, **style)
-    for state, color in zip(analysis.states, colors, strict=True):
-        axes.plot(state.speed, state.torque - motor.damping * state.speed, **_mark(state, color))
-    axes.set_xlim(0, top)
-    axes.set_ylim(0, None)
-    axes.legend(fontsize=SMALL)
-    _label(axes, 'Mean crank speed w, rad/s', 'Mean torque on the crank, N m')
+    _draw_branch(axes, analysis, colors, 'speed', 'load')
+    axes.set(title='Load curve and motor line', xlim=(0, top))
+    axes.legend()
 
 
-def _draw_over_torque(axes: Axes, analysis: Analysis, colors: list[Shade], quantity: str) -> None:
+def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity: str) -> None:
     """Speed, stroke or flow over the motor's torque."""
-    for motions, stable in analysis.branch.pieces:
-        torques, values = np.array([(m.torque, getattr(m, quantity)) for m in motions]).T
-        axes.plot(torques, values, linewidth=2, **_line(analysis, colors, motions, stable=stable))
-    for one in analysis.branch.bistable_ranges():
-        axes.axvspan(one.low, one.high, color='0.94', zorder=0)
-    for state, color in zip(analysis.states, colors, strict=True):
-        axes.plot(state.torque, getattr(state, quantity), **_mark(state, color))
+    ranges = bistable_ranges(analysis.pieces)
+    for one in ranges:
+        axes.axvspan(one['low'], one['high'], color='0.94', zorder=0)
     axes.axvline(analysis.motor.torque, color=_MOTOR, linewidth=1)
-    axes.set_xlim(0, None)
-    axes.set_ylim(0, None)
+    _draw_branch(axes, analysis, colors, 'torque', quantity)
+    if quantity == 'speed':
+        two = ', '.join(f'{one["low"]:.4g} to {one["high"]:.4g} N m' for one in ranges)
+        axes.set_title(f'Two stable states: {two or "nowhere here"}')
 
 
-def _line(
-    analysis: Analysis, colors: list[Shade], motions: list[PeriodicMotion], *, stable: bool
-) -> dict[str, Any]:
-    """The line of a piece of the branch, in the colour of its state."""
-    color = _REST if stable else _UNSTABLE
-    for state, own in zip(analysis.states, colors, strict=True):
-        if stable and motions[0].speed <= state.speed <= motions[-1].speed:
-            color = own
-    return {'color': color, 'linestyle': '-' if stable else '--'}
+def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str) -> None:
+    """A quantity of all motions over another, and the states."""
+    for piece in analysis.pieces:
+        rows = np.array([(getattr(one, x), getattr(one, y)) for one in piece.motions]).T
+        axes.plot(*rows, linewidth=2.2, **_line(colors, piece))
+    for state in analysis.states:
+        place = getattr(state.motion, x), getattr(state.motion, y)
+        axes.plot(*place, **_mark(colors, state))
+    axes.set(xlim=(0, None), ylim=(0, None), xlabel=_LABELS[x], ylabel=_LABELS[y])
 
 
-def _mark(state: PeriodicMotion, color: Shade) -> dict[str, Any]:
+def _line(colors: _Colors, piece: Piece) -> dict[str, Any]:
+    return {'color': colors[piece], 'linestyle': '-' if piece.stable else '--'}
+
+
+def _mark(colors: _Colors, state: SteadyState) -> dict[str, Any]:
     """A filled mark for a stable state, a hollow one for an unstable one."""
+    color, stable = colors[state.piece], state.motion.stable
     return {
         'marker': 'o', 'markersize': 9, 'linestyle': 'none', 'markeredgewidth': 1.8,
-        'markeredgecolor': 'black' if state.stable else color, 'zorder': 6,
-        'markerfacecolor': color if state.stable else 'white',
+        'markeredgecolor': 'black' if stable else color, 'zorder': 6,
+        'markerfacecolor': color if stable else 'white',
     }  # fmt: skip
 
 
-def _name(state: PeriodicMotion) -> str:
-    return f'{state.speed:.4g} rad/s{"" if state.stable else ", unstable"}'
-
-
-def _label(axes: Axes, x: str, y: str) -> None:
-    axes.set_xlabel(x, fontsize=TEXT)
-    axes.set_ylabel(y, fontsize=TEXT)
+def _name(state: SteadyState) -> str:
+    return f'{state.motion.speed:.4g} rad/s{"" if state.motion.stable else ", unstable"}'

@@ -5,13 +5,18 @@
 from __future__ import annotations
 
 import argparse
+import math
 from typing import cast
 
-from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod
+import numpy as np
+
+from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod, mean
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.commands.output import folder, progress, save_table
+from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
+from linkage_ros.lab.pump.runs import settle
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
@@ -85,8 +90,6 @@ def _settled(
     Raises:
         ConfigurationError: It does not settle, or options ask for what it does not have.
     """
-    from linkage_ros.lab.pump.settled import SettledTurn
-
     for flag, given in (
         ('--acceleration', options.acceleration),
         ('--reactions', options.reactions),
@@ -104,5 +107,22 @@ def _settled(
             'left to its motor; try --rpm 20'
         )
     speed = radians_per_second(rpm)
-    turn = SettledTurn(mechanism, motor, speed, progress)
-    return turn, ['', motor_line(motor), f'from {speed:.4g} rad/s', *turn.words()]
+    settled = settle(mechanism, motor, speed, progress)
+    low, high = settled.extremes
+    words = [
+        '', motor_line(motor), f'from {speed:.4g} rad/s', f'settled at {settled.speed:.4g} rad/s',
+        f'stroke {settled.stroke:.4g} m ({low:.4g} to {high:.4g} m)',
+        f'flow (stroke x speed) {settled.flow:.4g} m/s',
+    ]  # fmt: skip
+    return settled_turn(settled), words
+
+
+def settled_turn(motion: PeriodicMotion) -> Period:
+    """A turn of a steady state, 0.5 deg by 0.5 deg."""
+    crank = np.linspace(0, 2 * math.pi, 721)
+    position, rate, velocity = motion.at(crank)
+    torque = motion.torque - motion.damping * rate
+    q, u = (crank, position), (rate, velocity)
+    state = motion.solver.state(q, u, motion.solver.accelerations(q, u, torque))
+    power = mean(crank, torque) * motion.speed
+    return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)

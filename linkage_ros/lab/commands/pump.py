@@ -25,8 +25,7 @@ def pump(options: argparse.Namespace) -> None:
         ConfigurationError: It is no wind pump, or the folder cannot be written.
     """
     from linkage_ros.lab.charts.pump import draw_pump
-    from linkage_ros.lab.pump.pump import analyse
-    from linkage_ros.lab.pump.states_table import states_table
+    from linkage_ros.lab.pump.analysis import analyse, states_table
 
     configuration = load(options.params)
     mechanism, drive = configuration.mechanism, configuration.drive

@@ -1,199 +1,179 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The settled motions over the mean speed, where they become unstable, and what a motor keeps up.
+"""The periodic motions over the mean crank speed, and where they lose their stability.
 
 Averaged over time, the motor's torque M0 - m phi1' is M0 - m w, w the mean speed. So M0(w) - m w
-is the load that the settled motion at w puts on the motor, the load curve, and its crossings with
-the motor's line are the motor's states. Followed over the speed, the curve passes its folds.
+is the load of the motion at w: the load curve. Its crossings with the motor's line are the
+steady states. Followed over the speed, the curve passes its folds.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
+from scipy import optimize
 
-from linkage_ros.lab.pump.averaging import Averaged
-from linkage_ros.lab.pump.boundaries import Boundary, find_boundaries
-from linkage_ros.lab.pump.periodic import PeriodicMotion, Wanted, find_motions
-from linkage_ros.lab.pump.poincare import PoincareMap
+from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
+from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.numeric import Array
 
+# How stability is lost, by the largest multiplier: 1 (two motions merge), -1, or a complex pair.
+FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
 END = 'end of the scan'
-_TOGETHER = 45  # motions whose turns are followed at once
+_ROUNDING = 1e-9  # of a speed
 
 
-class BranchPiece(NamedTuple):
-    """Settled motions without a change of stability or a gap.
+@dataclass(eq=False)
+class Piece:
+    """A piece of the load curve without a change of stability.
 
     Attributes:
-        motions: By growing speed, with the boundaries at the ends.
-        stable: Whether they are.
+        motions: By growing speed.
+        begins_at: FOLD, PERIOD_DOUBLING, TORUS or END.
+        ends_at: Likewise.
     """
 
     motions: list[PeriodicMotion]
-    stable: bool
+    begins_at: str = END
+    ends_at: str = END
+
+    @property
+    def stable(self) -> bool:
+        """Whether its motions are stable; at its ends they may be neither."""
+        return self.motions[len(self.motions) // 2].stable
 
 
-class SettledState(NamedTuple):
-    """A settled motion that a motor keeps up.
+class SteadyState(NamedTuple):
+    """A motion that a motor keeps up.
 
     Attributes:
         motion: The motion.
-        piece: Number of the piece of the branch: those of one stable piece are the same state.
+        piece: The piece of the load curve in which it lies.
     """
 
     motion: PeriodicMotion
-    piece: int
+    piece: Piece
 
 
-class BistableRange(NamedTuple):
-    """Torques of the motor, N m, for which two stable states exist, or more.
-
-    Attributes:
-        low: Least.
-        high: Largest.
-        low_is: What ends it: the kind of a boundary, or END, of the speeds that were looked at.
-        high_is: Likewise.
-    """
-
-    low: float
-    high: float
-    low_is: str
-    high_is: str
-
-
-@dataclass(frozen=True)
-class Branch:
-    """Settled motions over the mean speed.
-
-    Attributes:
-        stretches: By growing speed, without a gap within a stretch.
-        boundaries: Between stable and unstable ones.
-    """
-
-    stretches: tuple[tuple[PeriodicMotion, ...], ...]
-    boundaries: tuple[Boundary, ...]
-
-    @property
-    def pieces(self) -> list[BranchPiece]:
-        """The motions of each stretch between boundaries."""
-        ends = {boundary.motion for boundary in self.boundaries}
-        pieces: list[BranchPiece] = []
-        for stretch in self.stretches:
-            low, high = stretch[0].speed, stretch[-1].speed
-            inner = {motion for motion in ends if low < motion.speed < high}
-            pieces.append(BranchPiece([], stretch[0].stable))
-            for motion in sorted((*stretch, *inner), key=lambda motion: motion.speed):
-                pieces[-1].motions.append(motion)
-                if motion in inner:
-                    pieces.append(BranchPiece([motion], not pieces[-1].stable))
-        return pieces
-
-    def bistable_ranges(self) -> list[BistableRange]:
-        """The torques for which two stable states exist, or more.
-
-        Along a stable piece the torque grows with the speed, so that each has one state there.
-        """
-        kinds = {boundary.motion: boundary.kind for boundary in self.boundaries}
-        ends = [
-            (motion.torque, change, kinds.get(motion, END))
-            for motions, stable in self.pieces
-            if stable
-            for motion, change in ((motions[0], 1), (motions[-1], -1))
-        ]
-        found, exist = [], 0
-        for one, other in itertools.pairwise(sorted(ends)):
-            exist += one[1]
-            if exist >= 2:
-                found.append(BistableRange(one[0], other[0], one[2], other[2]))
-        return found
-
-
-def follow_branch(
-    poincare: PoincareMap,
-    averaged: Sequence[Sequence[Averaged]],
-    progress: Callable[[Iterable[Any], str], Any],
-) -> Branch:
-    """Finds the settled motions at the speeds of averaged ones, and the boundaries.
+def steady_states(
+    balance: HarmonicBalance, found: Sequence[Piece], torque: float
+) -> list[SteadyState]:
+    """The motions at a torque of the motor.
 
     Args:
-        poincare: The Poincare map.
-        averaged: By growing speed, in stretches; Newton's method begins with them.
-        progress: Wraps what is gone through, with a word for it.
+        balance: The equations.
+        found: The pieces of the load curve.
+        torque: Torque of the motor at rest, N m.
 
     Returns:
-        The branch; without the motions that are not found.
+        The states by growing speed.
     """
-    flat = [one.unknowns(poincare.damping) for one in itertools.chain(*averaged)]
-    owners = [number for number, stretch in enumerate(averaged) for _ in stretch]
-    guesses = np.array(flat).reshape(-1, 4).T
-    found: list[PeriodicMotion | None] = []
-    for first in progress(range(0, len(flat), _TOGETHER), 'load curve'):
-        part = guesses[:, first : first + _TOGETHER]
-        found += find_motions(poincare, part, Wanted(part[2], is_speed=True))
-    _extend(poincare, guesses, owners, found)
-    stretches = [
-        tuple(motion for motion, _ in group if motion)
-        for (is_found, _), group in itertools.groupby(
-            zip(found, owners, strict=True), key=lambda pair: (pair[0] is not None, pair[1])
-        )
-        if is_found
-    ]
-    neighbours = itertools.chain(*map(itertools.pairwise, stretches))
-    changes = [(one, other) for one, other in neighbours if one.stable != other.stable]
-    return Branch(tuple(stretches), tuple(find_boundaries(poincare, changes)))
+    states = []
+    for piece in found:
+        for one, other in itertools.pairwise(piece.motions):
+            if (one.torque < torque) != (other.torque < torque):
+                share = (torque - one.torque) / (other.torque - one.torque)
+                if motion := balance.find(_between(one, other, share), torque=torque):
+                    states.append(SteadyState(motion, piece))
+    return sorted(states, key=lambda state: state.motion.speed)
 
 
-def _extend(
-    poincare: PoincareMap,
-    guesses: Array,
-    owners: Sequence[int],
-    found: list[PeriodicMotion | None],
-) -> None:
-    """Finds more motions from those at the speeds next to them, upwards and downwards."""
-    for step in (1, -1):
-        for i in range(len(found))[::step]:
-            last = i - step
-            if found[i] or not 0 <= last < len(found) or owners[last] != owners[i]:
-                continue
-            if neighbour := found[last]:
-                guess = guesses[:, i] + neighbour.unknowns - guesses[:, last]
-                wanted = Wanted(guesses[2:3, i], is_speed=True)
-                found[i : i + 1] = find_motions(poincare, guess[:, None], wanted)
-
-
-def find_states(
-    poincare: PoincareMap, branch: Branch, torques: Sequence[float]
-) -> list[list[SettledState]]:
-    """The settled motions under a motor.
+def follow(balance: HarmonicBalance, speeds: Sequence[float]) -> list[list[PeriodicMotion]]:
+    """Follows the motions over the speed, from above and from below, each from the one before.
 
     Args:
-        poincare: The Poincare map.
-        branch: Where to look for them.
-        torques: Torques of the motor at rest, N m.
+        balance: The equations.
+        speeds: Mean speeds of the crank, growing, rad/s.
 
     Returns:
-        For each torque, the states by growing speed, stable or not.
+        By growing speed, in one stretch or, if they do not meet, in two.
     """
-    places = [
-        (number, piece, one, other, (torque - one.torque) / (other.torque - one.torque))
-        for number, torque in enumerate(torques)
-        for piece, (motions, _) in enumerate(branch.pieces)
-        for one, other in itertools.pairwise(motions)
-        if (one.torque < torque) != (other.torque < torque)
-    ]
-    guesses = [
-        one.unknowns + share * (other.unknowns - one.unknowns) for *_, one, other, share in places
-    ]
-    values = np.array([torques[number] for number, *_ in places])
-    wanted = Wanted(values, is_speed=False)
-    found = find_motions(poincare, np.reshape(guesses, (-1, 4)).T, wanted) if places else []
-    states: list[list[SettledState]] = [[] for _ in torques]
-    for motion, (number, piece, one, other, _) in zip(found, places, strict=True):
-        if motion and one.speed <= motion.speed <= other.speed:
-            states[number].append(SettledState(motion, piece))
-    return states
+    down = list(_follow(balance, speeds[::-1]))[::-1]
+    lowest = down[0].speed * (1 - _ROUNDING) if down else math.inf
+    up = list(_follow(balance, [speed for speed in speeds if speed < lowest]))
+    return [stretch for stretch in (up, down) if stretch]
+
+
+def _follow(balance: HarmonicBalance, speeds: Iterable[float]) -> Iterator[PeriodicMotion]:
+    """From the first speed with a motion to the last before one without."""
+    guesses: list[Array] = []
+    for speed in speeds:
+        found = (balance.find(x, speed=speed) for x in guesses or balance.resting_sliders(speed))
+        motion = next(filter(None, found), None)
+        if motion:
+            guesses = [motion.unknowns]
+            yield motion
+        elif guesses:
+            return
+
+
+def pieces(balance: HarmonicBalance, stretch: Sequence[PeriodicMotion]) -> list[Piece]:
+    """Cuts a stretch of motions where their stability changes.
+
+    Args:
+        balance: The equations.
+        stretch: By growing speed, without a gap.
+
+    Returns:
+        The pieces; neighbours share the motion between them.
+    """
+    found = [Piece([stretch[0]])]
+    for one, other in itertools.pairwise(stretch):
+        if one.stable != other.stable:
+            motion, kind = _boundary(balance, one, other)
+            found[-1].motions.append(motion)
+            found[-1].ends_at = kind
+            found.append(Piece([motion], begins_at=kind))
+        found[-1].motions.append(other)
+    return found
+
+
+def _boundary(
+    balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion
+) -> tuple[PeriodicMotion, str]:
+    """The motion between two others whose largest multiplier has the modulus 1, and the kind."""
+
+    def motion(share: float) -> PeriodicMotion:
+        speed = one.speed + share * (other.speed - one.speed)
+        found = balance.find(_between(one, other, share), speed=speed)
+        return found or (one if share < 0.5 else other)
+
+    share: float = optimize.brentq(
+        lambda share: abs(motion(share).multipliers[0]) - 1, 0.0, 1.0, xtol=1e-9
+    )
+    found = motion(share)
+    largest = found.multipliers[0]
+    if largest.imag:
+        return found, TORUS
+    return found, FOLD if largest.real > 0 else PERIOD_DOUBLING
+
+
+def _between(one: PeriodicMotion, other: PeriodicMotion, share: float) -> Array:
+    return one.unknowns + share * (other.unknowns - one.unknowns)
+
+
+def bistable_ranges(found: Sequence[Piece]) -> list[dict[str, Any]]:
+    """The torques of the motor at rest for which two or more stable states exist.
+
+    Args:
+        found: The pieces of the load curve. Along a stable piece the torque grows with the
+            speed, so that it has one state at each of its torques.
+
+    Returns:
+        For each range: low and high, N m; low_is and high_is, what ends it there.
+    """
+    ends = []
+    for piece in found:
+        if piece.stable:
+            ends.append((piece.motions[0].torque, 1, piece.begins_at))
+            ends.append((piece.motions[-1].torque, -1, piece.ends_at))
+    ranges, exist = [], 0
+    for (low, change, low_is), (high, _, high_is) in itertools.pairwise(sorted(ends)):
+        exist += change
+        if exist >= 2:
+            ranges.append({'low': low, 'high': high, 'low_is': low_is, 'high_is': high_is})
+    return ranges
