@@ -68,7 +68,7 @@ def draw_motion(period: Period, title: Sequence[str], path: Path) -> None:
     height = _LINKAGE + (_ROW + _GAP) * len(rows) + _FOOT
     width = WIDTH - _LEFT - _TEXT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
-    linkage = _LEFT / WIDTH, 1 - (_LINKAGE - 0.1) / height, width / WIDTH, 2.4 / height
+    linkage = _LEFT / WIDTH, 1 - (_LINKAGE - 0.1) / height, width / WIDTH, 2.3 / height
     draw_linkage(figure.add_axes(linkage), period, math.radians(_DRAWN_AT))
     first, *others = title
     others.append(f'drawn at crank angle {_DRAWN_AT:g} deg')
