@@ -16,7 +16,7 @@ from pathlib import Path
 from ros_harness import environment, fresh_domain
 
 PROGRAM = 'python -m linkage_ros.demo'
-SHORT = 'from linkage_ros import demo; demo._SECONDS = 5.5; demo._main()'
+SHORT = 'from linkage_ros import demo; demo._SECONDS = 3.0; demo._main()'
 
 
 def test_an_argument_does_not_start_it(tmp_path):

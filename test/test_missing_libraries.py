@@ -92,7 +92,6 @@ def test_node_refuses_log_and_viewer_and_leaves_no_file_behind(
         ('mcap', 'replay', ('x.mcap',), 'linkage_replay: logs need mcap, '),
         ('scipy', 'record', ('wind_pump', 'x.mcap'), 'records of a motion under a torque, need'),
         ('matplotlib', 'chart', ('motion', 'quadrilateral'), 'linkage_chart: charts need matplot'),
-        ('mpmath', 'chart', ('stability', '--quick'), 'pip install mpmath;'),
     ],
 )  # fmt: skip
 def test_a_tool_names_the_library_that_it_lacks(

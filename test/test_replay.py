@@ -40,6 +40,7 @@ from linkage_ros.playback.feed import excerpt_of, feed
 from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.record import record
 from linkage_ros.run.machine import Machine
+from linkage_ros.view import rerun_sender
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
 
@@ -367,7 +368,8 @@ def test_bad_options_are_one_line_and_code_2(log, called, monkeypatch, options, 
     assert_refused(*called(replay, log, *options), words)
 
 
-def test_absent_viewer_is_one_line_before_the_replay(log, called):
+def test_absent_viewer_is_one_line_before_the_replay(log, called, monkeypatch):
+    monkeypatch.setattr(rerun_sender, '_ANSWER_SECONDS', 0.1)
     url = f'rerun+http://127.0.0.1:{free_port()}/proxy'
     words = f'no viewer answers at {re.escape(url)}: start one there first, with `rerun`'
     assert_refused(*called(replay, log, '--no-ros', '--viewer', url), words)

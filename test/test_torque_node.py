@@ -49,12 +49,12 @@ def verified(path):
 
 def test_the_pump_runs_live_and_its_log_verifies(tmp_path):
     path, view = tmp_path / 'run.mcap', tmp_path / 'run.rrd'
-    arguments = pump(log=path, rate_hz=1000.0, viewer=view)
+    arguments = pump(log=path, viewer=view)
     with watched([STATES], *arguments) as (listener, node):
-        listener.await_more(500)
+        listener.await_more(100)
         # Type 3 is a double.
         assert set_parameter(listener, 'motor.torque', type=3, double_value=20.0).successful
-        listener.await_more(300)
+        listener.await_more(100)
         bad = set_parameter(listener, 'motor.torque', type=3, double_value=math.inf)
         assert not bad.successful
         assert not set_parameter(listener, 'motor.damping', type=3, double_value=0.0).successful
@@ -142,20 +142,20 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
             return int(Path(f'/proc/{node.pid}/statm').read_text().split()[1]) * 4096 / 2**20
 
         sent, used = 0, []
-        for seconds in (0.5, 2.0):
+        for seconds in (0.5, 1.0):
             begin = time.monotonic() - sent / 10_000  # so many a second, the whole time
             while time.monotonic() < begin + seconds:
                 while sent < (time.monotonic() - begin) * 10_000:
                     publisher.publish(bad if sent % 7 == 0 else good)
                     sent += 1
-                time.sleep(2e-5)
+                time.sleep(1e-3)
             used.append(memory())
-        listener.await_more(1200)  # it says at most once a second what it refuses
+        time.sleep(1.0)  # it says at most once a second what it refuses
         publisher.publish(b'\0\1\0\0' + b'\xff' * 40)  # no message at all
         listener.await_more(100)
         code, output = stop(node)
     assert code == 0, output
-    assert used[1] - used[0] < 8.0
+    assert used[1] - used[0] < 3.0  # 10 000 commands; 300 bytes of each would be seen
     assert 'is refused: effort nan: must be' in output
     assert 'is refused: its bytes are no JointState' in output
     assert 'sequence size' not in output  # Fast CDR's line for each
@@ -165,7 +165,7 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
     first, last = (CODEC.decode(states[i].data)[0] for i in (0, -1))
     assert output.count('is refused') <= 2 + (last - first) / 1e9  # once a second
     # When each command woke a thread of the node, five of six ticks were missed.
-    assert len(states) > 0.5 * machine.tick_at(last - first)
+    assert len(states) > machine.tick_at(last - first) / 3
 
 
 def test_a_stretched_dyad_ends_the_node_with_a_complete_log(tmp_path):
@@ -177,4 +177,4 @@ def test_a_stretched_dyad_ends_the_node_with_a_complete_log(tmp_path):
     assert 'at t = 0.39946' in said
     assert 'coupler and rod are stretched' in said
     assert 'Traceback' not in output
-    assert verified(path).states > 300
+    assert 0 < verified(path).states <= 400
