@@ -25,6 +25,7 @@ from linkage_ros.dynamics.trees import leaves
 from linkage_ros.formulas import Opaque
 from linkage_ros.parameters.configuration import load
 
+
 def test_compiled_programs_give_what_others_give():
     mechanism = load('wind_pump').mechanism
     fast, plain = Solver(mechanism, compiled=True), Solver(mechanism)

@@ -543,7 +543,7 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
         wait_until(lambda: feed(view, samples[:1]) or view.sender.trouble)
     start = time.monotonic()
     view.close()
-    assert time.monotonic() - start < 3
+    assert time.monotonic() - start < 6
 
 
 def test_viewer_that_hangs_loses_samples_until_it_reads_again():
@@ -563,7 +563,7 @@ def test_viewer_that_hangs_loses_samples_until_it_reads_again():
             longest = max(longest, time.monotonic() - start)
         feed(view, samples)
         assert view.dropped == 2 * len(samples)
-        assert longest < 3
+        assert longest < 6
         process.send_signal(signal.SIGCONT)
 
         def is_taken():
@@ -575,7 +575,7 @@ def test_viewer_that_hangs_loses_samples_until_it_reads_again():
         process.send_signal(signal.SIGSTOP)
         start = time.monotonic()
         view.close()
-        assert time.monotonic() - start < 3
+        assert time.monotonic() - start < 6
 
 
 STUCK = """
@@ -615,8 +615,8 @@ def test_process_ends_though_its_viewer_never_reads():
     assert done.returncode == 0, done.stderr
     longest, closing, dropped, errors = done.stdout.split(maxsplit=3)
     assert errors == '[]\n'
-    assert float(longest) < 3
-    assert float(closing) < 3
+    assert float(longest) < 6
+    assert float(closing) < 6
     assert int(dropped) > 0
 
 
