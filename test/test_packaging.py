@@ -153,25 +153,16 @@ def test_colcon_build_gives_a_package_that_ros2_run_finds(
     check_found(printed, module_in=code, preset_in=tree / 'config' if linked else config)
 
 
-@pytest.mark.parametrize('option', ['--prefix', '--target'])
 def test_pip_install_gives_executables_and_presets(
-    option: str, wheel: Path, tree: Path, tmp_path: Path
+    wheel: Path, tree: Path, tmp_path: Path
 ) -> None:
-    pip = (sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--no-index')
-    run(
-        *pip,
-        '--ignore-installed',
-        '--no-compile',
-        option,
-        tmp_path / 'prefix',
-        wheel,
-        cwd=tmp_path,
-    )
-
     prefix = tmp_path / 'prefix'
+    pip = (sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--no-index')
+    run(*pip, '--ignore-installed', '--no-compile', '--prefix', prefix, wheel, cwd=tmp_path)
+
     assert missing(prefix, tree, 'bin') == []
     check_executables(prefix / 'bin')
-    lib = prefix if option == '--target' else site_packages(prefix)
+    lib = site_packages(prefix)
     printed = run(sys.executable, '-c', FIND, cwd=tmp_path, PYTHONPATH=str(lib))
     check_found(printed, module_in=lib, preset_in=prefix / ROS_SHARE / 'config')
 
