@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import fields, replace
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import mujoco  # the proof rests on it: without it this file fails, it does not skip
@@ -22,6 +23,7 @@ from ros_harness import assert_refused
 from test_mujoco import slipped
 
 from linkage_ros import ConfigurationError, MotionError, SliderCrank, export_tool
+from linkage_ros.model.load_curve import CurveForce
 from linkage_ros.model.loads import LinkForce
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.torque_driven import TorqueMotion
@@ -33,13 +35,22 @@ from linkage_ros.wire.mjcf import make_mjcf
 from linkage_ros.wire.urdf import make_urdf
 
 PAGE = read('docs/urdf.md')
-each = pytest.mark.parametrize('preset', preset_names())
+PRESETS = [name for name in preset_names() if name != 'press']  # which has friction
+each = pytest.mark.parametrize('preset', PRESETS)
 
 
 def changed(preset, **values):
     """The configuration of a preset with other values."""
     given = {k: v for k, v in load(preset).parameters().items() if v is not None}
     return configure({**given, **values})
+
+
+def pump(**values):
+    """The compressor under a constant force instead of its load curve."""
+    configuration = changed('compressor', **values)
+    mechanism = configuration.mechanism
+    slider = replace(mechanism.slider, force=-150.0)
+    return replace(configuration, mechanism=replace(mechanism, slider=slider, loads=()))
 
 
 def start_of(configuration):
@@ -89,7 +100,7 @@ def test_model_begins_closed_in_its_assembly(preset, assembly):
 
 
 def test_masses_gravity_motor_loads_and_sensors_are_those_of_the_mechanism():
-    configuration = changed('compressor', joint_prefix='left_')
+    configuration = pump(joint_prefix='left_')
     mechanism = configuration.mechanism
     model, _ = exported(configuration)
     assert model.opt.gravity == pytest.approx((*mechanism.gravity, 0.0))
@@ -121,16 +132,9 @@ def test_coupler_point_is_a_sensor():
     assert data.sensor('coupler_point').data == pytest.approx((*place, 0.0), abs=1e-15)
 
 
-CURVE = {'load.link': 'slider', 'load.over': 'crank_angle', 'load.at': [0.0, 2.0],
-         'load.value': [0.0, 9.0]}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ('values', 'name'), [(CURVE, 'CurveForce'), ({'friction.guide': 0.1}, 'Friction')]
-)
-def test_a_load_that_mjcf_cannot_hold_is_refused(values, name):
-    with pytest.raises(ConfigurationError, match=rf'^MJCF cannot hold {name}: only force, '):
-        exported(changed('compressor', **values))
+def test_friction_is_refused():
+    with pytest.raises(ConfigurationError, match=r'^MJCF cannot hold Friction: only load curves'):
+        exported(changed('press'))
 
 
 def test_a_load_on_a_link_that_hangs_on_another_is_refused():
@@ -138,13 +142,21 @@ def test_a_load_on_a_link_that_hangs_on_another_is_refused():
         def link_loads(self):
             return (LinkForce(1, force=2.0),)
 
-    plain = changed('compressor')
+    plain = changed('slider_crank')
     parts = {field.name: getattr(plain.mechanism, field.name) for field in fields(plain.mechanism)}
-    with pytest.raises(ConfigurationError, match=r'^MJCF cannot hold LinkForce: only force, '):
+    with pytest.raises(ConfigurationError, match=r'^MJCF cannot hold LinkForce: only load curves'):
         exported(plain, Loaded(**parts))
 
 
 # ---------------------------------------------------------------- MuJoCo turns as our plant does
+
+
+def value_of(curve, data, ahead):
+    """The value of a load curve at MuJoCo's own place, some time ahead, s."""
+    places = data.qpos + ahead * data.qvel
+    return curve.forces([SimpleNamespace(position=float(q)) for q in places], data.qvel)[
+        curve.link
+    ]
 
 
 def run(configuration, seconds, mechanism=None):
@@ -168,6 +180,9 @@ def run(configuration, seconds, mechanism=None):
     rpm = drive.start_rpm if is_motor else drive.initial_rpm
     unpowered = TorqueDrive(start_rpm=rpm, crank_angle=drive.crank_angle)
     plant = TorqueMotion(solver, unpowered, 0, step)
+    loads = configuration.mechanism.link_loads()
+    curve = next((load for load in loads if isinstance(load, CurveForce)), None)
+    name = curve and solver.links[curve.link]
     place, worst, widest = plant.at(0), 0.0, 0.0
     for stamp in range(0, round(seconds * NS_PER_S), step):
         if is_motor:
@@ -181,6 +196,8 @@ def run(configuration, seconds, mechanism=None):
         except MotionError:
             break
         data.actuator('crank').ctrl = torque
+        if curve:
+            data.actuator(f'{name}_curve').ctrl = value_of(curve, data, model.opt.timestep / 2)
         mujoco.mj_step(model, data)
         # The sites are those of the start of the step.
         widest = max(widest, gap(model, data))
@@ -195,7 +212,7 @@ def rows_of_the_page():
 
 
 def test_the_page_shows_every_preset():
-    assert sorted(rows_of_the_page()) == preset_names()
+    assert sorted(rows_of_the_page()) == PRESETS
 
 
 @each
@@ -208,16 +225,19 @@ def test_mujoco_turns_as_far_off_our_plant_as_the_page_says(preset):
     assert reached == pytest.approx(seconds, rel=1e-3)
 
 
-@pytest.mark.parametrize('preset', ['quadrilateral', 'compressor'])
-def test_springs_and_torques_act_as_on_our_plant(preset):
+@pytest.mark.parametrize(
+    ('preset', 'values'),
+    [
+        ('quadrilateral', {'rocker.torque': 3.0, 'rocker.damping': 0.5, 'rocker.stiffness': 40.0,
+                           'rocker.rest_angle': 3.0}),
+        ('slider_crank', {'slider.stiffness': 50.0, 'slider.rest_position': 0.1}),
+    ],
+)  # fmt: skip
+def test_springs_and_torques_act_as_on_our_plant(preset, values):
     """The swing of the rocker is turned over the jump from pi to -pi, before which it starts."""
-    loads = {
-        'quadrilateral': {'rocker.torque': 3.0, 'rocker.damping': 0.5, 'rocker.stiffness': 40.0,
-                          'rocker.rest_angle': 3.0, 'frame.angle': 0.65},
-        'compressor': {'slider.stiffness': 500.0, 'slider.rest_position': 0.1},
-    }  # fmt: skip
-    plain = changed(preset, **{'frame.angle': loads[preset].get('frame.angle', math.pi / 2)})
-    configuration = changed(preset, **loads[preset])
+    common = {'quadrilateral': {'frame.angle': 0.65}, 'slider_crank': {'crank.inertia': 0.2}}
+    configuration = changed(preset, **common[preset], **values)
+    plain = changed(preset, **common[preset])
     right, _, _ = run(configuration, 0.4)
     wrong, _, _ = run(configuration, 0.4, plain.mechanism)
     assert right < 1e-3
@@ -234,7 +254,7 @@ def test_springs_and_torques_act_as_on_our_plant(preset):
 )
 def test_a_slip_of_a_hundredth_in_any_number_is_seen(name):
     """Negative control, in 0.1 s; the crank is accelerated, so that its inertia counts."""
-    configuration = changed('compressor', start_rpm=300.0, crank_acceleration=500.0)
+    configuration = pump(start_rpm=300.0, crank_acceleration=500.0)
     mechanism = configuration.mechanism
     if name.endswith('center'):  # along the link; `slipped` changes the second number, here 0
         part, _ = name.split('.')

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Sequence
-from typing import cast
+from typing import NoReturn
 from xml.etree import ElementTree as ET
 
 from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.model.load_curve import CurveForce
 from linkage_ros.model.loads import LinkForce, continuous
 from linkage_ros.model.structure import Mechanism, Structure
 from linkage_ros.wire.codecs import joint_rows
@@ -143,7 +144,10 @@ def _add_loads(
     links: Sequence[RigidLink],
     position: Sequence[float],
 ) -> int:
-    """Adds an actuator without control for each load: force - stiffness stretch - damping rate.
+    """Adds an actuator for each load.
+
+    One without control: force - stiffness x stretch - damping x rate. MJCF has no tables: a load
+    curve is a motor whose control is to be set to the value of the curve.
 
     Returns:
         The number of loads.
@@ -152,32 +156,46 @@ def _add_loads(
         ConfigurationError: A load is of another kind, or acts on a link that hangs on another.
     """
     loads = mechanism.link_loads()
-    _require_link_forces((*loads, *filter(None, [mechanism.friction])), links)
-    for load in cast('tuple[LinkForce, ...]', loads):
-        name, at = links[load.link].name, position[load.link]
-        force, stiffness = float(load.force), float(load.stiffness)
-        if stiffness:  # MuJoCo's joint counts on from the start, without a jump from pi to -pi
-            force += stiffness * (float(load.rest) + at - continuous(at, load.middle))
-        ET.SubElement(
-            actuator, 'general',
-            name=f'{name}_load', joint=name, gainprm='0', biastype='affine',
-            biasprm=text_of(force, -stiffness, -float(load.damping)),
-        )  # fmt: skip
+    for load in (*loads, mechanism.friction):
+        if isinstance(load, CurveForce):
+            name = _joint_on_frame(load, links)
+            ET.SubElement(actuator, 'motor', name=f'{name}_curve', joint=name)
+        elif isinstance(load, LinkForce):
+            name = _joint_on_frame(load, links)
+            terms = _affine(load, position[load.link])
+            ET.SubElement(
+                actuator, 'general',
+                name=f'{name}_load', joint=name, gainprm='0', biastype='affine',
+                biasprm=text_of(*terms),
+            )  # fmt: skip
+        elif load is not None:
+            _refuse(load)
     return len(loads)
 
 
-def _require_link_forces(loads: Sequence[object], links: Sequence[RigidLink]) -> None:
-    """Refuses what MJCF cannot hold.
+def _joint_on_frame(load: LinkForce | CurveForce, links: Sequence[RigidLink]) -> str:
+    """The name of the joint on which a load acts: of another link it would act on two."""
+    if links[load.link].joint.parent is not None:
+        _refuse(load)
+    return links[load.link].name
 
-    Raises:
-        ConfigurationError: There is such a load.
+
+def _refuse(load: object) -> NoReturn:
+    raise ConfigurationError(
+        f'MJCF cannot hold {type(load).__name__}: only load curves, forces, damping and stiffness '
+        'of a link on the frame; leave the parameters of friction out'
+    )
+
+
+def _affine(load: LinkForce, start: float) -> tuple[float, float, float]:
+    """A force as a constant and its slopes over MuJoCo's position of a joint and over its rate.
+
+    That position counts on from the start, without a jump from pi to -pi.
     """
-    for load in loads:
-        if not isinstance(load, LinkForce) or links[load.link].joint.parent is not None:
-            raise ConfigurationError(
-                f'MJCF cannot hold {type(load).__name__}: only force, damping and stiffness of a '
-                'link on the frame; leave the parameters of load and friction out'
-            )
+    force, stiffness = float(load.force), float(load.stiffness)
+    if stiffness:
+        force += stiffness * (float(load.rest) + start - continuous(start, load.middle))
+    return force, -stiffness, -float(load.damping)
 
 
 def _add_sensors(root: ET.Element, links: Sequence[RigidLink]) -> ET.Element:
