@@ -37,6 +37,7 @@ from linkage_ros.lab.torque_models import (
     table_program,
     terms,
     torque_program,
+    torques,
     with_point_masses,
 )
 from linkage_ros.parameters.configuration import load
@@ -88,6 +89,28 @@ def of(savings, name, rpm=150.0):
 def test_the_full_program_is_the_solvers_torque(mechanism):
     full = torque(mechanism)
     assert run(torque_program(mechanism)) == pytest.approx(full, abs=1e-13 * np.abs(full).max())
+
+
+@pytest.mark.parametrize(
+    ('preset', 'loads'), [('wiper', ['rocker.damping', 'load']), ('press', ['load', 'friction'])]
+)
+def test_loads_and_friction_are_terms(preset, loads):
+    mechanism = load(preset).mechanism
+    assert [*terms(mechanism)][-len(loads) :] == loads
+    full = torque(mechanism)
+    assert np.array_equal(torques(torque_program(mechanism), ANGLES, SPEED), full)
+    without_masses = inertia_alone(mechanism)
+    assert without_masses.loads == ()
+    assert without_masses.coupler == mechanism.coupler
+
+
+def test_without_inertia_friction_remains():
+    """At 1 rpm the inertia of the press takes a torque that is nothing beside the load's."""
+    mechanism = load('press').mechanism
+    static = torques(torque_program(mechanism, static=True), ANGLES, SPEED)
+    slow = torque(mechanism, math.pi / 30)
+    assert static == pytest.approx(slow, abs=1e-5 * np.abs(slow).max())
+    assert np.abs(static - torque(mechanism)).max() > 0.01 * np.abs(slow).max()
 
 
 @pytest.mark.parametrize(

@@ -13,17 +13,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import MechanismError
 from linkage_ros.lab.torque_models import (
     STATIC,
+    TorqueProgram,
     numbers,
     operations,
     series_program,
     table_program,
     terms,
     torque_program,
+    torques,
     with_point_masses,
     without,
 )
@@ -35,10 +36,11 @@ from linkage_ros.units import radians_per_second
 POINT_MASSES = 'coupler as two point masses'
 _HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
 _NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
+_TIMED = 8  # every such angle is timed
 _SERIES_SAMPLES = 2048  # states to which series are fitted
 
 # Makes the program of a simpler model for a crank speed, rad/s.
-_Make = Callable[[float], Program]
+_Make = Callable[[float], TorqueProgram]
 
 
 class Cost(NamedTuple):
@@ -114,7 +116,7 @@ class Economy:
                 f'{name} needs no torque, because nothing has a mass or a load: give links masses'
             )
         self._mechanism, self._name, self._values = mechanism, name, flatten(mechanism)
-        self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples().tolist()
+        self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples()
         self._full = torque_program(mechanism)
 
     def measure(
@@ -199,28 +201,31 @@ class Economy:
             found[f'table of {n} nodes'] = functools.partial(self._table, n), n
         return found
 
-    def _without(self, names: Iterable[str]) -> Program:
-        gone = {x for name in names for x in self.terms[name]}
-        return torque_program(without(self._mechanism, gone), static=STATIC in names)
+    def _without(self, names: Iterable[str]) -> TorqueProgram:
+        return torque_program(without(self._mechanism, names), static=STATIC in names)
 
-    def _series(self, harmonics: int, speed: float) -> Program:
+    def _series(self, harmonics: int, speed: float) -> TorqueProgram:
         return series_program(self._even(_SERIES_SAMPLES, speed), self._period, harmonics)
 
-    def _table(self, nodes: int, speed: float) -> Program:
+    def _table(self, nodes: int, speed: float) -> TorqueProgram:
         return table_program(self._even(nodes, speed), self._period)
 
     @functools.cache  # noqa: B019
     def _even(self, count: int, speed: float) -> Array:
         """Torques at even angles of one period, N m."""
-        angles = (i * self._period / count for i in range(count))
-        return np.array([self._full.scalar(angle, speed)[0] for angle in angles])
+        return torques(self._full, np.arange(float(count)) * (self._period / count), speed)
+
+    @functools.cache  # noqa: B019
+    def _exact(self, speed: float) -> Array:
+        """Torques of the full model at all angles, N m."""
+        return torques(self._full, self._samples, speed)
 
     def _count(self, *groups: Iterable[str]) -> int:
         """How many numbers groups of parameters have together."""
         return sum(numbers(self._values[name]) for name in {*itertools.chain(*groups)})
 
     def _costs(
-        self, programs: Sequence[Program], needed: Sequence[int], rounds: Iterable[int]
+        self, programs: Sequence[TorqueProgram], needed: Sequence[int], rounds: Iterable[int]
     ) -> list[Cost]:
         """The costs of programs; they take turns, so that a busy machine slows all of them."""
         by_source = {program.source: program for program in programs}
@@ -233,24 +238,22 @@ class Economy:
             for program, count in zip(programs, needed, strict=True)
         ]
 
-    def _time(self, program: Program) -> float:
+    def _time(self, program: TorqueProgram) -> float:
         """The time of one run, us."""
         run = program.scalar
+        angles = self._samples[::_TIMED].tolist()
         start = time.perf_counter()
-        for angle in self._samples:
+        for angle in angles:
             run(angle, 1.0)
-        return (time.perf_counter() - start) / len(self._samples) * 1e6
+        return (time.perf_counter() - start) / len(angles) * 1e6
 
-    def _error(self, program: Program, speed: float) -> float:
+    def _error(self, program: TorqueProgram, speed: float) -> float:
         """The largest error of a program's torque, as a share of the full torque's peak.
 
         Raises:
             MechanismError: There is no torque.
         """
-        full, found = (
-            np.array([run.scalar(angle, speed)[0] for angle in self._samples])
-            for run in (self._full, program)
-        )
+        full, found = self._exact(speed), torques(program, self._samples, speed)
         peak = np.abs(full).max()
         if not peak:
             raise MechanismError(
@@ -272,7 +275,7 @@ def handover(savings: Sequence[Saving]) -> float | None:
     return None
 
 
-def _same(program: Program, _: float) -> Program:
+def _same(program: TorqueProgram, _: float) -> TorqueProgram:
     """A program that is the same at every speed."""
     return program
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -36,9 +36,16 @@ TERMS: dict[str, tuple[str, ...]] = {
     'rocker': ('rocker.mass', 'rocker.inertia'),
     'rocker.inertia': ('rocker.inertia',),
     'slider': ('slider.mass',),
+    'rocker.torque': ('rocker.torque',),
+    'rocker.damping': ('rocker.damping',),
+    'rocker.stiffness': ('rocker.stiffness', 'rocker.rest_angle'),
     'slider.force': ('slider.force',),
     'slider.damping': ('slider.damping',),
+    'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
+    'load': ('load',),
+    'friction': ('friction',),
 }
+_SLOW = 1e-6  # of the speed, at which inertia takes no torque
 _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
@@ -57,29 +64,34 @@ def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
 
 def _present(values: Mapping[str, object], wanted: Iterable[str]) -> frozenset[str]:
     """The parameters of a term that are not 0; with its mass, a link has a centre of mass."""
-    own = {x for x in values for name in wanted if x == name or x.startswith(f'{name}.')}
+    own = _members(values, wanted)
     centers = {x.replace('.mass', '.center') for x in own if x.endswith('.mass') and values[x]}
     return frozenset(x for x in own | (centers & values.keys()) if numbers(values[x]))
+
+
+def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
+    """The names among parameters that are wanted, by name or by group."""
+    return {x for x in values for name in wanted if x == name or x.startswith(f'{name}.')}
 
 
 def numbers(value: object) -> int:
     """How many numbers of a parameter are not 0."""
     items = value if isinstance(value, (tuple, list)) else (value,)
-    return sum(bool(item) for item in items)
+    return sum(bool(item) and not isinstance(item, str) for item in items)
 
 
-def without(mechanism: Mechanism, parameters: Iterable[str]) -> Mechanism:
-    """A mechanism without the effect of parameters: every default but gravity's has none."""
-    gone = {*parameters}
-    values = {name: value for name, value in flatten(mechanism).items() if name not in gone}
-    return build(type(mechanism), {'gravity': (0.0, 0.0)} | values)
+def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
+    """A mechanism without terms: all defaults of their parameters but gravity's are nothing."""
+    values = flatten(mechanism)
+    gone = {x for name in names for x in _members(values, TERMS[name])}
+    left = {name: value for name, value in values.items() if name not in gone}
+    return build(type(mechanism), {'gravity': (0.0, 0.0)} | left)
 
 
 def inertia_alone(mechanism: Mechanism) -> Mechanism:
     """A mechanism without gravity and loads."""
-    masses = '.mass', '.inertia', '.center'
-    named = {x for own in terms(mechanism).values() for x in own}
-    return without(mechanism, {x for x in named if not x.endswith(masses)})
+    masses = '.mass', '.inertia'
+    return without(mechanism, (name for name, own in TERMS.items() if not own[0].endswith(masses)))
 
 
 def with_point_masses(mechanism: Any) -> Mechanism | None:
@@ -120,21 +132,58 @@ def _with_mass_at_tip(body: Body, added: float) -> Body:
     return replace(body, mass=mass, inertia=inertia, center=(middle.real, middle.imag))
 
 
-def torque_program(mechanism: Mechanism, *, static: bool = False) -> Program:
-    """The program that gives the driving torque alone, from crank angle and constant speed.
+class TorqueProgram(Protocol):
+    """What gives the driving torque alone, from crank angle and constant speed."""
+
+    @property
+    def scalar(self) -> Callable[..., Any]:
+        """A function of angle, rad, and speed, rad/s, to a tuple of the torque, N m."""
+
+    @property
+    def source(self) -> str:
+        """Its Python text; with friction, that of one round."""
+
+
+class _FrictionTorque:
+    """The torque of a mechanism with friction, which the solver finds in rounds."""
+
+    def __init__(self, mechanism: Mechanism, *, static: bool) -> None:
+        pace, values = (_SLOW if static else 1.0), flatten(mechanism)
+        damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
+        solver = Solver(build(type(mechanism), values | damped))
+        self._solver, self._pace = solver, pace
+        self.source = solver._round.source  # noqa: SLF001
+
+    def scalar(self, angles: Any, speed: float) -> tuple[Any]:
+        """The torque; of arrays too."""
+        return (self._solver.state(angles, self._pace * speed).torque,)
+
+
+def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgram:
+    """The program of a mechanism's driving torque.
 
     Args:
         mechanism: The mechanism.
         static: Whether to leave out all inertia.
 
     Returns:
-        A program of one result, N m.
+        The program; with friction, what settles it.
     """
+    if mechanism.friction is not None:
+        return _FrictionTorque(mechanism, static=static)
     refuse = Opaque(require_finite)
     model = model_of(mechanism, mechanism.structure(), refuse, refuse, refuse)
     if static:
         model = model._replace(inertias=(ZERO,) * len(model.inertias), couplings=())
     return Program(_driving_torque, model, ('angle', 'speed'))
+
+
+def torques(program: TorqueProgram, angles: Array, speed: float) -> Array:
+    """The torques at crank angles, N m."""
+    if isinstance(program, _FrictionTorque):
+        found: Array = program.scalar(angles, speed)[0]
+        return found
+    return np.array([program.scalar(angle, speed)[0] for angle in angles.tolist()])
 
 
 def _driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
@@ -222,11 +271,15 @@ def _table_torque(table: _Table, angle: Real, _: Real) -> tuple[Real]:
     return (table.value(node) + table.slope(node) * (place - node),)
 
 
-def operations(program: Program) -> int:
+def operations(program: TorqueProgram) -> int:
     """How many operations a run of a program takes: its guards count, their refusals do not."""
     (bind,) = ast.parse(program.source).body
     (run,) = (x for x in ast.walk(bind) if isinstance(x, ast.FunctionDef) and x is not bind)
     parts = [x.test if isinstance(x, ast.If) else x for x in run.body]
     nodes = (node for part in parts for node in ast.walk(part) if isinstance(node, _COUNTED))
-    # A minus before a number is no operation.
-    return sum(not isinstance(getattr(x, 'operand', None), ast.Constant) for x in nodes)
+    return sum(
+        # A minus before a number is no operation, nor is a result put together.
+        not isinstance(getattr(x, 'operand', None), ast.Constant)
+        and getattr(getattr(x, 'func', None), 'id', '') != 'new'
+        for x in nodes
+    )
