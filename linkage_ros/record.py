@@ -31,7 +31,7 @@ from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import Session
 from linkage_ros.progress import progress_bar
 from linkage_ros.quantities import Quantity, leaves
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION, qualified
 
@@ -73,26 +73,26 @@ def record(
         MotionError: A torque-driven motion cannot be followed so far; what came before is kept.
         LogError: The file cannot be written.
     """
-    machine = Machine(configuration)
-    motion = machine.begin(0, AdaptiveSteps)
-    count = count_states(machine, motion, duration, revolutions)
+    simulator = Simulator(configuration)
+    motion = simulator.begin(0, AdaptiveSteps)
+    count = count_states(simulator, motion, duration, revolutions)
     turns = revolutions if count is None else None
     start, tick = configuration.drive.crank_angle, 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         *channels, description = (
             log.add_topic(topic, qualified(topic))
-            for topic in (*machine.topics, ROBOT_DESCRIPTION)
+            for topic in (*simulator.topics, ROBOT_DESCRIPTION)
         )
         log.write_motion(motion.segment)
-        log.write(description, 0, machine.description)
+        log.write(description, 0, simulator.description)
         try:
             ticks: Iterable[int] = progress_bar(
                 itertools.count() if count is None else range(count),
                 wanted=progress, unit=' states', unit_scale=True,
             )  # fmt: skip
             for tick in ticks:
-                stamp = machine.elapsed(tick)
-                snapshot = machine.snapshot_at(motion, stamp)
+                stamp = simulator.elapsed(tick)
+                snapshot = simulator.snapshot_at(motion, stamp)
                 turned = snapshot.coordinates.unwrapped - start
                 if stopped() or (turns and _has_turned(turned, turns, stamp)):
                     return tick
@@ -107,12 +107,12 @@ def record(
 
 
 def count_states(
-    machine: Machine, motion: Motion, duration: float | None, revolutions: int | None
+    simulator: Simulator, motion: Motion, duration: float | None, revolutions: int | None
 ) -> int | None:
     """The number of states in a record.
 
     Args:
-        machine: Which is recorded.
+        simulator: Which is recorded.
         motion: Motion of its crank, from t = 0.
         duration: s; None: 10.
         revolutions: Turns of the crank, either way, instead of a duration.
@@ -138,7 +138,7 @@ def count_states(
                 f'the crank does not make {revolutions} revolutions within {_LONGEST:g} s: '
                 'give a --duration, fewer revolutions, or a higher rpm'
             )
-    return machine.tick_at(end - 1) + 1
+    return simulator.tick_at(end - 1) + 1
 
 
 def _has_turned(angle: float, revolutions: int, stamp: int) -> bool:

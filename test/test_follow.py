@@ -30,8 +30,8 @@ from sensor_msgs.msg import JointState
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, Measurement, ahead
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.machine import Machine
 from linkage_ros.run.measured_crank import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, MeasuredCrank
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import JointStateCodec
 
 TURN = 2 * math.pi
@@ -125,7 +125,7 @@ def message(stamp=0, name=('arm', 'crank'), position=(7.0, 0.5), velocity=()):
 def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
     limited = four_bar(LIMITED['rocker_crank'])
     configuration = replace(configure({'drive': 'follow'}), mechanism=limited)
-    crank = MeasuredCrank(Machine(configuration))
+    crank = MeasuredCrank(Simulator(configuration))
     (start, end), *_ = limited.reach().arcs
     inside = 0.5 * (start + end)
     came = 10**18

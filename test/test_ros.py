@@ -24,7 +24,7 @@ import rclpy
 from rclpy.node import Node
 from linkage_ros.ros import process
 
-process._STUCK = 0.5
+process._DESTROY_SECONDS = 0.5
 rclpy.init()
 
 class Stuck(Node):
@@ -32,7 +32,7 @@ class Stuck(Node):
         ''.join('' for _ in range({turns}))  # holds the interpreter for ever, or not at all
         super().destroy_node()
 
-with process.served(Stuck('stuck')):
+with process.spinning(Stuck('stuck')):
     print('all is logged', flush=True)
 rclpy.try_shutdown()
 """

@@ -50,7 +50,11 @@ class RunLog:
         }
         # A disk that is slow to keep things must not hold up the flushes.
         self._sync: Worker[None] = Worker(
-            'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._fail_to_keep
+            'sync',
+            log.disk_sync(),
+            capacity=1,
+            period=_SYNC_PERIOD,
+            on_error=self._report_sync_error,
         )
         self._worker: Worker[LogItem] = Worker(
             'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
@@ -66,16 +70,16 @@ class RunLog:
         items = [(self._channels[topic.name], stamp, data) for topic, data in messages]
         self._worker.offer(*items)
 
-    def write_heard(self, came: int, data: bytes) -> None:
+    def write_heard(self, received: int, data: bytes) -> None:
         """Logs a message that the run heard: a command, or a measurement.
 
         Args:
-            came: When it came, ns.
+            received: When it came, ns.
             data: CDR bytes; megabytes are left out, they would be a log's largest chunk.
         """
         (topic,) = heard_topics(self._drive)
         if len(data) <= LARGEST_COMMAND:
-            self.write(came, [(topic, data)])
+            self.write(received, [(topic, data)])
 
     def write_motion(self, segment: Segment) -> None:
         """Logs a segment of motion."""
@@ -102,7 +106,7 @@ class RunLog:
     def _fail(self, error: Exception) -> None:
         self._node.get_logger().error(f'the log ends here, the motion goes on: {error}')
 
-    def _fail_to_keep(self, error: Exception) -> None:
+    def _report_sync_error(self, error: Exception) -> None:
         if self._worker.error is None:  # else it was said that the log has ended
             words = f'the log goes on, but may not outlive a power cut: {error}'
             self._node.get_logger().error(words)

@@ -11,7 +11,7 @@ from linkage_ros.errors import UnreachableError
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import FollowMotion, Measurement
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.untrusted_command import decode_joint_state
 
 NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'
@@ -24,22 +24,22 @@ class MeasuredCrank:
         left_out: How many were left out, by cause.
     """
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, simulator: Simulator) -> None:
         """Waits for a message.
 
         Args:
-            machine: Machine of a configuration with `drive: follow`.
+            simulator: Simulator of a configuration with `drive: follow`.
         """
-        self._motion = FollowMotion(cast('FollowDrive', machine.configuration.drive))
-        self._solver, self._crank = machine.solver, machine.joints[0]
+        self._motion = FollowMotion(cast('FollowDrive', simulator.configuration.drive))
+        self._solver, self._crank = simulator.solver, simulator.joints[0]
         self.left_out = self._motion.left_out
 
-    def hear(self, data: bytes, came: int) -> tuple[int, Coordinates] | None:
+    def hear(self, data: bytes, received: int) -> tuple[int, Coordinates] | None:
         """Takes a message.
 
         Args:
             data: CDR bytes of a JointState.
-            came: When it came, ns: the stamp of a message without one.
+            received: When it came, ns: the stamp of a message without one.
 
         Returns:
             The stamp, ns, and the crank; None: it is left out, and counted.
@@ -54,7 +54,7 @@ class MeasuredCrank:
         if index is None:
             self.left_out[NO_CRANK] += 1
             return None
-        position, stamp = heard.positions[index], heard.stamp or came
+        position, stamp = heard.positions[index], heard.stamp or received
         velocity = heard.velocities[index] if index < len(heard.velocities) else None
         if math.isfinite(position) and not self._reaches(position):
             self.left_out[OUT_OF_REACH] += 1

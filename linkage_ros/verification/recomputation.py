@@ -22,7 +22,7 @@ from linkage_ros.motion.segments import Segment, SpeedSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import CATCH_UP, start
 from linkage_ros.numeric import with_turns, within_two_turns
-from linkage_ros.run.machine import Machine, Snapshot
+from linkage_ros.run.simulator import Simulator, Snapshot
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.topics import MECHANISM_STATE, Topic
 
@@ -36,20 +36,20 @@ _LONGEST = 10.0
 class Recomputation:
     """Recomputes the states of one log."""
 
-    def __init__(self, machine: Machine, topics: Sequence[Topic], *, recorded: bool) -> None:
+    def __init__(self, simulator: Simulator, topics: Sequence[Topic], *, recorded: bool) -> None:
         """Prepares it.
 
         Args:
-            machine: Machine of the logged configuration.
-            topics: Those of the machine that the log has, in its order.
+            simulator: Simulator of the logged configuration.
+            topics: Those of the simulator that the log has, in its order.
             recorded: Whether nothing but the motor can have driven the mechanism.
 
         Raises:
             LogError: The log does not tell what is needed.
         """
-        self._machine, self._recorded = machine, recorded
-        self._places = [machine.topics.index(topic) for topic in topics]
-        drive = machine.configuration.drive
+        self._simulator, self._recorded = simulator, recorded
+        self._places = [simulator.topics.index(topic) for topic in topics]
+        drive = simulator.configuration.drive
         self._drive = drive if isinstance(drive, TorqueDrive) else None
         self._told = topics.index(MECHANISM_STATE) if MECHANISM_STATE in topics else None
         if self._drive and self._told is None:
@@ -61,7 +61,7 @@ class Recomputation:
         # from the start.
         self._before: tuple[int, Coordinates, float] | None = None
         if self._drive:
-            self._before = 0, start(machine.solver.mechanism, self._drive), 0.0
+            self._before = 0, start(simulator.solver.mechanism, self._drive), 0.0
         self._motion: SpeedMotion | None = None
 
     def messages_at(self, segment: Segment, stamp: int, logged: Sequence[bytes]) -> list[bytes]:
@@ -85,10 +85,10 @@ class Recomputation:
         if isinstance(segment, SpeedSegment):
             if self._motion is None or self._motion.segment is not segment:
                 self._motion = SpeedMotion(segment)
-            return self._machine.snapshot_at(self._motion, stamp)
+            return self._simulator.snapshot_at(self._motion, stamp)
         if self._told is None or self._told >= len(logged):
             raise LogError('has no mechanism_state')
-        return self._machine.snapshot_of(stamp, self._read(logged[self._told])[0])
+        return self._simulator.snapshot_of(stamp, self._read(logged[self._told])[0])
 
     def _read(self, data: bytes) -> tuple[Coordinates, float]:
         """The coordinates and the torque, N m, that a mechanism_state tells.
@@ -97,12 +97,12 @@ class Recomputation:
             LogError: It tells none.
         """
         try:
-            _, values = self._machine.mechanism_state.decode(data)
+            _, values = self._simulator.mechanism_state.decode(data)
         except ValueError as error:
             raise LogError(f'has a mechanism_state that is {error}') from error
-        count = len(self._machine.joints)
+        count = len(self._simulator.joints)
         *rows, effort = (values[i * count :][:count] for i in range(4))
-        columns = (0, -1)[: len(self._machine.solver.coordinates)]  # the crank and a free slider
+        columns = (0, -1)[: len(self._simulator.solver.coordinates)]  # the crank and a free slider
         q, u, a = (tuple(row[i] for i in columns) for row in rows)
         angle, _ = within_two_turns(q[0])
         return Coordinates((angle, *q[1:]), u, a, q[0]), effort[0]
@@ -136,12 +136,12 @@ class Recomputation:
         found: Coordinates,
     ) -> str:
         """How far a state is from where the one before it leads, in words."""
-        late = self._machine.elapsed(tick) - self._machine.elapsed(past)
-        stood_still = not self._recorded and late > self._machine.elapsed(1) + CATCH_UP
+        late = self._simulator.elapsed(tick) - self._simulator.elapsed(past)
+        stood_still = not self._recorded and late > self._simulator.elapsed(1) + CATCH_UP
         elapsed = 0.0 if stood_still else late / NS_PER_S
         if elapsed > _LONGEST:
             return ''
-        solver = self._machine.solver
+        solver = self._simulator.solver
         driven = DrivenMechanism(solver, lambda _, speed: motor.at(speed) + command)
         try:
             steps = FixedSteps(driven, (*origin.q, *origin.u))

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A machine's messages beside those of a log, state by state, up to the first difference.
+"""A simulator's messages beside those of a log, state by state, up to the first difference.
 
 A state is one message of each topic. They were logged at one time, in the order of the topics;
 those with a header bear the state's stamp. So a message that is lost, doubled or in another's
@@ -16,7 +16,7 @@ from contextlib import suppress
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.channels import Pairing
 from linkage_ros.log.reader import LoggedMessage
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.ticker import CLOCK_STEP
 from linkage_ros.verification.message_difference import differing, unsigned_zeros
 from linkage_ros.verification.recomputation import Recomputation
@@ -36,13 +36,13 @@ class StateComparison:
     """
 
     def __init__(
-        self, machine: Machine, pairings: list[Pairing], timeline: Timeline, *, recorded: bool
+        self, simulator: Simulator, pairings: list[Pairing], timeline: Timeline, *, recorded: bool
     ) -> None:
         """Prepares a comparison.
 
         Args:
-            machine: Recomputes the states.
-            pairings: Channels, with the topics of the machine that they carry, in its order; at
+            simulator: Recomputes the states.
+            pairings: Channels, with the topics of the simulator that they carry, in its order; at
                 least one has stamps.
             timeline: Timeline of the log.
             recorded: Whether every tick has a state, logged at its stamp.
@@ -52,7 +52,7 @@ class StateComparison:
         self._pairings, self._timeline = pairings, timeline
         self._recorded = recorded
         topics = [topic for _, topic in pairings]
-        self._recomputation = Recomputation(machine, topics, recorded=recorded)
+        self._recomputation = Recomputation(simulator, topics, recorded=recorded)
         self._stamped = [i for i, (_, topic) in enumerate(pairings) if topic.interface.is_stamped]
         self._queues = [deque[LoggedMessage]() for _ in pairings]
         self._by_name = {

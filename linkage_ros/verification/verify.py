@@ -15,7 +15,7 @@ from typing import NamedTuple
 from linkage_ros.errors import LogError
 from linkage_ros.log.channels import Pairing, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.motion_check import check_motions
 from linkage_ros.verification.state_comparison import StateComparison
@@ -59,19 +59,19 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     Raises:
         LogError: The file is damaged, or has states but nothing that explains or dates them.
     """
-    machine = Machine(log.configuration)
-    pairings = paired(log, machine.topics)
+    simulator = Simulator(log.configuration)
+    pairings = paired(log, simulator.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = check_topics(log, pairings, descriptions, machine)
-    difference = difference or check_motions(machine, log.motions)
+    difference = check_topics(log, pairings, descriptions, simulator)
+    difference = difference or check_motions(simulator, log.motions)
     wrong: list[str] = []
     comparable = descriptions if log.has_same_urdf else []
-    messages = _described(log, comparable, machine.description, wrong)
+    messages = _described(log, comparable, simulator.description, wrong)
     states, missed = 0, 0
     cut: tuple[str, ...] = ()
     if not difference and has_states(log, pairings):
-        timeline = _timeline(log, machine, pairings)
-        comparison = StateComparison(machine, pairings, timeline, recorded=_is_record(log))
+        timeline = _timeline(log, simulator, pairings)
+        comparison = StateComparison(simulator, pairings, timeline, recorded=_is_record(log))
         difference = comparison.run(messages, progress)
         states, cut, missed = comparison.states, comparison.cut, timeline.missed
     elif not difference:
@@ -83,7 +83,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         states=states,
         compared=tuple(name for name in names if name in known),
         others=tuple(name for name in names if name not in known),
-        absent=tuple(t.name for t in (*machine.topics, ROBOT_DESCRIPTION) if t not in carried),
+        absent=tuple(t.name for t in (*simulator.topics, ROBOT_DESCRIPTION) if t not in carried),
         missed=missed,
         cut=cut,
         difference=wrong[0] if wrong else difference,
@@ -96,12 +96,12 @@ def _is_record(log: LogReader) -> bool:
     return not live and bool(log.motions) and log.motions[0].stamp == 0
 
 
-def _timeline(log: LogReader, machine: Machine, pairings: list[Pairing]) -> Timeline:
+def _timeline(log: LogReader, simulator: Simulator, pairings: list[Pairing]) -> Timeline:
     if not any(topic.interface.is_stamped for _, topic in pairings):
         raise LogError(f'{log.path} cannot be verified: none of its topics has stamps')
     if not log.motions:
         raise LogError(f'{log.path} cannot be verified: it has states but no motion record')
-    return Timeline(machine, log.motions)
+    return Timeline(simulator, log.motions)
 
 
 def _described(

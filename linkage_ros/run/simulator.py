@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A configured mechanism at work: from a stamp to the bytes of its messages.
+"""Simulates a configuration: from a stamp to the bytes of its messages.
 
-The node and the recorder use the same machine, which is why equal configurations and elapsed
+The node and the recorder use the same simulator, which is why equal configurations and elapsed
 times give equal bits in both.
 """
 
@@ -49,7 +49,7 @@ class Snapshot(NamedTuple):
     Attributes:
         coordinates: Coordinates of the mechanism.
         state: Its state there.
-        messages: CDR bytes, one message for each of `Machine.topics`.
+        messages: CDR bytes, one message for each of `Simulator.topics`.
     """
 
     coordinates: Coordinates
@@ -57,7 +57,7 @@ class Snapshot(NamedTuple):
     messages: tuple[bytes, ...]
 
 
-class Machine:
+class Simulator:
     """Makes the states and messages of one configuration.
 
     Attributes:

@@ -20,7 +20,7 @@ from linkage_ros.wire.topics import JOINT_STATES, MEASURED_JOINT_STATES
 _QOS = QoSProfile(depth=MEASURED_JOINT_STATES.depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-class MeasurementInbox:
+class MeasurementSubscriber:
     """Hears the measurements, and has each one answered, in the executor's thread."""
 
     def __init__(self, node: Node, measured: MeasuredCrank, ticker: MeasurementTicker) -> None:
@@ -44,32 +44,32 @@ class MeasurementInbox:
         self._measured, self._ticker, self._logger = measured, ticker, node.get_logger()
         self._topic = theirs
         node.create_subscription(
-            JointState, MEASURED_JOINT_STATES.name, self._hear, _QOS, raw=True
+            JointState, MEASURED_JOINT_STATES.name, self._receive, _QOS, raw=True
         )
 
-    def _hear(self, data: bytes) -> None:
-        came = time.time_ns()
-        self._ticker.hear(came, data)
+    def _receive(self, data: bytes) -> None:
+        received = time.time_ns()
+        self._ticker.answer(received, data)
 
-    def take(self, came: int, data: bytes) -> tuple[int, Coordinates] | None:
+    def take(self, received: int, data: bytes) -> tuple[int, Coordinates] | None:
         """Takes a message.
 
         Args:
-            came: When it came, ns.
+            received: When it came, ns.
             data: Its CDR bytes.
 
         Returns:
             Stamp, ns, and crank; None: it is left out, counted and said.
         """
         before = self._measured.left_out.copy()
-        heard = self._measured.hear(data, came)
+        heard = self._measured.hear(data, received)
         if heard is None:
             (cause,) = self._measured.left_out - before
             words = f'a message on {self._topic} is left out: {cause}'
             self._logger.warning(words, throttle_duration_sec=1.0)
         return heard
 
-    def figures(self) -> dict[str, str]:
+    def diagnostics(self) -> dict[str, str]:
         """What was left out by cause, for diagnostics."""
         counts = self._measured.left_out.items()
         return {f'left out, {cause}': str(count) for cause, count in counts}
