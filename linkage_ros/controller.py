@@ -31,14 +31,12 @@ from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.parameters import (
     ParameterNode,
-    check_parameter_files,
     declare_values,
     given_values,
 )
 from linkage_ros.ros.process import (
-    nonblocking_stderr,
     reported_as_configuration,
-    ros_context,
+    ros_program,
     spinning,
 )
 from linkage_ros.units import NS_PER_S, radians_per_second
@@ -195,9 +193,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
-    check_parameter_files(arguments, _NAME)
-    with nonblocking_stderr(), ros_context(arguments) as others:
-        cli.refuse_arguments(_parser(), others)
+    with ros_program(arguments, _parser()):
         with reported_as_configuration():
             node = ControllerNode()
         with spinning(node):

@@ -26,14 +26,12 @@ from linkage_ros.ros.command_subscriber import CommandSubscriber
 from linkage_ros.ros.measurement_subscriber import MeasurementSubscriber
 from linkage_ros.ros.parameters import (
     ParameterNode,
-    check_parameter_files,
     declare,
     given_values,
 )
 from linkage_ros.ros.process import (
-    nonblocking_stderr,
     reported_as_configuration,
-    ros_context,
+    ros_program,
     spinning,
 )
 from linkage_ros.ros.publishers import create_publisher, wait_for_subscribers
@@ -299,9 +297,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
-    check_parameter_files(arguments, _NAME)
-    with nonblocking_stderr(), ros_context(arguments) as others:
-        cli.refuse_arguments(_parser(), others)
+    with ros_program(arguments, _parser()):
         node = LinkageNode(stop)
         with spinning(node):
             node.start()

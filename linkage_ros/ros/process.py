@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import argparse
 import faulthandler
 import os
 import re
@@ -26,7 +27,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, LinkageError, one_line
+from linkage_ros.ros.parameters import check_parameter_files
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
 _FLUSH_SECONDS = 1.0  # s, for the reader of our last lines
@@ -68,6 +71,26 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
         yield others[1:]
     finally:
         rclpy.try_shutdown()
+
+
+@contextmanager
+def ros_program(arguments: list[str], parser: argparse.ArgumentParser) -> Iterator[None]:
+    """The life of a program that takes ROS's arguments alone: on ROS, stderr never waited for.
+
+    Args:
+        arguments: The command line.
+        parser: Knows the program's name, --help and --version.
+
+    Yields:
+        While rclpy may be used.
+
+    Raises:
+        ConfigurationError: rcl refuses an argument, a parameter file or the environment.
+    """
+    check_parameter_files(arguments, parser.prog)
+    with nonblocking_stderr(), ros_context(arguments) as others:
+        cli.refuse_arguments(parser, others)
+        yield
 
 
 def _require_ports(domain: str) -> None:

@@ -60,20 +60,15 @@ def wait_for_subscribers(
     Args:
         publishers: Publishers of the node.
         patience: Longest time to wait until one of them has a subscriber, s.
-        settle: Time after the last one was found, s, in which their side finds the node.
+        settle: Time after that, s, in which others are found, and find the node.
 
     Returns:
         Whether anybody listens.
     """
-    publishers = list(publishers)
-    start = changed = time.monotonic()
-    before = [0] * len(publishers)
-    while (now := time.monotonic()) < start + patience:
-        counts = [publisher.get_subscription_count() for publisher in publishers]
-        if counts != before:
-            before, changed = counts, now
-        # The other topics, and the other side of a match, may take a moment longer.
-        if any(counts) and now > changed + settle:
+    publishers, end = list(publishers), time.monotonic() + patience
+    while time.monotonic() < end:
+        if any(publisher.get_subscription_count() for publisher in publishers):
+            time.sleep(settle)
             return True
         time.sleep(0.01)
-    return any(before)
+    return False
