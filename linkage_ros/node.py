@@ -17,7 +17,6 @@ from linkage_ros import cli
 from linkage_ros.dynamics.state import State, loop_residual
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.motion.drives import Drive, FollowDrive, TorqueDrive
-from linkage_ros.motion.segments import Segment
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
@@ -96,7 +95,6 @@ class LinkageNode(ParameterNode):
             raise
         self._ticker = self._make_ticker(simulated=self.get_parameter('use_sim_time').value)
         self._motion: Motion | None = None
-        self._segment: Segment | None = None
         self._state: State | None = None
         self._joint_commands: CommandSubscriber | None = None
         if isinstance(configuration.drive, TorqueDrive):
@@ -230,9 +228,9 @@ class LinkageNode(ParameterNode):
 
     def _set_motion(self, motion: Motion) -> Motion:
         """Goes on with a motion, and logs its segment if that is new."""
-        if self._log is not None and motion.segment is not self._segment:
+        if self._log is not None:
             self._log.write_motion(motion.segment)
-        self._motion, self._segment = motion, motion.segment
+        self._motion = motion
         return motion
 
     def _set_live(self, name: str, value: float) -> None:

@@ -43,6 +43,7 @@ class RunLog:
         """
         session = configuration.session
         self._node, self._path, self._drive = node, session.log, configuration.drive
+        self._segment: Segment | None = None
         log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
         self._channels = {
             topic.name: log.add_topic(topic, node.resolve_topic_name(topic.name))
@@ -82,8 +83,10 @@ class RunLog:
             self.write(received, [(topic, data)])
 
     def write_motion(self, segment: Segment) -> None:
-        """Logs a segment of motion."""
-        self._worker.offer(segment)
+        """Logs a segment of motion, unless it is the last one."""
+        if segment is not self._segment:
+            self._worker.offer(segment)
+        self._segment = segment
 
     def health(self) -> Health:
         """What has become of it so far."""

@@ -129,7 +129,7 @@ class RealTimeTicker(Ticker):
 
     def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:
         super().__init__(simulator, callbacks)
-        self._origin = self._offset = 0  # tick 0 on the monotonic clock, the wall clock ahead, ns
+        self._origin = 0  # tick 0 on the monotonic clock, ns
         self._stop = threading.Event()
         self._thread = threading.Thread(
             target=self._report_failure, args=(self._run,), name='ticker', daemon=True
@@ -137,9 +137,8 @@ class RealTimeTicker(Ticker):
 
     def start(self) -> None:
         """Starts the ticks at once."""
-        self._offset = _clock_offset()
         self._origin = time.monotonic_ns()
-        self.t0 = self._origin + self._offset
+        self.t0 = self._origin + _clock_offset()
         self._thread.start()
 
     def stop(self) -> None:
@@ -158,9 +157,8 @@ class RealTimeTicker(Ticker):
             if self._stop.is_set():
                 return
             self.counts.missed += due - tick
-            stepped = _clock_offset() - self._offset
+            stepped = self._origin + _clock_offset() - self.t0
             if abs(stepped) > CLOCK_STEP:
-                self._offset += stepped
                 self._step_clock(due, stepped)
             self._make_tick(due)
             tick = due + 1
