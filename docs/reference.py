@@ -35,6 +35,7 @@ from linkage_ros.wire.topics import (
     TOPICS,
     Topic,
     effort_commands,
+    trajectory_commands,
 )
 
 _LAUNCH = Path(__file__).parents[1] / 'launch'
@@ -119,7 +120,11 @@ def _sections(word: str, classes: dict[str, type]) -> str:
 
 
 def _topics() -> str:
-    published = *TOPICS, effort_commands('effort_command_topic')
+    published = (
+        *TOPICS,
+        effort_commands('effort_command_topic'),
+        trajectory_commands('trajectory_command_topic'),
+    )
     return _table(
         'topic, type, content',
         [

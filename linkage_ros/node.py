@@ -34,6 +34,7 @@ from linkage_ros.ros.process import (
     spinning,
 )
 from linkage_ros.ros.publishers import create_publisher, wait_for_subscribers
+from linkage_ros.run.crank_trajectory import CrankTrajectory
 from linkage_ros.run.health import WINDOW, Health, HealthMonitor
 from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.scheduling import freeze_heap
@@ -79,12 +80,16 @@ class LinkageNode(ParameterNode):
         declare(self, configuration, self._set_live)
         self._stop = stop
         self._simulator = Simulator(configuration)
+        self._ahead = CrankTrajectory.of(self._simulator)
+        self._topics = (
+            *self._simulator.topics, ROBOT_DESCRIPTION, DIAGNOSTICS,
+            *([self._ahead.topic] if self._ahead else []),
+        )  # fmt: skip
         self._hardware_id = configuration.kind.mechanism
         self._drive: Drive = configuration.drive  # with what was set since the start
         with reported_as_configuration():  # a topic may have the name of another
             self._output_publishers = {
-                topic.name: create_publisher(self, topic)
-                for topic in (*self._simulator.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
+                topic.name: create_publisher(self, topic) for topic in self._topics
             }
         self._view = self._open_view(configuration) if configuration.session.viewer else None
         try:
@@ -160,8 +165,7 @@ class LinkageNode(ParameterNode):
     def _open_log(self, configuration: Configuration) -> RunLog:
         from linkage_ros.ros.run_log import RunLog
 
-        topics = (*self._simulator.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
-        return RunLog(self, configuration, topics)
+        return RunLog(self, configuration, self._topics)
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
         callbacks = Callbacks(self._tick, self._restamp, self._fail)
@@ -194,6 +198,8 @@ class LinkageNode(ParameterNode):
                     self._log.write_heard(received, command)
             motion.command(stamp, self._joint_commands.commands.torque())
         self._show(self._simulator.snapshot_at(motion, stamp))
+        if self._ahead and (message := self._ahead.message_at(motion, stamp)):
+            self._publish((self._ahead.topic, message))
 
     def _answer(self, received: int, data: bytes) -> bool:
         """Answers a measurement, in the executor's thread; returns whether it counts."""

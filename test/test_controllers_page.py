@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 PAGE = read('docs/controllers.md')
 STATES, PLANT_STATES = '/joint_states', '/plant/joint_states'
 # The node beside ros2_control, as a launch file has it.
-BESIDE = eval(block(PAGE, 'Node('), {'Node': dict})
+BESIDE = eval(block(PAGE, "'plant/robot_description'"), {'Node': dict})
 
 
 def beside_ros2_control():
@@ -65,7 +65,7 @@ def test_way_1_the_subscriber_turns_the_crank(tmp_path):
 
 def test_way_2_the_parameters_send_the_torque_to_the_controller(tmp_path):
     path = tmp_path / 'parameters.yaml'
-    path.write_text(block(PAGE, 'controller_manager:'))
+    path.write_text(block(PAGE, 'effort_controller:'))
     topics = {'/effort_controller/commands': 'std_msgs/msg/Float64MultiArray'}
     with watched(topics, '--ros-args', '--params-file', path) as (listener, node):
         (received,) = listener.received.values()

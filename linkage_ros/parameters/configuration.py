@@ -14,7 +14,7 @@ from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.torque_driven import start
-from linkage_ros.parameters.drives import DRIVES
+from linkage_ros.parameters.drives import DRIVES, SpeedFeedForward
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
 from linkage_ros.parameters.session import Session
@@ -137,6 +137,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
         Solver(mechanism).reach.require_full_turn()
     session = build(Session, given)
     session.require_fixed_frame(mechanism)
+    if isinstance(drive, SpeedFeedForward):
+        drive.require_rate(session.rate_hz)
     return Configuration(kind, mechanism, drive, session)
 
 

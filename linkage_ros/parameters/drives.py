@@ -12,6 +12,7 @@ from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDriv
 from linkage_ros.quantities import Checked, quantity, shown
 
 _TOPIC = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
+_HORIZON = 0.5  # s
 
 
 @dataclass(frozen=True)
@@ -36,21 +37,67 @@ class FeedForward(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.effort_command_topic and not _TOPIC.fullmatch(self.effort_command_topic):
-            raise ConfigurationError(
-                f'effort_command_topic = {shown(self.effort_command_topic)}: must be a topic '
-                'name, such as /effort_controller/commands'
-            )
+        self._require_topic('effort_command_topic', '/effort_controller/commands')
         if self.lead_time and not self.effort_command_topic:
             raise ConfigurationError(
                 f'lead_time = {shown(self.lead_time)}: is for the torque on '
                 'effort_command_topic, which names none: name a topic, or leave lead_time out'
             )
 
+    def _require_topic(self, name: str, example: str) -> None:
+        """Refuses text that cannot name a topic.
+
+        Raises:
+            ConfigurationError: The parameter holds such text.
+        """
+        topic = getattr(self, name)
+        if topic and not _TOPIC.fullmatch(topic):
+            raise ConfigurationError(
+                f'{name} = {shown(topic)}: must be a topic name, such as {example}'
+            )
+
 
 @dataclass(frozen=True)
 class SpeedFeedForward(FeedForward, SpeedDrive):
-    """A crank at a given speed, and its torque for a controller."""
+    """A crank at a given speed, and its torque and motion for a controller.
+
+    Attributes:
+        trajectory_command_topic: Topic of the crank's motion ahead of time; empty: none.
+        trajectory_horizon: How far ahead that motion reaches, s.
+    """
+
+    trajectory_command_topic: str = quantity(
+        'text', "topic of the crank's motion and torque ahead of time; empty: none", default=''
+    )
+    trajectory_horizon: float = quantity(
+        'number', 'time ahead that the motion reaches; half of it is between messages', 's',
+        span=(0.01, 10.0), default=_HORIZON,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_topic('trajectory_command_topic', '/crank_controller/joint_trajectory')
+        if self.trajectory_horizon != _HORIZON and not self.trajectory_command_topic:
+            raise ConfigurationError(
+                f'trajectory_horizon = {shown(self.trajectory_horizon)}: is for the motion on '
+                'trajectory_command_topic, which names none: name a topic, or leave '
+                'trajectory_horizon out'
+            )
+
+    def require_rate(self, rate_hz: float) -> None:
+        """Refuses a rate at which a trajectory would end before the next one is there.
+
+        Args:
+            rate_hz: States a second.
+
+        Raises:
+            ConfigurationError: The horizon is shorter than four periods.
+        """
+        if self.trajectory_command_topic and self.trajectory_horizon * rate_hz < 4:
+            raise ConfigurationError(
+                f'trajectory_horizon = {shown(self.trajectory_horizon)}: must be at least '
+                f'{4 / rate_hz:g} s, four periods of rate_hz = {rate_hz:g}'
+            )
 
 
 @dataclass(frozen=True)

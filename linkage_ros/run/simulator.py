@@ -27,6 +27,7 @@ from linkage_ros.wire.codecs import (
     JointStateCodec,
     PointCodec,
     TrajectoryCodec,
+    TrajectoryPoint,
     encode_float64,
     encode_float64_array,
     encode_string,
@@ -184,6 +185,22 @@ class Simulator:
             place = self.solver.point(state, 'C').position
             messages += (self._point.encode(stamp, *place),)
         return Snapshot(coordinates, state, messages)
+
+    def crank_at(self, motion: Motion, stamp: int) -> TrajectoryPoint:
+        """The crank at a stamp, as a point of a trajectory.
+
+        Args:
+            motion: Motion in the segment that contains the stamp.
+            stamp: ns.
+
+        Returns:
+            Its motion and torque.
+        """
+        coordinates = motion.at(stamp)
+        torque = self._solve(coordinates).torque
+        return TrajectoryPoint(
+            coordinates.unwrapped, coordinates.u[0], coordinates.a[0], float(torque)
+        )
 
     def _solve(self, coordinates: Coordinates) -> State:
         q, u, a, _ = coordinates

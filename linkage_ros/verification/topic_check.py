@@ -6,8 +6,10 @@ from __future__ import annotations
 
 from linkage_ros.log.channels import Pairing
 from linkage_ros.log.reader import LogReader
-from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.parameters.drives import SpeedFeedForward
 from linkage_ros.run.simulator import Simulator
+from linkage_ros.wire.interfaces import JOINT_TRAJECTORY
 from linkage_ros.wire.topics import COUPLER_POINT, JOINT_COMMANDS, TOPICS
 
 
@@ -38,14 +40,13 @@ def check_topics(
             return f'{channel.name}: its schema is not that of {channel.type}'
     carrying, known_types = dict(pairings), {t.interface.name for _, t in pairings}
     kinds = {topic.name: topic.interface.name for topic in simulator.topics}
-    # What was commanded is logged with what came of it.
-    heard = 1 if isinstance(simulator.configuration.drive, TorqueDrive) else 0
+    more = _logged_besides(simulator.configuration.drive)
     for channel in log.topics:
         kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
         if channel.name in carrying:
             continue
-        if heard and channel.type == JOINT_COMMANDS.interface.name:
-            heard -= 1
+        if channel.type in more:
+            more.remove(channel.type)
             continue
         if channel.type in known_types and channel.messages:
             return f'{channel.name} is of the type of another topic: which one is of this run?'
@@ -57,3 +58,12 @@ def check_topics(
     counts = {topic.name: topic.messages for topic in log.topics}
     empty = [name for name in descriptions if not counts[name]]
     return f'{empty[0]} has no message' if empty and has_states(log, pairings) else ''
+
+
+def _logged_besides(drive: Drive) -> list[str]:
+    """Types of what is logged with the states: commands to a plant, a trajectory ahead of time."""
+    if isinstance(drive, TorqueDrive):
+        return [JOINT_COMMANDS.interface.name]
+    if isinstance(drive, SpeedFeedForward) and drive.trajectory_command_topic:
+        return [JOINT_TRAJECTORY.name]
+    return []

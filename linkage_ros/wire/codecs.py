@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
 
 from linkage_ros.dynamics.state import State
 from linkage_ros.model.structure import Link
@@ -134,6 +135,59 @@ class TrajectoryCodec(_RowsCodec):
 
     def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
         super().__init__(names, frame_id, 4, points=True)
+
+
+class TrajectoryPoint(NamedTuple):
+    """A joint at one time of a trajectory.
+
+    Attributes:
+        position: rad.
+        velocity: rad/s.
+        acceleration: rad/s^2.
+        effort: N m.
+    """
+
+    position: float
+    velocity: float
+    acceleration: float
+    effort: float
+
+
+class CrankTrajectoryCodec:
+    """JointTrajectory messages of one joint and many points."""
+
+    def __init__(self, name: str, frame_id: str = ROOT_FRAME) -> None:
+        names = align(header(frame_id), 4) + struct.pack('<I', 1)
+        self._body = align(string(names, name), 4)
+        # A point is four sequences of one number, each number on a multiple of 8, and a duration.
+        # All points but the first begin on such a multiple.
+        gap = -(len(self._body) + 8) % 8
+        self._first = struct.Struct(f'<I{gap}xdI4xdI4xdI4xdiI')
+        self._other = struct.Struct('<I4xdI4xdI4xdI4xdiI')
+
+    def encode(self, points: Collection[tuple[int, TrajectoryPoint]]) -> bytes:
+        """One message, whose stamp is that of its first point.
+
+        Args:
+            points: Stamps, ns, rising, and points.
+
+        Returns:
+            Its CDR bytes.
+        """
+        start = next(iter(points))[0]
+        parts = [ENCAPSULATION, STAMP.pack(*divmod(start, NS_PER_S)), self._body[STAMP.size :]]
+        parts.append(struct.pack('<I', len(points)))
+        pack = self._first.pack
+        for stamp, (position, velocity, acceleration, effort) in points:
+            after = divmod(stamp - start, NS_PER_S)
+            parts.append(
+                pack(
+                    1, position + 0.0, 1, velocity + 0.0, 1, acceleration + 0.0, 1, effort + 0.0,
+                    *after,
+                )
+            )  # fmt: skip
+            pack = self._other.pack
+        return b''.join(parts)
 
 
 class PointCodec:

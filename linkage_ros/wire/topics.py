@@ -94,6 +94,15 @@ def effort_commands(name: str) -> Topic:
     )
 
 
+def trajectory_commands(name: str) -> Topic:
+    """The topic, of a name to choose, on which a controller takes the motion of the crank."""
+    return Topic(
+        name,
+        JOINT_TRAJECTORY,
+        meaning='motion and torque of the crank for `trajectory_horizon` from the stamp on',
+    )
+
+
 def qualified(topic: Topic) -> str:
     """The name of a topic in a graph without namespaces."""
     return topic.name if topic.name.startswith('/') else f'/{topic.name}'

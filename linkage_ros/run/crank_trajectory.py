@@ -1,0 +1,78 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The motion and torque of the crank ahead of time, as joint_trajectory_controller takes them."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from linkage_ros.motion.torque_driven import Motion
+from linkage_ros.parameters.drives import SpeedFeedForward
+from linkage_ros.run.simulator import Simulator
+from linkage_ros.units import NS_PER_MS, NS_PER_S
+from linkage_ros.wire.codecs import CrankTrajectoryCodec, TrajectoryPoint
+from linkage_ros.wire.topics import trajectory_commands
+
+# Between points, ns: the controller interpolates the effort in a straight line.
+_STEP = NS_PER_MS
+
+
+class CrankTrajectory:
+    """Makes a trajectory of one horizon, and a new one after half of it.
+
+    The first point is at or just before the stamp at which it is made, so that a controller that
+    gets it a moment later is within it at once. Each tick adds only the points that have come
+    within the horizon: no tick computes all of them but the first, and one at which the motion
+    changes.
+
+    Attributes:
+        topic: Where to publish it.
+    """
+
+    def __init__(self, simulator: Simulator, topic: str, horizon: float) -> None:
+        """Prepares the trajectories.
+
+        Args:
+            simulator: Solves the states.
+            topic: Name of the topic.
+            horizon: s.
+        """
+        self.topic = trajectory_commands(topic)
+        session = simulator.configuration.session
+        self._codec = CrankTrajectoryCodec(simulator.joints[0], session.frame_id)
+        self._simulator, self._horizon = simulator, round(horizon * NS_PER_S)
+        self._motion: Motion | None = None
+        self._points: deque[tuple[int, TrajectoryPoint]] = deque()
+        self._next = self._due = 0
+
+    @classmethod
+    def of(cls, simulator: Simulator) -> CrankTrajectory | None:
+        """The trajectories that a configuration asks for; None: it asks for none."""
+        drive = simulator.configuration.drive
+        if not isinstance(drive, SpeedFeedForward) or not drive.trajectory_command_topic:
+            return None
+        return cls(simulator, drive.trajectory_command_topic, drive.trajectory_horizon)
+
+    def message_at(self, motion: Motion, stamp: int) -> bytes | None:
+        """The message that is due at a stamp.
+
+        Args:
+            motion: Motion in the segment that contains the stamp; another one than last time
+                makes what was sent invalid, and a message due.
+            stamp: ns.
+
+        Returns:
+            CDR bytes; None: none is due.
+        """
+        if motion is not self._motion or stamp >= self._next:
+            self._points.clear()
+            self._motion, self._next, self._due = motion, stamp, stamp
+        while self._next < stamp + self._horizon + _STEP:
+            self._points.append((self._next, self._simulator.crank_at(motion, self._next)))
+            self._next += _STEP
+        while self._points[1][0] <= stamp:
+            self._points.popleft()
+        if stamp < self._due:
+            return None
+        self._due = stamp + self._horizon // 2
+        return self._codec.encode(self._points)

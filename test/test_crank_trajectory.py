@@ -1,0 +1,352 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The trajectory of the crank, taken as joint_trajectory_controller of Jazzy takes it.
+
+`Controller` re-enacts that controller, which no Python package holds. Its comments name the lines
+of ros2_controllers, branch jazzy, version 4.42.1 (commit ed360c9), in joint_trajectory_controller:
+  C  src/joint_trajectory_controller.cpp
+  T  src/trajectory.cpp
+  P  src/joint_trajectory_controller_parameters.yaml
+and the way of the states and commands is that of topic_based_hardware_interfaces 1.1.0 (d115f23):
+  H  joint_state_topic_hardware_interface/src/joint_state_topic_hardware_interface.cpp
+The controller manager is that of ros2_control, branch jazzy, version 4.46.0 (9ffbf97):
+  M  controller_manager/src/controller_manager.cpp
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+import yaml
+from pages import block, read
+from rclpy.serialization import deserialize_message
+from ros_harness import logged, node_arguments, stop, wait_for, watched
+from test_docs_figures import check_quote
+from trajectory_msgs.msg import JointTrajectory
+
+from linkage_ros import ConfigurationError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.torque_driven import TorqueMotion
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.run.crank_trajectory import CrankTrajectory
+from linkage_ros.run.simulator import Simulator
+from linkage_ros.units import NS_PER_MS, NS_PER_S
+from linkage_ros.verification.verify import verify
+
+PAGE = read('docs/controllers.md')
+TOPIC = '/crank_controller/joint_trajectory'
+T0 = 1_700_000_000_123_456_789  # ns
+PERIOD = NS_PER_MS  # of the controller manager, ns
+HALF = NS_PER_S // 4  # half of the default horizon, ns
+
+
+def machine(**values):
+    given = {k: v for k, v in load('quadrilateral').parameters().items() if v is not None}
+    return Simulator(configure({**given, 'trajectory_command_topic': TOPIC, **values}))
+
+
+def nanoseconds(time):
+    return time.sec * NS_PER_S + time.nanosec
+
+
+class Controller:
+    """joint_trajectory_controller with the effort interface alone."""
+
+    def __init__(self, parameters):
+        self.joints = parameters['joints']
+        # C:892-895, without another command interface the effort is added to a PID law.
+        assert parameters['command_interfaces'] == ['effort']
+        # C:943-955, which needs both states.
+        assert parameters['state_interfaces'] == ['position', 'velocity']
+        self.may_end_moving = parameters.get('allow_nonzero_velocity_at_trajectory_end', False)
+        self.gains = parameters['gains'][self.joints[0]]
+        self.points = None
+
+    def receive(self, data, now):
+        """The subscription on ~/joint_trajectory, C:1001-1004 and C:1385-1398."""
+        message = deserialize_message(data, JointTrajectory)
+        self._validate(message, now)
+        # T:101-107, the new trajectory replaces the old one; its stamp is where it starts.
+        start = nanoseconds(message.header.stamp)
+        assert start != 0  # T:128-131, which would mean now
+        self.times = [start + nanoseconds(p.time_from_start) for p in message.points]
+        self.points = message.points
+
+    def _validate(self, message, now):
+        assert list(message.joint_names) == self.joints  # C:1676-1714
+        assert message.points  # C:1695
+        # C:1717-1730, unless it is allowed.
+        assert self.may_end_moving or abs(message.points[-1].velocities[0]) < 1.2e-7
+        after = [nanoseconds(point.time_from_start) for point in message.points]
+        assert nanoseconds(message.header.stamp) + after[-1] >= now  # C:1737-1748
+        assert all(np.diff(after) > 0)  # C:1755
+        for point in message.points:  # C:1797-1803; effort is not checked there, but read: C:422
+            row = point.positions, point.velocities, point.accelerations, point.effort
+            assert [len(numbers) for numbers in row] == [1, 1, 1, 1]
+
+    def sample(self, now):
+        """Position, velocity and effort at a time, T:109-254."""
+        # T:148-169: before the first point it would blend with the measured state, whose effort
+        # is 0.
+        assert now >= self.times[0]
+        after = int(np.searchsorted(self.times, now, 'right'))
+        if after == len(self.times):  # T:208-236, the last point is held
+            last = self.points[-1]
+            return last.positions[0], last.velocities[0], last.effort[0]
+        a, b = self.points[after - 1], self.points[after]
+        T, t = (moment / NS_PER_S for moment in (self.times[after] - self.times[after - 1],
+                                                 now - self.times[after - 1]))  # fmt: skip
+        (p0,), (v0,), (a0,) = a.positions, a.velocities, a.accelerations
+        (p1,), (v1,), (a1,) = b.positions, b.velocities, b.accelerations
+        # T:365-406, a quintic spline through both points.
+        c = [
+            p0, v0, 0.5 * a0,
+            (-20 * p0 + 20 * p1 - 3 * a0 * T**2 + a1 * T**2 - 12 * v0 * T - 8 * v1 * T)
+            / (2 * T**3),
+            (30 * p0 - 30 * p1 + 3 * a0 * T**2 - 2 * a1 * T**2 + 16 * v0 * T + 14 * v1 * T)
+            / (2 * T**4),
+            (-12 * p0 + 12 * p1 - a0 * T**2 + a1 * T**2 - 6 * v0 * T - 6 * v1 * T) / (2 * T**5),
+        ]  # fmt: skip
+        position = sum(x * t**n for n, x in enumerate(c))
+        velocity = sum(n * x * t ** (n - 1) for n, x in enumerate(c) if n)
+        # T:296-313, the effort in a straight line.
+        effort = a.effort[0] + t * (b.effort[0] - a.effort[0]) / T
+        return position, velocity, effort
+
+    def update(self, now, position, velocity):
+        """The effort for the hardware, C:321-427."""
+        desired, speed, _ = self.sample(now)  # C:322
+        _, _, effort = self.sample(now + PERIOD)  # C:327-329
+        # C:110-116 and C:1500-1504: the URDF's crank is continuous, so the shorter way counts.
+        error = math.remainder(desired - position, 2 * math.pi)
+        # C:420-425, with ff_velocity_scale 0 as it is by default (P:174-178).
+        return effort + self.gains['p'] * error + self.gains['d'] * (speed - velocity)
+
+
+def parameters_of_the_page():
+    text = block(PAGE, 'crank_controller:')
+    return yaml.safe_load(text)['crank_controller']['ros__parameters']
+
+
+# ---------------------------------------------------------------- messages
+
+
+def made(machine, seconds, rate=1000):
+    """The messages of a run and their stamps, as rclpy reads them."""
+    ahead, motion = CrankTrajectory.of(machine), machine.begin(T0)
+    for tick in range(seconds * rate):
+        stamp = T0 + tick * NS_PER_S // rate
+        if data := ahead.message_at(motion, stamp):
+            yield stamp, deserialize_message(data, JointTrajectory)
+
+
+@pytest.mark.parametrize('prefix', ['', 'left_', 'a', 'ab_'])
+def test_points_hold_the_exact_motion_and_torque_of_the_crank_alone(prefix):
+    one = machine(joint_prefix=prefix, crank_acceleration=3.0, start_rpm=20.0)
+    motion = one.begin(T0)
+    for stamp, message in made(one, 1):
+        assert message.joint_names == [f'{prefix}crank']
+        assert message.header.frame_id == 'base_link'
+        start = nanoseconds(message.header.stamp)
+        assert start == stamp
+        assert len(message.points) == 501
+        for number, point in enumerate(message.points):
+            after = nanoseconds(point.time_from_start)
+            assert after == number * NS_PER_MS
+            (q,), (u,), (a,), unwrapped = motion.at(start + after)
+            row = point.positions, point.velocities, point.accelerations, point.effort
+            assert [value for (value,) in row] == [
+                unwrapped,
+                u,
+                a,
+                one.solver.state(q, u, a).torque,
+            ]
+
+
+def test_a_trajectory_is_renewed_at_half_of_its_horizon():
+    stamps = [stamp - T0 for stamp, _ in made(machine(), 2)]
+    assert stamps == list(range(0, 2 * NS_PER_S, HALF))
+    stamps = [stamp - T0 for stamp, _ in made(machine(trajectory_horizon=0.1), 1)]
+    assert stamps == list(range(0, NS_PER_S, NS_PER_S // 20))
+
+
+def test_a_trajectory_begins_before_its_stamp_where_ticks_fall_between_points():
+    for stamp, message in made(machine(rate_hz=333.0), 1, rate=333):
+        assert 0 <= stamp - nanoseconds(message.header.stamp) < NS_PER_MS
+        end = nanoseconds(message.header.stamp) + nanoseconds(message.points[-1].time_from_start)
+        assert end >= stamp + 2 * HALF
+
+
+def test_a_new_speed_a_step_of_the_clock_and_a_pause_make_a_new_trajectory_at_once():
+    one = machine()
+    ahead, motion = CrankTrajectory.of(one), one.begin(T0)
+    assert ahead.message_at(motion, T0)
+    now = T0 + 10 * NS_PER_MS
+    assert ahead.message_at(motion, now) is None
+    motion = motion.change(now, 60.0)
+    faster = deserialize_message(ahead.message_at(motion, now), JointTrajectory)
+    assert faster.points[0].velocities[0] == pytest.approx(2 * math.pi)
+    assert ahead.message_at(motion, now + HALF - 1) is None
+    motion = motion.restamp(now, now - 5 * NS_PER_S)
+    stepped = deserialize_message(ahead.message_at(motion, now - 5 * NS_PER_S), JointTrajectory)
+    assert nanoseconds(stepped.header.stamp) == now - 5 * NS_PER_S
+    later = now + 3600 * NS_PER_S  # what was computed is past: nothing of the pause is made up for
+    resumed = deserialize_message(ahead.message_at(motion, later), JointTrajectory)
+    assert nanoseconds(resumed.header.stamp) == later
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'trajectory_command_topic': 'a b'}, 'such as /crank_controller/joint_trajectory'),
+        ({'trajectory_command_topic': '', 'trajectory_horizon': 1.0}, 'names none: name a topic'),
+        ({'trajectory_horizon': 0.001}, 'must be a number from 0.01 to 10 s'),
+        ({'rate_hz': 7.0}, r'at least 0.571429 s, four periods of rate_hz = 7$'),
+    ],
+)
+def test_what_gives_no_trajectory_is_refused(values, words):
+    with pytest.raises(ConfigurationError, match=words):
+        machine(**values)
+    assert machine(rate_hz=8.0)
+
+
+# ---------------------------------------------------------------- the controller takes them
+
+
+def test_spline_and_line_between_the_points_are_the_motion_and_the_torque():
+    one = machine(start_rpm=20.0, crank_acceleration=3.0)
+    controller, motion = Controller(parameters_of_the_page()), one.begin(T0)
+    ahead = CrankTrajectory.of(one)
+    effort, places = [], []
+    for tick in range(1000):
+        stamp = T0 + tick * NS_PER_MS
+        if data := ahead.message_at(motion, stamp):
+            controller.receive(data, stamp + 200_000)
+        found = controller.sample(stamp + 777_777)
+        (q,), (u,), (a,), unwrapped = motion.at(stamp + 777_777)
+        places.append((found[0] - unwrapped, found[1] - u))
+        effort.append((found[2], one.solver.state(q, u, a).torque))
+    assert np.abs(places).max() < 1e-9
+    found, exact = np.transpose(effort)
+    assert np.abs(found - exact).max() < 2e-4 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize('changed', ['joints', 'end', 'past'])
+def test_the_controller_refuses_what_is_not_for_it(changed):
+    """Negative control."""
+    one, parameters = machine(), parameters_of_the_page()
+    data = CrankTrajectory.of(one).message_at(one.begin(T0), T0)
+    now = T0
+    if changed == 'joints':
+        parameters['joints'] = ['wheel']
+        parameters['gains'] = {'wheel': {}}
+    elif changed == 'end':
+        del parameters['allow_nonzero_velocity_at_trajectory_end']
+    else:
+        now += NS_PER_S
+    with pytest.raises(AssertionError):
+        Controller(parameters).receive(data, now)
+
+
+def controlled(seconds, *, effort):
+    """Speed errors of our plant under the controller, as parts of the speed.
+
+    A state is read by the controller manager (H:99-146), its command is written (H:174-232) and
+    acts from the next tick of the plant on. The plant begins at rest.
+    """
+    one, controller = machine(), Controller(parameters_of_the_page())
+    ahead, motion = CrankTrajectory.of(one), one.begin(T0)
+    plant = TorqueMotion(one.solver, TorqueDrive(), T0, PERIOD)
+    command, errors = 0.0, []
+    for tick in range(seconds * 1000):
+        stamp = T0 + tick * PERIOD
+        if data := ahead.message_at(motion, stamp):
+            controller.receive(data, stamp)
+            if not effort:
+                for point in controller.points:
+                    point.effort[0] = 0.0
+        plant.command(stamp, command)
+        state = plant.at(stamp)
+        errors.append(state.u[0] / (5 * math.pi) - 1.0)
+        command = controller.update(stamp, state.unwrapped, state.u[0])
+    return np.abs(errors)
+
+
+def test_the_page_says_how_well_the_plant_follows():
+    fed, alone = (100 * controlled(4, effort=effort)[2000:].max() for effort in (True, False))
+    words = 'the crank keeps its speed within {} %, and within {} % without the effort'
+    check_quote('docs/controllers.md', words, fed, alone)
+    assert fed < alone / 5
+
+
+# ---------------------------------------------------------------- on DDS
+
+
+def test_the_node_publishes_and_logs_them(tmp_path):
+    path = tmp_path / 'run.mcap'
+    arguments = node_arguments(
+        trajectory_command_topic=TOPIC, rate_hz=1000.0, joint_prefix='left_', log=path
+    )
+    topics = {TOPIC: 'trajectory_msgs/msg/JointTrajectory'}
+    with watched(topics, *arguments) as (listener, node):
+        received = listener.received[TOPIC]
+        wait_for(lambda: len(received) > 4)
+        code, output = stop(node)
+    assert code == 0, output
+    messages = [deserialize_message(data, JointTrajectory) for data in received]
+    stamps = [nanoseconds(message.header.stamp) for message in messages]
+    # A late tick renews late, by a few periods on a busy machine.
+    assert all(HALF <= gap < 1.5 * HALF for gap in np.diff(stamps)), np.diff(stamps)
+    parameters = parameters_of_the_page()
+    parameters = {**parameters, 'joints': ['left_crank'],
+                  'gains': {'left_crank': parameters['gains']['crank']}}  # fmt: skip
+    for data, stamp in zip(received, stamps, strict=True):
+        Controller(parameters).receive(data, stamp)
+    _, kept = logged(path)
+    kept = [bytes(message.data) for message in kept[TOPIC]]
+    assert [data for data in received if bytes(data) in kept] == list(received)
+    with LogReader(path) as log:
+        report = verify(log)
+    assert report.difference == ''
+    assert report.others == ('/diagnostics', TOPIC)
+
+
+def test_the_launch_file_of_the_page_names_what_the_parts_have():
+    """ROS's launch and the programs of ros2_control are no Python packages."""
+    code = re.sub(r'(?m)^from .*$', '', block(PAGE, 'generate_launch_description'))
+    names = {'Node': MagicMock(), 'LaunchDescription': list, 'Path': MagicMock()}
+    exec(code, names)
+    names['generate_launch_description']()
+    calls = [call.kwargs for call in names['Node'].call_args_list]
+    plant, reference, publisher, manager, *spawners = calls
+    assert configure(plant['parameters'][0]).kind.drive == 'torque'
+    # M:755-756: the manager takes the robot from robot_description, which ours must not be.
+    assert (plant['namespace'], reference['namespace']) == ('plant', 'reference')
+    assert plant['remappings'] == [('joint_commands', '/joint_commands')]
+    assert publisher['remappings'] == [('joint_states', f'{plant["namespace"]}/joint_states')]
+    drive = configure(reference['parameters'][0]).drive
+    # C:1002: the topic is joint_trajectory below the controller's name.
+    controller, _, word = drive.trajectory_command_topic.lstrip('/').partition('/')
+    assert word == 'joint_trajectory'
+    spawned = [spawner['arguments'][0] for spawner in spawners]
+    assert spawned[-1] == controller
+    text = block(PAGE, 'crank_controller:')
+    managed = yaml.safe_load(text)['controller_manager']['ros__parameters']
+    assert spawned == [name for name in managed if name != 'update_rate']
+    assert managed[controller]['type'] == 'joint_trajectory_controller/JointTrajectoryController'
+    assert managed['update_rate'] * PERIOD == NS_PER_S
+    assert manager['executable'] == 'ros2_control_node'
+
+
+def test_every_parameter_of_the_page_is_one_of_the_controller():
+    """P:2-190; a name that is not declared would have no effect there."""
+    declared = {'joints', 'command_interfaces', 'state_interfaces', 'cmd_timeout', 'gains',
+                'allow_nonzero_velocity_at_trajectory_end'}  # fmt: skip
+    parameters = parameters_of_the_page()
+    assert set(parameters) == declared
+    assert set(parameters['gains']['crank']) <= {'p', 'i', 'd'}  # P:142-158
