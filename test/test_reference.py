@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import itertools
 import re
-from dataclasses import MISSING
 
 import pytest
 from pages import ROOT, load_reference, read
@@ -14,7 +13,6 @@ from pages import ROOT, load_reference, read
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves
 from linkage_ros.parameters.drives import DRIVES
-from linkage_ros.quantities import Leaf, Quantity
 
 PAGE = read('docs/reference.md')
 
@@ -55,23 +53,3 @@ def test_every_launch_file_is_listed_with_its_arguments(reference):
     assert found['rpm'] == ('150.0', 'speed to keep')
     # All that is declared, in a loop or not.
     assert {'rpm', 'feed_forward', 'log', 'viewer'} <= set(found)
-
-
-@pytest.mark.parametrize(
-    ('quantity', 'default', 'row'),
-    [
-        (Quantity('number', 'm', 'N m', 0.0, 1e12), 1e12, ('0 to 1e12 N m', '`1.0e12`', 'm')),
-        (Quantity('number', 'm', 'm', 1e-9, 1e9), MISSING, ('1e-9 to 1e9 m', 'required', 'm')),
-        (Quantity('pair', 'm', 'm', 0.0, 1.0), (0.0, 1.0), ('two, 0 to 1 m', '`[0.0, 1.0]`', 'm')),
-        (Quantity('pair', 'm', 'm', -1.0, 1.0), None, ('two, -1 to 1 m', '-', 'm')),
-        (Quantity('text', 'm'), '', ('text', "`''`", 'm')),
-        (Quantity('switch', 'm'), False, ('`true`, `false`', '`false`', 'm')),
-        (Quantity('choice', 'm', choices=('a', 'b')), 'a', ('`a`, `b`', '`a`', 'm')),
-        (
-            Quantity('number', 'm', '', 0.0, 1.0, live=True), 0.0,
-            ('0 to 1', '`0.0`', 'm; may be set while the node runs'),
-        ),
-    ],
-)  # fmt: skip
-def test_a_row_has_values_default_and_meaning(reference, quantity, default, row):
-    assert reference.parameter_row(Leaf('name', quantity, default)) == ('`name`', *row)

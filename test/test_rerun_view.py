@@ -123,7 +123,7 @@ def test_file_holds_every_sample_bit_for_bit(tmp_path, start, kind):
     assert (view.dropped, view.sender.url, view.sender.exposed) == (0, None, False)
 
 
-@pytest.mark.parametrize(('rate', 'drawings'), [(1000, 100), (10, 20)])
+@pytest.mark.parametrize(('rate', 'drawings'), [(400, 100), (10, 20)])
 def test_at_most_50_drawings_per_second_of_stamps(tmp_path, rate, drawings):
     samples, _ = run_of(CONFIGURATION, 2 * rate, rate)
     show(tmp_path / 'run.rrd', samples, batch=7)
@@ -283,10 +283,10 @@ def opened(*arguments, **options):
             process.wait()
 
 
-def listening(*processes):
-    """Addresses at which processes, or this one, take connections, as the kernel has them."""
+def listening():
+    """Addresses at which this process takes connections, as the kernel has them."""
     mine = set()
-    for entry in (e for p in processes or ['self'] for e in Path(f'/proc/{p}/fd').iterdir()):
+    for entry in Path('/proc/self/fd').iterdir():
         with suppress(OSError):
             mine.add(str(entry.readlink()))
     found = set()
@@ -500,15 +500,6 @@ def running(*arguments, port=None):
             yield process, f'rerun+http://127.0.0.1:{port}/proxy'
         finally:
             process.kill()
-
-
-def test_viewer_at_a_url_gets_everything(tmp_path):
-    saved = tmp_path / 'saved.rrd'
-    samples, _ = run_of(CONFIGURATION, 300)
-    with running('--save', str(saved)) as (_, url):
-        show(url, samples)
-        wait_until(lambda: len(stamps_in(saved)) == len(samples))
-    assert stamps_in(saved) == [sample.stamp for sample in samples]
 
 
 def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):

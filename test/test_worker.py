@@ -130,20 +130,6 @@ def test_a_consumer_without_items_is_still_called_so_that_it_may_flush():
 # ---------------------------------------------------------------- a consumer that lags
 
 
-def test_offering_does_not_wait_for_the_consumer():
-    """The gate stays shut until all is offered: an offer that waited would never return."""
-    consumer = Gated(is_open=False)
-    worker, _ = start(consumer, capacity=50_000)
-    worker.offer(0)
-    until(consumer.entered)
-    for item in range(1, 50_001):
-        worker.offer(item)
-    assert consumer.items == []
-    consumer.gate.set()
-    assert worker.close(PATIENCE)
-    assert consumer.items == list(range(50_001))
-
-
 def test_the_oldest_are_dropped_and_counted_to_the_item():
     consumer = Gated(is_open=False)
     worker, errors = start(consumer, capacity=10)
@@ -157,19 +143,6 @@ def test_the_oldest_are_dropped_and_counted_to_the_item():
     assert consumer.items == [0, *range(26, 36)]
     assert worker.dropped == 25
     assert errors == []
-
-
-def test_a_full_queue_drops_nothing():
-    consumer = Gated(is_open=False)
-    worker, _ = start(consumer, capacity=10)
-    worker.offer(0)
-    until(consumer.entered)
-    for item in range(1, 11):
-        worker.offer(item)
-    assert worker.dropped == 0
-    consumer.gate.set()
-    assert worker.close(PATIENCE)
-    assert consumer.items == list(range(11))
 
 
 def test_in_a_race_every_item_is_either_consumed_in_order_or_counted():
@@ -246,19 +219,6 @@ def test_what_comes_after_a_failure_is_dropped_and_counted():
     assert len(errors) == 1
 
 
-def test_items_queued_while_the_consumer_fails_are_counted_as_dropped():
-    consumer = Gated(is_open=False, fail_at=0)
-    worker, _ = start(consumer)
-    worker.offer(0)
-    until(consumer.entered)
-    for item in range(1, 41):
-        worker.offer(item)
-    consumer.gate.set()
-    finished(worker)
-    # The item of the failed call may have arrived, the forty behind it have not.
-    assert worker.dropped in {40, 41}
-
-
 def test_a_failure_on_the_last_batch_is_reported():
     consumer = Gated(fail_at=0)
     worker, errors = start(consumer, period=PATIENCE)
@@ -286,14 +246,6 @@ def test_of_two_failures_the_first_is_reported():
     finished(worker)
     assert [error.errno for error in errors] == [28]
     assert worker.error.errno == 28
-
-
-def test_a_healthy_consumer_reports_nothing():
-    consumer = Gated()
-    worker, errors = start(consumer)
-    worker.offer(0)
-    assert worker.close(PATIENCE)
-    assert (errors, worker.error) == ([], None)
 
 
 # ---------------------------------------------------------------- a consumer that hangs
