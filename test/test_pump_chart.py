@@ -198,11 +198,17 @@ def test_weak_motors_keep_up_one_state_or_none(analysis):
     assert steady_states(BALANCE, analysis.pieces, 0.3) == []
 
 
-def test_a_series_with_too_few_harmonics_is_no_motion():
-    # Where the crank all but stops in each turn, 16 harmonics do not suffice.
-    slow = HarmonicBalance(PUMP, MOTOR.damping, EXACT)
-    assert slow.find(slow.resting_sliders(0.6)[0], speed=0.6)
-    assert not any(slow.find(guess, speed=0.05) for guess in slow.resting_sliders(0.05))
+def test_a_series_that_needs_more_harmonics_is_no_motion(motions):
+    short = HarmonicBalance(PUMP, MOTOR.damping, 2)
+    angles = np.linspace(0, 2 * math.pi, 100)
+    guess = short.fit(np.array((angles, *motions[0].at(angles))), MOTOR.torque)
+    assert short.find(guess, torque=MOTOR.torque) is None
+
+
+def test_a_pump_does_not_settle_at_a_saddle(motions):
+    x, w, v = motions[1].at(np.zeros(1))[:, 0]
+    found = settle(slid(position=float(x), velocity=float(v)), MOTOR, float(w), plain)
+    assert found.stable
 
 
 def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
