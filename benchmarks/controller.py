@@ -36,9 +36,8 @@ from linkage_ros.progress import progress_bar
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import radians_per_second
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.cdr import stamp_of
 from linkage_ros.wire.codecs import JointStateCodec
-from linkage_ros.wire.untrusted_command import decode_command
+from linkage_ros.wire.untrusted_command import decode_joint_state
 
 RATE, SECONDS = 1000.0, 6.0
 TICK = 1 / RATE
@@ -155,7 +154,8 @@ def respond(rows, commands) -> dict[str, float]:
     """How long the loop takes: from the stamp of a state to its command, and until it acts."""
     answers, ages = {}, []
     for command in commands:
-        stamp, (_, (effort,)) = stamp_of(command.data), decode_command(command.data)
+        heard = decode_joint_state(command.data)
+        stamp, (effort,) = heard.stamp, heard.efforts
         answers[effort] = stamp
         ages.append((command.time - stamp) * 1e-6)
     efforts = np.array(sorted(answers))
