@@ -36,6 +36,8 @@ def by_element(function: Callable[..., float]) -> Callable[..., Array]:
 # pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 _TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
+# The same with a first part of 31 bits: 4 million turns times that are exact.
+_SHORT_TWO_PI = (6.2831853069365025, 2.430840202602477e-10)
 _TURN = Fraction(_TWO_PI[0]) + Fraction(_TWO_PI[1])
 
 
@@ -104,7 +106,7 @@ def without_turns(angle: Real, first: float) -> Real:
     """
     floor = math.floor if isinstance(angle, float) else np.floor
     turns = floor((angle - first) * (1 / _TWO_PI[0]))
-    return (angle - turns * _TWO_PI[0]) - turns * _TWO_PI[1]
+    return (angle - turns * _SHORT_TWO_PI[0]) - turns * _SHORT_TWO_PI[1]
 
 
 def short_sum(longest: float, *terms: float) -> float:

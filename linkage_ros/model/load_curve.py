@@ -196,11 +196,13 @@ class Table:
             if at[-1] - at[-2] <= 8 * math.ulp(_TURN):
                 at, value = at[:-1], value[:-1]
         slopes = np.diff(value) / np.diff(at)
-        # Before the first point and after the last the slope is 0.
+        # The slopes before the first point and after the last; a direction that is rounded may lie
+        # there.
+        before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
         self._at = list(at)
         self._from = [at[0], *at]
         self._value = [value[0], *value]
-        self._slope = [0.0, *slopes.tolist(), 0.0]
+        self._slope = [float(before), *slopes.tolist(), float(after)]
         self._rows = [np.array(row) for row in (at, self._from, self._value, self._slope)]
 
     def __call__(self, place: Real) -> Real:
