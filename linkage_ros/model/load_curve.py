@@ -134,6 +134,9 @@ class LoadCurve(Checked):
         if self.over == 'crank_angle':
             return CurveForce(link, None, Opaque(Table(at, self.value or (), turns=True)))
         middle = mechanism.swing_middle(link, "load.over = 'position'")
+        if middle is not None:
+            turns = round((0.5 * (at[0] + at[-1]) - middle) / _TURN)
+            at = tuple(place - turns * _TURN for place in at)
         forth = Opaque(Table(at, self.value or ()))
         back = Opaque(Table(at, self.return_value)) if self.return_value else None
         return CurveForce(link, middle, forth, back, over_position=True)
