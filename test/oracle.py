@@ -6,7 +6,8 @@ Position: circles, or a circle and the guide, are intersected as textbooks do it
 that spoils this in double precision is paid for with digits. Rates: the 2x2 system of the
 differentiated loop. Everything else: each body is cut free, and Newton's and Euler's equations
 about the centres of mass, together with the loop's second derivative, make one linear system for
-all accelerations, all forces in the joints and the torque.
+all accelerations, all forces in the joints and the torque. Friction enters it with one unknown
+moment for each pin and one force of the guide; what these are follows by Newton's method.
 
 All of this is singular at a change point, but the motion is analytic there: the mean of two
 positions 1e-60 rad to either side is the limit.
@@ -14,6 +15,8 @@ positions 1e-60 rad to either side is the limit.
 
 from __future__ import annotations
 
+import cmath
+import functools
 import math
 from fractions import Fraction
 from typing import NamedTuple
@@ -34,6 +37,9 @@ class Reference(NamedTuple):
         torque: On the crank.
         joints: Forces in the pins by name, and of the guide along its left; empty at a change
             point, where they have no finite value.
+        exerted: What loads and friction exert on each link: torque, or force along the guide.
+        of_frame: What the frame exerts besides pins and the guide's normal force: the force along
+            the guide on the slider, and the sum of the couples.
     """
 
     position: tuple
@@ -41,6 +47,8 @@ class Reference(NamedTuple):
     acceleration: tuple
     torque: mpmath.mpf
     joints: dict
+    exerted: tuple = ()
+    of_frame: tuple = (0, 0)
 
 
 class Point(NamedTuple):
@@ -53,6 +61,24 @@ class Point(NamedTuple):
 
     fixed: mpmath.mpc
     carried: dict
+
+
+class Rubbing(NamedTuple):
+    """A joint with dry friction, and what one unit of the friction in it does.
+
+    Attributes:
+        joint: Name of the pin, or 'guide'.
+        factor: The friction per force in the joint: m, of the guide a number.
+        on: Torque on the links by their indices; of the guide the force on the slider.
+        along: Force of the guide on the slider, along it.
+        couple: The frame's on the links.
+    """
+
+    joint: str
+    factor: mpmath.mpf
+    on: dict
+    along: mpmath.mpf
+    couple: mpmath.mpf
 
 
 class Oracle:
@@ -133,16 +159,19 @@ class Oracle:
                 if self.turning[i]:
                     position[i] = wrap(x + wrap(y - x) / 2)
             torque = (sides[0].torque + sides[1].torque) / 2
-            return Reference(tuple(position), *map(tuple, others), torque, {})
+            exerted = zip(*(side.exerted for side in sides), strict=True)
+            exerted = tuple((x + y) / 2 for x, y in exerted)
+            return Reference(tuple(position), *map(tuple, others), torque, {}, exerted)
 
     def solve(self, q, u, a):
         """The state in the caller's precision; not at change points."""
         vectors, rates = self.motion(q, u)
-        accelerations, torque, joints = self._cut_free(vectors, rates, a)
+        exerted, of_frame = self.loads(q, vectors, rates)
+        found = self._cut_free(vectors, rates, a, exerted, of_frame)
         links = zip(vectors, self.turning, strict=True)
         position = [mp.arg(x) if turns else x for x, turns in links]
         position[0] = mp.mpf(_first(q))
-        return Reference(tuple(position), tuple(rates), tuple(accelerations), torque, joints)
+        return Reference(tuple(position), tuple(rates), *found)
 
     # Kinematics.
 
@@ -262,64 +291,169 @@ class Oracle:
 
     # Dynamics.
 
-    def _cut_free(self, vectors, rates, driven):
-        """Newton-Euler for all bodies at once."""
-        points, rest = self.points(vectors), [mp.mpf(0)] * len(vectors)
-        place = {x: self.follow(p, vectors, rates, rest)[0] for x, p in points.items()}
-        centers = self.centers(vectors)
-        # Unknown forces: name, direction, on which body, from which body.
+    def pins(self):
+        """The pins: name, on which body its force acts, from which body."""
         pins = [('A0', 0, None), ('A', 1, 0), ('B', 2, 1)]
         if self.is_free:
             pins.append(('D', 3, 2))
         elif not self.slides:
             pins.append(('B0', 2, None))
-        unknown = [(*pin, axis) for pin in pins for axis in (mp.mpc(1), mp.mpc(0, 1))]
+        return pins
+
+    def _cut_free(self, vectors, rates, driven, exerted, of_frame):
+        """Newton-Euler for all bodies at once.
+
+        Args:
+            vectors: From `motion`.
+            rates: From `motion`.
+            driven: Acceleration of the crank; of a wind pump, the torque on it.
+            exerted: What loads exert on each link.
+            of_frame: The frame's part of that.
+
+        Returns:
+            What `Reference` has from the accelerations on.
+        """
+        points, rest = self.points(vectors), [mp.mpf(0)] * len(vectors)
+        place = {x: self.follow(p, vectors, rates, rest)[0] for x, p in points.items()}
+        centers = self.centers(vectors)
+        # Unknown forces: name, direction, on which body, from which body.
+        unknown = [(*pin, axis) for pin in self.pins() for axis in (mp.mpc(1), mp.mpc(0, 1))]
         if self.slides:
-            last = len(self.bodies) - 1
-            unknown.append(('guide', last, None, 1j * self.guide()))
+            unknown.append(('guide', len(self.bodies) - 1, None, 1j * self.guide()))
             place['guide'] = place['D' if self.is_free else 'B']
-        # Columns: accelerations of the links, forces, torque; last the right-hand side.
+        rubbing = self._rubbing(rates)
+        zeros = [0] * len(rubbing)
+        # Columns: accelerations of the links, forces, torque; then the right-hand side, and what
+        # one unit of each friction adds to it.
         count = len(vectors)
         rows = []
         for k, body in enumerate(self.bodies):
             at, _, bias = self.follow(centers[k], vectors, rates, rest)
             mass = mp.mpf(body.mass)
-            needed = mass * (complex_of(self.mechanism.gravity) - bias) + self.push(k, rates)
+            rubbed = [x.on.get(k, mp.mpf(0)) for x in rubbing]
+            needed = [mass * (complex_of(self.mechanism.gravity) - bias), *map(mp.mpc, zeros)]
+            if not self.turning[k]:
+                needed[0] += exerted[k] * self.guide()
+                needed[1:] = [x * self.guide() for x in rubbed]
             inertial = [mass * self._slope(centers[k], j) for j in range(count)]
             acts = [((k == on) - (k == of), x, name) for name, on, of, x in unknown]
             for part in ('real', 'imag'):
                 forces = [-sign * getattr(x, part) for sign, x, _ in acts]
                 rows.append([*(getattr(x, part) for x in inertial), *forces, 0,
-                             getattr(needed, part)])  # fmt: skip
+                             *(getattr(x, part) for x in needed)])  # fmt: skip
             if self.turning[k]:
                 moments = [-sign * cross(place[name] - at, x) for sign, x, name in acts]
                 spins = [mp.mpf(body.inertia) * (j == k) for j in range(count)]
-                rows.append([*spins, *moments, -(k == 0), 0])
+                rows.append([*spins, *moments, -(k == 0), exerted[k], *rubbed])
         slopes, none = self.loop_slopes(vectors), [0] * (len(unknown) + 1)
         turned = zip(slopes, rates, self.turning, strict=True)
         bias = sum(1j * slope * rate**2 for slope, rate, turns in turned if turns)
-        rows += [[*(getattr(x, part) for x in slopes), *none, -getattr(bias, part)]
+        rows += [[*(getattr(x, part) for x in slopes), *none, -getattr(bias, part), *zeros]
                  for part in ('real', 'imag')]  # fmt: skip
         # What is given: the torque of a wind pump, else the acceleration of the crank.
         last = [0] * (count + len(unknown) + 1)
         last[-1 if self.is_free else 0] = 1
-        found = eliminate([*rows, [*last, mp.mpf(driven)]])
-        joints = {}
-        for value, (name, _, _, axis) in zip(found[count:-1], unknown, strict=True):
-            joints[name] = joints.get(name, 0) + (value if name == 'guide' else value * axis)
-        return found[:count], found[-1], joints
+        found = eliminate([*rows, [*last, mp.mpf(driven), *zeros]])
+        sizes = settle(rubbing, [_joints(unknown, x[count:-1]) for x in zip(*found, strict=True)])
+        values = tuple(
+            first + sum(x * size for x, size in zip(added, sizes, strict=True))
+            for first, *added in found
+        )
+        exerted, (along, couple) = list(exerted), of_frame
+        for size, rub in zip(sizes, rubbing, strict=True):
+            along, couple = along + size * rub.along, couple + size * rub.couple
+            for k, x in rub.on.items():
+                exerted[k] += size * x
+        joints = _joints(unknown, values[count:-1])
+        return values[:count], values[-1], joints, tuple(exerted), (along, couple)
 
     def _slope(self, point, j):
         """The derivative of a point's place by the position of a link."""
         return point.carried.get(j, 0) * (1j if self.turning[j] else 1)
 
-    def push(self, body, rates):
-        """What acts on a body besides its weight: the load on the slider."""
-        if self.turning[body]:
-            return mp.mpc(0)
-        slider = self.mechanism.slider
-        force = mp.mpf(getattr(slider, 'force', 0)) - mp.mpf(slider.damping) * rates[-1]
-        return force * self.guide()
+    # Loads and friction.
+
+    def loads(self, q, vectors, rates):
+        """What loads exert on each link, and the frame's part: along the guide, and the couple."""
+        exerted = [mp.mpf(0)] * len(vectors)
+        frames = mp.mpf(0)
+        output = self.bodies[-1]
+        place, rate = self.place(vectors), rates[-1]
+        given = [mp.mpf(getattr(output, name)) for name in output.load_fields]
+        force, damping, stiffness, _ = given
+        if force or damping or stiffness:
+            frames = -damping * rate - stiffness * self.stretch(vectors)
+            exerted[-1] = force + frames
+        for curve in self.mechanism.loads:
+            if hasattr(curve, 'at'):
+                link = 0 if curve.link == 'crank' else len(vectors) - 1
+                if curve.over == 'crank_angle':
+                    exerted[link] += periodic(curve.at, curve.value, mp.mpf(_first(q)))
+                else:
+                    falls = rate < 0 and curve.return_value is not None
+                    value = curve.return_value if falls else curve.value
+                    exerted[link] += between(self.reduced(curve.at), value, place)
+        return exerted, ((frames, mp.mpf(0)) if self.slides else (mp.mpf(0), frames))
+
+    def place(self, vectors):
+        """Where the output link is: a rocker's angle within half a turn of its swing's middle."""
+        if self.slides:
+            return vectors[-1]
+        middle = self.middle if self.needs_middle else 0
+        return middle + wrap(mp.arg(vectors[-1]) - middle)
+
+    @property
+    def needs_middle(self):
+        """Whether something depends on where the rocker is."""
+        curves = [x for x in self.mechanism.loads if getattr(x, 'over', '') == 'position']
+        return not self.slides and bool(self.mechanism.rocker.stiffness or curves)
+
+    @functools.cached_property
+    def middle(self):
+        """The middle of the swing of a rocker, followed through it; in [-pi, pi]."""
+        start = 0.01 - float(self.angle(0))
+        cranks = tuple(start + 4 * math.pi * i / 120 for i in range(120))
+        sides = tuple(map(self._side, cranks))
+        return mp.mpf(swing_middle(self.lengths, complex(self.pivot()), cranks, sides))
+
+    def reduced(self, at):
+        """The places of a curve, of a rocker less whole turns."""
+        if self.slides:
+            return at
+        turns = mp.nint((mp.mpf(at[0] + at[-1]) / 2 - self.middle) / (2 * mp.pi))
+        return [mp.mpf(x) - 2 * mp.pi * turns for x in at]
+
+    def stretch(self, vectors):
+        """Of the spring on the output link."""
+        if self.slides:
+            return vectors[-1] - mp.mpf(self.mechanism.slider.rest_position)
+        if not self.mechanism.rocker.stiffness:
+            return mp.mpf(0)
+        rest = self.middle + wrap(mp.mpf(self.mechanism.rocker.rest_angle) - self.middle)
+        return self.place(vectors) - rest
+
+    def spring_energy(self, vectors):
+        """J."""
+        return mp.mpf(self.bodies[-1].stiffness) * self.stretch(vectors) ** 2 / 2
+
+    def _rubbing(self, rates):
+        """The joints in which something rubs."""
+        friction, found = self.mechanism.friction, []
+        if friction is None:
+            return found
+        spins = [rate if turns else 0 for rate, turns in zip(rates, self.turning, strict=True)]
+        factor = mp.mpf(friction.pin) * mp.mpf(friction.pin_radius)
+        for name, on, of in self.pins():
+            x = -mp.sign(spins[on] - (0 if of is None else spins[of]))
+            turned = {k: y for k, y in ((on, x), (of, -x)) if k is not None and self.turning[k]}
+            # On the first link, and against the turning of a slider, which its guide prevents.
+            couple = x * ((of is None) - (not self.turning[on]))
+            found.append(Rubbing(name, factor, turned, mp.mpf(0), couple))
+        if self.slides:
+            x = -mp.sign(rates[-1])
+            factor = mp.mpf(friction.guide)
+            found.append(Rubbing('guide', factor, {len(rates) - 1: x}, x, mp.mpf(0)))
+        return [x for x in found if x.factor and any(x.on.values())]
 
     def shaking(self, state):
         """Force on the frame, and moment about A0 with the drive's own reaction."""
@@ -329,9 +463,10 @@ class Oracle:
             if name in state.joints:
                 force -= state.joints[name]
                 moment -= cross(place[name], state.joints[name])
+        along, couple = state.of_frame
+        moment -= couple
         if self.slides:
-            resistance = -mp.mpf(self.mechanism.slider.damping) * state.velocity[-1]
-            of_guide = mp.mpc(resistance, state.joints['guide']) * self.guide()
+            of_guide = mp.mpc(along, state.joints['guide']) * self.guide()
             force -= of_guide
             moment -= cross(place['D' if self.is_free else 'B'], of_guide)
         return force, moment
@@ -356,7 +491,7 @@ class Oracle:
             height = dot(complex_of(self.mechanism.gravity), place)
             total += mp.mpf(body.mass) * (abs(velocity) ** 2 / 2 - height)
             total += mp.mpf(getattr(body, 'inertia', 0)) * rate**2 / 2
-        return total
+        return total + self.spring_energy(vectors)
 
     def natural(self, speed, acceleration):
         """What each quantity is like in a mechanism of this size at this speed."""
@@ -366,10 +501,9 @@ class Oracle:
             getattr(body, 'inertia', 0) * square + body.mass * size * (size * square + gravity)
             for body in self.bodies
         )
-        if self.slides:
-            slider = self.mechanism.slider
-            force = abs(getattr(slider, 'force', 0)) + slider.damping * size * abs(speed)
-            torque += size * force
+        unit, output = size if self.slides else 1.0, self.bodies[-1]
+        force, damping, stiffness, _ = (getattr(output, name) for name in output.load_fields)
+        torque += unit * (abs(force) + unit * (damping * abs(speed) + stiffness))
         units = [1.0 if turns else size for turns in self.turning]
         return *units, *(abs(speed) * x for x in units), *(square * x for x in units), torque
 
@@ -378,8 +512,20 @@ def _first(q):
     return q[0] if isinstance(q, tuple) else q
 
 
+def _joints(unknown, values):
+    """Forces in the joints by name; that of the guide along its left."""
+    joints = {}
+    for value, (name, _, _, axis) in zip(values, unknown, strict=True):
+        joints[name] = joints.get(name, 0) + (value if name == 'guide' else value * axis)
+    return joints
+
+
 def eliminate(rows):
-    """The solution of linear equations, by Gauss with the largest pivots."""
+    """Solves linear equations, by Gauss with the largest pivots.
+
+    Returns:
+        A row for each unknown, with a value for each right-hand side.
+    """
     rows, size = [list(row) for row in rows], len(rows)
     for i in range(size):
         pivot = max(range(i, size), key=lambda k: abs(rows[k][i]))
@@ -387,14 +533,91 @@ def eliminate(rows):
         for k in range(i + 1, size):
             if rows[k][i]:
                 factor = rows[k][i] / rows[i][i]
-                for j in range(i, size + 1):
+                for j in range(i, len(rows[i])):
                     if rows[i][j]:
                         rows[k][j] -= factor * rows[i][j]
-    found = [mp.mpf(0)] * size
+    found = [[]] * size
     for i in reversed(range(size)):
-        rest = sum(rows[i][j] * found[j] for j in range(i + 1, size) if rows[i][j])
-        found[i] = (rows[i][size] - rest) / rows[i][i]
+        known = [j for j in range(i + 1, size) if rows[i][j]]
+        found[i] = [
+            (side - sum(rows[i][j] * found[j][n] for j in known)) / rows[i][i]
+            for n, side in enumerate(rows[i][size:])
+        ]
     return found
+
+
+@functools.cache
+def swing_middle(lengths, pivot, cranks, sides):
+    """The middle of the swing of a rocker at these crank angles, in double precision."""
+    swung = []
+    for crank, side in zip(cranks, sides, strict=True):
+        r, b, c, _ = map(float, lengths)
+        A = cmath.rect(r, crank)
+        distance = abs(pivot - A)
+        along = (b * b - c * c + distance * distance) / (2 * distance)
+        if abs(along) < b:
+            across = side * math.sqrt(b * b - along * along)
+            B = A + (pivot - A) / distance * complex(along, across)
+        swung.append(cmath.phase(B - pivot) if abs(along) < b else None)
+    if None in swung:  # from the beginning of an arc to its end
+        gap = swung.index(None)
+        swung = swung[gap:] + swung[:gap]
+        begin = next(i for i, angle in enumerate(swung) if angle is not None)
+        swung = swung[begin : [*swung, None].index(None, begin)]
+    angles = swung[:1]
+    for angle in swung[1:]:
+        angles.append(angles[-1] + math.remainder(angle - angles[-1], math.tau))
+    assert max(angles) - min(angles) < math.tau, 'the rocker turns fully'
+    return math.remainder((max(angles) + min(angles)) / 2, math.tau)
+
+
+def settle(rubbing, joints):
+    """The friction in each joint, where that is its factor times the force that goes with it.
+
+    Args:
+        rubbing: The joints.
+        joints: Their forces without friction, then what one unit of each friction adds to them.
+
+    Returns:
+        By Newton's method; none is negative.
+
+    Raises:
+        ArithmeticError: There is none.
+    """
+    sizes = [mp.mpf(0)] * len(rubbing)
+    for _ in range(30):
+        rows = []
+        for i, rub in enumerate(rubbing):
+            first, *added = (mp.mpc(column[rub.joint]) for column in joints)
+            force = first + sum(x * size for x, size in zip(added, sizes, strict=True))
+            slopes = [-rub.factor * dot(unit(force), x) for x in added]
+            slopes[i] += 1
+            rows.append([*slopes, rub.factor * abs(force) - sizes[i]])
+        steps = [step for (step,) in eliminate(rows)]
+        sizes = [size + step for size, step in zip(sizes, steps, strict=True)]
+        if all(abs(step) <= mp.mpf('1e-45') * max(sizes) for step in steps):
+            assert min(sizes, default=0) >= 0, 'another solution than that of friction'
+            return sizes
+    raise ArithmeticError('no friction goes with these forces')
+
+
+def between(at, value, place):
+    """Linear between points, and the end values outside."""
+    if place <= at[0]:
+        return mp.mpf(value[0])
+    for i in range(1, len(at)):
+        if place < at[i]:
+            part = (place - at[i - 1]) / (mp.mpf(at[i]) - at[i - 1])
+            return value[i - 1] + part * (mp.mpf(value[i]) - value[i - 1])
+    return mp.mpf(value[-1])
+
+
+def periodic(at, value, angle):
+    """Linear between directions; the first point comes again one turn later."""
+    turn, first = 2 * mp.pi, mp.mpf(at[0])
+    angle -= turn * mp.floor((angle - first) / turn)
+    last = max(first + turn, mp.mpf(at[-1]))  # a point of exactly one turn is a double
+    return between([*at, last], [*value, value[0]], angle)
 
 
 def wrap(angle):

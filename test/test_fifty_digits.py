@@ -28,7 +28,7 @@ from mechanisms import (
     worst_errors,
 )
 from mpmath import mp
-from oracle import Oracle, wrap
+from oracle import Oracle, cross, wrap
 
 from linkage_ros import MechanismError, Solver, UnreachableError
 
@@ -81,19 +81,24 @@ def test_reference_obeys_its_own_derivatives_momenta_and_energy(name):
             assert abs(rate_of(link, 1) - state.acceleration[link]) < 1e-35
         vectors, rates = oracle.motion(*asked[:2])
         force, moment = oracle.shaking(state)
+        # What the frame exerts besides pins and the guide's normal force is in these.
+        held, couple = state.of_frame
+        force, moment = force + held * oracle.guide(), moment + couple
         power = state.torque * rates[0]
         for k, center in enumerate(oracle.centers(vectors)):
-            place, velocity, _ = oracle.follow(center, vectors, rates, rates)
-            weight = mp.mpc(*oracle.mechanism.gravity) * mp.mpf(oracle.bodies[k].mass)
-            push = oracle.push(k, rates)
-            external = weight + (push if not oracle.turning[k] else 0)
-            resistance = -mp.mpf(oracle.bodies[k].damping) * rates[k] if push else 0
-            external -= resistance * oracle.guide() if push else 0
-            force, moment = force - external, moment - (mp.conj(place) * external).imag
-            power += (mp.conj(push) * velocity).real
+            place, _, _ = oracle.follow(center, vectors, rates, rates)
+            external = mp.mpc(*oracle.mechanism.gravity) * mp.mpf(oracle.bodies[k].mass)
+            if oracle.turning[k]:
+                moment -= state.exerted[k]
+            else:
+                external += state.exerted[k] * oracle.guide()
+                moment += cross(place, held * oracle.guide())
+            force, moment = force - external, moment - cross(place, external)
+            power += state.exerted[k] * rates[k]
         assert abs(force + change(lambda q, u: oracle.momenta(q, u)[0])) < 1e-35
         assert abs(moment + change(lambda q, u: oracle.momenta(q, u)[1])) < 1e-35
-        assert abs(power - change(oracle.energy)) < 1e-35
+        spring = change(lambda q, u: oracle.spring_energy(oracle.motion(q, u)[0]))
+        assert abs(power - change(oracle.energy) + spring) < 1e-35
 
 
 def sum_of_loop(oracle, asked):
