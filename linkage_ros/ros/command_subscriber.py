@@ -73,7 +73,8 @@ class CommandSubscriber:
                 fetched.append((info['received_timestamp'] or time.time_ns(), data))
         now, wrong = time.time_ns(), ''
         for received, data in fetched:
-            wrong = self._receive(data, max(0, now - received) / NS_PER_S) or wrong
+            reason = self._receive(data, max(0, now - received) / NS_PER_S)
+            wrong = wrong or reason
         if wrong:
             words = f'a command on {JOINT_COMMANDS.name} is refused: {wrong}'
             self._logger.warning(words, throttle_duration_sec=1.0)
