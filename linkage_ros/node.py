@@ -10,8 +10,6 @@ import time
 from typing import TYPE_CHECKING
 
 from rclpy.clock import Clock, ClockType
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rosgraph_msgs.msg import Clock as ClockMessage
 
 from linkage_ros import cli
 from linkage_ros.dynamics.state import State, loop_residual
@@ -34,6 +32,7 @@ from linkage_ros.ros.process import (
     spinning,
 )
 from linkage_ros.ros.publishers import create_publisher, wait_for_subscribers
+from linkage_ros.ros.simulated_clock import subscribe_to_clock
 from linkage_ros.run.crank_trajectory import CrankTrajectory
 from linkage_ros.run.health import WINDOW, Health, HealthMonitor
 from linkage_ros.run.measured_crank import MeasuredCrank
@@ -60,8 +59,6 @@ if TYPE_CHECKING:
     from linkage_ros.ros.run_log import RunLog
 
 _NAME = 'linkage_node'
-# As ROS's own clocks listen, but a burst is not thinned out.
-_CLOCK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class LinkageNode(ParameterNode):
@@ -101,14 +98,15 @@ class LinkageNode(ParameterNode):
         self._ticker = self._make_ticker(simulated=self.get_parameter('use_sim_time').value)
         self._motion: Motion | None = None
         self._state: State | None = None
+        crank = self._simulator.joints[0]
         self._joint_commands: CommandSubscriber | None = None
         if isinstance(configuration.drive, TorqueDrive):
-            crank = self._simulator.joints[0]
             self._joint_commands = CommandSubscriber(self, configuration.drive, crank)
         self._measurements: MeasurementSubscriber | None = None
+        self._measured: MeasuredCrank | None = None
         if isinstance(self._ticker, MeasurementTicker):
-            measured = MeasuredCrank(self._simulator)
-            self._measurements = MeasurementSubscriber(self, measured, self._ticker)
+            self._measured = MeasuredCrank(self._simulator)
+            self._measurements = MeasurementSubscriber(self, self._measured, self._ticker)
         self.get_logger().info(preset_note(given) + summary(configuration, self._simulator.solver))
         wait_for_subscribers(
             [self._output_publishers[topic.name] for topic in self._simulator.topics]
@@ -174,16 +172,7 @@ class LinkageNode(ParameterNode):
         if not simulated:
             return RealTimeTicker(self._simulator, callbacks)
         ticker = SimTimeTicker(self._simulator, callbacks)
-
-        def receive(message: ClockMessage) -> None:
-            seconds, rest = message.clock.sec, message.clock.nanosec
-            if seconds >= 0 and rest < NS_PER_S:
-                ticker.advance_to(seconds * NS_PER_S + rest)
-            else:
-                words = f'/clock says {seconds} s and {rest} ns, which is no time: left out'
-                self.get_logger().error(words, throttle_duration_sec=1.0)
-
-        self.create_subscription(ClockMessage, '/clock', receive, _CLOCK_QOS)
+        subscribe_to_clock(self, ticker.advance_to)
         return ticker
 
     def _tick(self, stamp: int) -> None:
@@ -277,13 +266,12 @@ class LinkageNode(ParameterNode):
             'driving torque, N m': f'{self._state.torque:.6g}',
             'loop residual, m': f'{residual:.3g}',
             **(self._joint_commands.commands.diagnostics() if self._joint_commands else {}),
-            **(self._measurements.diagnostics() if self._measurements else {}),
+            **(self._measured.diagnostics() if self._measured else {}),
         }
 
     def _fail(self, error: BaseException) -> None:
-        known = isinstance(error, LinkageError)
-        words = str(error) if known else f'the motion ends here: {type(error).__name__}: {error}'
-        self.get_logger().fatal(words)
+        kind = '' if isinstance(error, LinkageError) else f'{type(error).__name__}: '
+        self.get_logger().fatal(f'the motion ends here: {kind}{error}' if kind else str(error))
         self._stop.set()
 
 

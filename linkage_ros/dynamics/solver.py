@@ -364,8 +364,8 @@ class Solver:
             q, where_not = np.broadcast_arrays(given[0], where_not)
             crank = float(q[where_not][0])
             raise UnreachableError(
-                f'at {math.degrees(crank):.9g} deg friction locks the mechanism, or nearly so: its '
-                'forces do not settle; lower the coefficients or the pin radius',
+                f'at {math.degrees(crank):.9g} deg friction locks the mechanism, or nearly so: '
+                'the forces do not settle; lower the coefficients or the pin radius',
                 crank_angle=crank,
                 arcs=self.mobility.arcs if self.mobility else (),
             )

@@ -68,8 +68,3 @@ class MeasurementSubscriber:
             words = f'a message on {self._topic} is left out: {cause}'
             self._logger.warning(words, throttle_duration_sec=1.0)
         return heard
-
-    def diagnostics(self) -> dict[str, str]:
-        """What was left out by cause, for diagnostics."""
-        counts = self._measured.left_out.items()
-        return {f'left out, {cause}': str(count) for cause, count in counts}

@@ -62,6 +62,10 @@ class MeasuredCrank:
         found = self._motion.at(Measurement(stamp, position, velocity))
         return None if found is None else (stamp, found)
 
+    def diagnostics(self) -> dict[str, str]:
+        """Counts of the messages that were left out, for diagnostics."""
+        return {f'left out, {cause}': str(count) for cause, count in self.left_out.items()}
+
     def _reaches(self, position: float) -> bool:
         try:
             self._solver.state(position)
