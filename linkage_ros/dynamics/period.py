@@ -215,11 +215,18 @@ def _peak(crank: Array, values: Array) -> tuple[float, float]:
     # The end of the period is its start.
     if top in (0, len(values) - 1):
         return float(values[top]), 0.0
-    x, y = crank[top - 1 : top + 2] - crank[top], values[top - 1 : top + 2] - values[top]
-    left, right = y[0] / x[0], y[2] / x[2]
-    bend = (right - left) / (x[2] - x[0])
-    slope = left - bend * x[0]
-    if not bend < 0:
+    slope, bend = _parabola(crank, values, top)
+    around = [_parabola(crank, values, i)[1] for i in (top - 1, top + 1) if 0 < i < len(crank) - 1]
+    # Where a load curve has a corner, no parabola goes through it.
+    if not bend < 0 or any(not 2 * bend < other < 0.5 * bend for other in around):
         return float(values[top]), float(crank[top])
     aside = -0.5 * slope / bend
     return float(values[top] - 0.25 * slope * slope / bend), float(crank[top] + aside)
+
+
+def _parabola(crank: Array, values: Array, i: int) -> tuple[float, float]:
+    """Slope and bend at a sample of the parabola through it and its neighbours."""
+    x, y = crank[i - 1 : i + 2] - crank[i], values[i - 1 : i + 2] - values[i]
+    left, right = y[0] / x[0], y[2] / x[2]
+    bend = (right - left) / (x[2] - x[0])
+    return left - bend * x[0], bend
