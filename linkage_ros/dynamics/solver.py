@@ -365,7 +365,7 @@ class Solver:
             crank = float(q[where_not][0])
             raise UnreachableError(
                 f'at {math.degrees(crank):.9g} deg friction locks the mechanism, or nearly so: '
-                'the forces do not settle; lower the coefficients or the pin radius',
+                'its forces do not settle; lower the coefficients or the pin radius',
                 crank_angle=crank,
                 arcs=self.mobility.arcs if self.mobility else (),
             )

@@ -26,7 +26,7 @@ _TURN = 2 * math.pi
 _PLACES = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
 _COLUMNS = 'at', 'value', 'return_value'
-_MOST_BYTES = 1 << 24
+_MOST_BYTES = 1 << 22
 
 
 @dataclass(frozen=True)
@@ -192,13 +192,23 @@ class Table:
             at: Rising.
             value: There; the end values hold outside.
             turns: Whether `at` are directions, rad: all whole turns later the points come again.
+
+        Raises:
+            ConfigurationError: Two points are so close together that no slope can be computed.
         """
         self._turns, self._first = turns, at[0]
         if turns:
             at, value = (*at, at[0] + _TURN), (*value, value[0])
             if at[-1] - at[-2] <= 8 * math.ulp(_TURN):
                 at, value = at[:-1], value[:-1]
-        slopes = np.diff(value) / np.diff(at)
+        with np.errstate(all='ignore'):
+            slopes = np.diff(value) / np.diff(at)
+        steep = np.flatnonzero(~np.isfinite(slopes))
+        if len(steep):
+            first, second = at[steep[0]], at[steep[0] + 1]
+            raise ConfigurationError(
+                f'load.at: {first!r} and {second!r} are too close together; move them apart'
+            )
         # The slopes before the first point and after the last; a direction that is rounded may lie
         # there.
         before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
@@ -228,14 +238,18 @@ def _columns_of(path: str) -> dict[str, tuple[float, ...]]:
     """
     try:
         with open_file(path) as stream:
-            text = stream.read(_MOST_BYTES).decode()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or 'no text'
+            text = stream.read(_MOST_BYTES + 1).decode('utf-8-sig')
+        if len(text) > _MOST_BYTES:
+            raise ConfigurationError(
+                f'load.file = {shown(path)}: is longer than {_MOST_BYTES} bytes; give fewer points'
+            )
+        rows = [row for row in csv.reader(text.splitlines()) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, 'strerror', None) or 'no table'
         raise ConfigurationError(
             f'load.file = {shown(path)}: {reason}; give the path of a CSV file with the columns '
             'at, value and, if wanted, return_value'
         ) from error
-    rows = [row for row in csv.reader(text.splitlines()) if row]
     names = [name.strip() for name in rows[0]] if rows else []
     if names not in (list(_COLUMNS[:2]), list(_COLUMNS)):
         raise ConfigurationError(

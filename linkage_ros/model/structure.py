@@ -177,6 +177,11 @@ class Mechanism(Checked):
             object.__setattr__(self, 'loads', rest)
         if sum(isinstance(load, Friction) for load in rest) > 1:
             raise ConfigurationError('friction is given twice: give it once')
+        guide = self.friction.guide if self.friction else 0.0
+        if guide and not hasattr(self, 'slider'):
+            raise ConfigurationError(
+                f'friction.guide = {guide:g}: this mechanism has no guide; leave it out'
+            )
 
     def _take_in(self, load: LinkLoad) -> None:
         """Takes a load of the output link into that part: there is one place for it.

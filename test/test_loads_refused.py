@@ -1,0 +1,144 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Wrong loads and frictions in parameter files: each gets one line that names value and remedy."""
+
+from __future__ import annotations
+
+import pytest
+from ros_harness import assert_refused
+
+from linkage_ros import ConfigurationError, LoadCurve, chart_tool
+from linkage_ros import record as record_module
+from linkage_ros.parameters.configuration import configure, load
+
+SLIDER = 'mechanism: slider_crank, rpm: 60.0, crank: {length: 0.1}, coupler: {length: 0.3}'
+FOUR = (
+    'mechanism: four_bar, rpm: 60.0, crank: {length: 0.1}, coupler: {length: 0.315}, '
+    'frame: {length: 0.425}'
+)
+TURNING = (
+    'mechanism: four_bar, rpm: 60.0, crank: {length: 0.3}, coupler: {length: 0.25}, '
+    'frame: {length: 0.1}'
+)
+PUMP = (
+    'mechanism: wind_pump, motor: {torque: 8.4}, crank: {length: 0.1, inertia: 1.0}, '
+    'coupler: {length: 0.8, inertia: 1.0}, rod: {length: 1.6, inertia: 1.0}, '
+    'slider: {mass: 6.0, position: 1.5}'
+)
+ROCKER, TURNING_ROCKER = 'rocker: {length: 0.5}', 'rocker: {length: 0.22}'
+POINTS = 'at: [0.0, 1.0], value: [1.0, 2.0]'
+FILES = {
+    'words.csv': b'once upon a time\nthere was\n',
+    'binary.csv': bytes(range(256)) * 40,
+    'wide.csv': b'at,value\n0,' + b'1' * 200_000 + b'\n',
+    'long.csv': b'at,value\n' + b'0,1\n' * (1 << 20),
+    'semicolons.csv': b'at;value\n0;1\n1;2\n',
+    'infinite.csv': b'at,value\n0,1\n1,inf\n',
+    'falling.csv': b'at,value\n0,1\n-1,2\n',
+}
+
+WRONG = {
+    # Points.
+    'not rising': (f'{SLIDER}, load: {{link: slider, at: [1.0, 0.5], value: [1.0, 2.0]}}',
+                   r'load\.at must rise: its number 2, 0\.5, is not above 1 before it'),
+    'unequal': (f'{SLIDER}, load: {{link: slider, at: [0.0, 1.0], value: [1.0]}}',
+                r'load\.value has 1 numbers and load\.at 2: give one for each point'),
+    'more than a turn': (f'{SLIDER}, load: {{link: slider, at: [0.0, 6.5], value: [1.0, 1.0]}}',
+                         r'load\.at spans 6\.5 rad: must be at most one turn'),
+    'nan': (f'{SLIDER}, load: {{link: slider, at: [0.0, .nan], value: [1.0, 1.0]}}',
+            r'load\.at = \[0\.0, nan\]: must be a list of numbers from -1e\+09'),
+    'mixed': (f'{SLIDER}, load: {{link: slider, at: [0, 1.5], value: [1.0, 1.0]}}',
+              r"'load\.at' mixes types, 0 and 1\.5; give one"),
+    'empty': (f'{SLIDER}, load: {{link: slider, at: [], value: [1.0]}}',
+              r"'load\.at' is an empty list; write"),
+    'words for numbers': (f'{SLIDER}, load: {{link: slider, at: [a, b], value: [1.0, 1.0]}}',
+                          r"load\.at = \['a', 'b'\]: must be a list of numbers"),
+    'one number': (f'{SLIDER}, load: {{link: slider, at: 1.0, value: [1.0]}}',
+                   r'load\.at = 1\.0: must be a list of numbers'),
+    'huge': (f'{SLIDER}, load: {{link: slider, at: [0.0, 1.0], value: [0.0, 1.0e+300]}}',
+             r'load\.value = \[0\.0, 1e\+300\]: must be .* from -1e\+12 to 1e\+12 N or N m'),
+    'no points': (f'{SLIDER}, load: {{link: slider, value: [1.0]}}', 'load needs at and value'),
+    'no link': (f'{SLIDER}, load: {{{POINTS}}}', r'load\.link is missing: must be one of crank'),
+    # Files.
+    'missing file': (f'{SLIDER}, load: {{link: slider, file: no.csv}}',
+                     r"load\.file = 'no\.csv': No such file or directory; give the path"),
+    'a folder': (f'{SLIDER}, load: {{link: slider, file: .}}', r"'\.': Is a directory; give"),
+    **{
+        name: (f'{SLIDER}, load: {{link: slider, file: {name}}}', words)
+        for name, words in {
+            'words.csv': r"'words\.csv': the first line must be at,value or",
+            'binary.csv': r"'binary\.csv': no table; give the path of a CSV file",
+            'wide.csv': r"'wide\.csv': no table; give the path of a CSV file",
+            'long.csv': r"'long\.csv': is longer than 4194304 bytes; give fewer points",
+            'semicolons.csv': 'the first line must be at,value or at,value,return_value',
+            'infinite.csv': r'row 3: must be 2 finite numbers',
+            'falling.csv': r'load\.at must rise: its number 2, -1, is not above 0',
+        }.items()
+    },
+    'file and points': (f'{SLIDER}, load: {{link: slider, file: words.csv, {POINTS}}}',
+                        'leave out at, value and return_value, which the file holds'),
+    # Links.
+    'over position on a crank': (f'{SLIDER}, load: {{link: crank, over: position, {POINTS}}}',
+                                 r'must be crank_angle where load\.link is crank'),
+    'another link': (f'{SLIDER}, load: {{link: coupler, {POINTS}}}',
+                     r"load\.link = 'coupler': must be one of crank, rocker, slider"),
+    "another mechanism's": (f'{SLIDER}, load: {{link: rocker, {POINTS}}}',
+                            r"load\.link = 'rocker': must be crank or slider"),
+    "another's of a pump": (f'{PUMP}, load: {{link: rocker, {POINTS}}}',
+                            r"load\.link = 'rocker': must be crank or slider"),
+    'a rocker that turns': ((f'{TURNING}, {TURNING_ROCKER}, load: {{link: rocker, over: position, '
+                            f'{POINTS}}}'), r"load\.over = 'position': the rocker .* turns fully"),
+    'its spring': (f'{TURNING}, rocker: {{length: 0.22, stiffness: 1.0}}',
+                   r'rocker\.stiffness: the rocker of this double-crank linkage turns fully'),
+    'rest outside': (f'{FOUR}, rocker: {{length: 0.5, stiffness: 1.0, rest_angle: 1001.0}}',
+                     r'rocker\.rest_angle = 1001\.0: must be a number from -1000 to 1000 rad'),
+    'unknown': (f'{SLIDER}, load: {{link: slider, values: [1.0]}}',
+                r"'load\.values' is not a parameter .* did you mean load\.value\?"),
+    'no group': (f'{SLIDER}, load: 5.0', "'load' is not a parameter .* load has link, over, at"),
+    # Friction.
+    'under a torque': ((f'{SLIDER.replace("rpm: 60.0", "drive: torque")}, motor: {{torque: 1.0}}, '
+                       'friction: {guide: 0.1}'), 'leave friction out where the torque is given'),
+    'of a pump': (f'{PUMP}, friction: {{pin: 0.1, pin_radius: 0.1}}', 'leave friction out'),
+    'negative': (f'{SLIDER}, friction: {{guide: -0.1}}',
+                 r'friction\.guide = -0\.1: must be a number from 0 to 100'),
+    'no guide': (f'{FOUR}, {ROCKER}, friction: {{guide: 0.1}}',
+                 r'friction\.guide = 0\.1: this mechanism has no guide; leave it out'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(('text', 'words'), WRONG.values(), ids=WRONG)
+def test_a_wrong_load_is_one_line_of_every_command(called, tmp_path, monkeypatch, text, words):
+    monkeypatch.chdir(tmp_path)
+    for name, content in FILES.items():
+        if name in text:
+            (tmp_path / name).write_bytes(content)
+    (tmp_path / 'wrong.yaml').write_text(f'/**: {{ros__parameters: {{{text}}}}}\n')
+    asked = ('wrong.yaml', 'run.mcap', '--duration', 0.1)
+    assert_refused(*called(record_module, *asked), words)
+    assert_refused(*called(chart_tool, 'motion', 'wrong.yaml', '--out', 'charts'), words)
+    assert not (tmp_path / 'run.mcap').exists()
+
+
+def test_friction_that_locks_on_the_way_ends_a_record_in_one_line(called, tmp_path):
+    path = tmp_path / 'locks.yaml'
+    text = f'{SLIDER}, slider: {{mass: 1.0}}, friction: {{guide: 50.0}}'
+    path.write_text(f'/**: {{ros__parameters: {{{text}}}}}\n')
+    words = r'at [\d.]+ deg friction locks the mechanism, or nearly so: .*; lower the coefficients'
+    assert_refused(*called(record_module, path, tmp_path / 'run.mcap', '--duration', 0.1), words)
+    assert_refused(*called(chart_tool, 'motion', path, '--out', tmp_path), words)
+
+
+def test_points_too_close_to_have_a_slope_are_refused():
+    values = load('compressor').parameters()
+    values = {name: x for name, x in values.items() if not name.startswith('load.')}
+    close = {'load.link': 'slider', 'load.at': [0.0, 5e-324], 'load.value': [0.0, 1.0]}
+    with pytest.raises(ConfigurationError, match=r'load\.at: 0\.0 and 5e-324 are too close'):
+        configure({**values, **close})
+
+
+def test_a_file_with_a_byte_order_mark_is_read(tmp_path):
+    path = tmp_path / 'sheet.csv'
+    path.write_bytes('\ufeffat,value\r\n"0","1.5"\r\n1,2\r\n'.encode())
+    assert LoadCurve('slider', file=str(path)) == LoadCurve(
+        'slider', at=(0.0, 1.0), value=(1.5, 2.0)
+    )
