@@ -14,6 +14,7 @@ from linkage_ros import cli
 from linkage_ros.lab.commands.accuracy import accuracy
 from linkage_ros.lab.commands.economy import RPM as BESIDES
 from linkage_ros.lab.commands.economy import TOLERANCE, economy
+from linkage_ros.lab.commands.flywheel import FLUCTUATION
 from linkage_ros.lab.commands.motion import ACCELERATION, RPM, motion
 from linkage_ros.lab.commands.pump import pump
 from linkage_ros.lab.commands.stability import stability
@@ -61,6 +62,7 @@ def _add_motion(commands: Any) -> None:
     command = _add(
         commands, motion, 'position, rate, acceleration and torque over one period: PNG and CSV',
         'quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
+        'my_linkage.yaml --fluctuation 0.02',
     )  # fmt: skip
     add = command.add_argument
     # fmt: off
@@ -70,6 +72,8 @@ def _add_motion(commands: Any) -> None:
                    note='; of a wind_pump, the one it settles from')
     cli.add_number(command, '--acceleration', quantity=ACCELERATION, default=0.0, metavar='A',
                    note=' (default 0)')
+    cli.add_number(command, '--fluctuation', quantity=FLUCTUATION, metavar='F',
+                   note='; adds the flywheel, and judges the motor: PNG')
     add('--reactions', action='store_true', help='add joint forces, shaking force and moment')
     # fmt: on
 

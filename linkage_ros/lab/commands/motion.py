@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -14,6 +15,7 @@ from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod, mean
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.commands.flywheel import size_flywheel
 from linkage_ros.lab.commands.output import folder, progress, save_table
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.runs import settle
@@ -54,9 +56,20 @@ def motion(options: argparse.Namespace) -> None:
     title = [name, ', '.join(filter(None, about)), *lines]
     picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
     with folder(options.out):
+        flywheel = _flywheel(options, period, configuration.drive, name)
         save_table(table, period.columns.values())
         draw_motion(period, title, picture)
-    print(', '.join(title), picture, table, sep='\n')
+    print(', '.join(title), *flywheel, picture, table, sep='\n')
+
+
+def _flywheel(
+    options: argparse.Namespace, period: Period, drive: Drive, name: str
+) -> list[str | Path]:
+    """Words about the flywheel and its picture, where a fluctuation is given."""
+    if options.fluctuation is None:
+        return []
+    picture = options.out / f'{name}_flywheel.png'
+    return [*size_flywheel(period, drive, options.fluctuation, name, picture), picture]
 
 
 def _driven(
@@ -65,9 +78,14 @@ def _driven(
     """A period at a given speed, and words about it: its class, and lines.
 
     Raises:
-        ConfigurationError: No speed is given, or the reactions have no finite value.
+        ConfigurationError: No speed is given, options exclude each other, or the reactions have
+            no finite value.
     """
     rpm = options.rpm
+    if options.fluctuation is not None and options.acceleration:
+        raise ConfigurationError(
+            '--fluctuation is for a steady speed, and --acceleration changes it: leave one out'
+        )
     if rpm is None and isinstance(drive, TorqueDrive):
         raise ConfigurationError(
             f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
@@ -93,6 +111,7 @@ def _settled(
     for flag, given in (
         ('--acceleration', options.acceleration),
         ('--reactions', options.reactions),
+        ('--fluctuation', options.fluctuation),
     ):
         if given:
             raise ConfigurationError(

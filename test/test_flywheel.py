@@ -1,0 +1,200 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart motion --fluctuation: the motion under a torque, with the flywheel found."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from linkage_ros import Solver, chart_tool
+from linkage_ros.lab.flywheel import EvenTorque, UnsteadyError, motor_cycle
+from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.drives import Motor
+from linkage_ros.parameters.configuration import load
+from linkage_ros.units import radians_per_second
+
+_STEP = math.pi / 1000  # rad at the first speed, between two looks at a run
+PLANT = """
+linkage_node:
+  ros__parameters:
+    mechanism: four_bar
+    drive: torque
+    motor: {torque: 12.0, damping: 0.5}
+    frame: {length: 0.425, angle: 5.497787143782138}
+    crank: {length: 0.1, inertia: 0.0245}
+    coupler: {length: 0.315, mass: 2.0, inertia: 0.016, center: [0.1575, 0.0]}
+    rocker: {length: 0.5, mass: 3.5, inertia: 0.066, center: [0.25, 0.0], damping: 5.0}
+"""
+
+
+def even(preset):
+    configuration = load(preset)
+    speed = radians_per_second(configuration.drive.rpm)
+    return configuration.mechanism, EvenTorque(configuration.mechanism, speed)
+
+
+def with_crank_inertia(mechanism, added):
+    crank = mechanism.crank
+    return replace(mechanism, crank=replace(crank, inertia=crank.inertia + added))
+
+
+def driven(mechanism, law, start, turns=1):
+    """Crank angles and speeds of a torque-driven run from angle 0, at even times."""
+    steps = AdaptiveSteps(DrivenMechanism(Solver(mechanism), law), (0.0, start))
+    angles, speeds = [0.0], [start]
+    while angles[-1] < 2 * math.pi * turns:
+        steps.advance(len(angles) * _STEP / start)
+        angles.append(steps.phase[0] + 4 * math.pi * steps.pairs)
+        speeds.append(steps.phase[1])
+    return np.array(angles), np.array(speeds)
+
+
+@pytest.mark.parametrize('preset', ['quadrilateral', 'compressor'])
+def test_a_torque_driven_run_fluctuates_as_wanted(preset):
+    """Of the compressor, a load curve and damping take the torque."""
+    mechanism, motion = even(preset)
+    added = motion.inertia_for(0.02)
+    cycle = motion.cycle(added)
+    heavy, torque = with_crank_inertia(mechanism, added), float(cycle.torque[0])
+    angles, speeds = driven(heavy, lambda *_: torque, float(cycle.velocity[0]))
+    assert np.ptp(speeds) / cycle.speed == pytest.approx(0.02, rel=1e-4)
+    # The angle that the mean speed goes through in the time of the run, which is a turn.
+    turn = cycle.speed * _STEP / float(cycle.velocity[0]) * (len(angles) - 1)
+    assert angles[-1] == pytest.approx(turn, rel=1e-5)
+    there = CubicSpline(cycle.crank, cycle.velocity)(angles[:-1])
+    assert speeds[:-1] == pytest.approx(there, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    'preset', ['quadrilateral', 'compressor', 'wiper', 'press', 'coupler_point']
+)
+def test_the_mechanism_and_the_flywheel_take_the_torque_at_every_angle(preset):
+    """By inverse dynamics: no energy, and friction where there is any."""
+    mechanism, motion = even(preset)
+    cycle = motion.cycle(motion.inertia_for(0.02))
+    assert cycle.fluctuation == pytest.approx(0.02, rel=1e-9)
+    slope = CubicSpline(cycle.crank, cycle.velocity)(cycle.crank, 1)
+    state = Solver(mechanism).state(cycle.crank, cycle.velocity, cycle.velocity * slope)
+    size = np.ptp(state.torque)
+    away = np.abs(state.torque - cycle.demand)
+    assert np.median(away) < 1e-6 * size
+    assert (away < 1e-3 * size).mean() > 0.97  # the slope of a speed leaps where a load does
+    assert np.mean(cycle.torque) == pytest.approx(cycle.torque[0])
+
+
+def test_the_energy_of_bodies_and_weights_stays():
+    mechanism, motion = even('quadrilateral')
+    cycle = motion.cycle(1.0)
+    kinetic, potential = Solver(with_crank_inertia(mechanism, 1.0)).energy(
+        cycle.crank, cycle.velocity
+    )
+    assert np.ptp(kinetic + potential) < 1e-8 * np.ptp(kinetic)
+
+
+def test_direction_does_not_matter_to_inertia():
+    mechanism = replace(load('quadrilateral').mechanism, gravity=(0.0, 0.0))
+    found = [EvenTorque(mechanism, speed).inertia_for(0.05) for speed in (15.0, -15.0, 30.0)]
+    assert found == pytest.approx([found[0]] * 3, rel=1e-9)
+
+
+def test_an_even_crank_needs_no_flywheel():
+    mechanism = with_crank_inertia(load('quadrilateral').mechanism, 1.6)
+    assert EvenTorque(mechanism, 5 * math.pi).inertia_for(0.02) == 0.0
+
+
+def test_a_crank_without_inertia_has_no_even_torque():
+    _, motion = even('slider_crank')
+    with pytest.raises(UnsteadyError, match='without a mass'):
+        motion.cycle(0.0)
+    assert motion.cycle(motion.inertia_for(0.1)).fluctuation == pytest.approx(0.1, rel=1e-9)
+
+
+@pytest.mark.parametrize('added', [0.0, 0.2])
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_motor_settles_where_its_line_meets_the_mechanism(added, sign):
+    mechanism, motor = load('compressor').mechanism, Motor(sign * 40.0, 0.3)
+    mechanism = replace(mechanism, loads=())
+    cycle = motor_cycle(mechanism, motor, sign * 70.0, added)
+    assert cycle.speed * sign > 0
+    assert cycle.velocity[-1] == pytest.approx(cycle.velocity[0], rel=1e-8)
+    assert cycle.torque == pytest.approx(sign * 40.0 - 0.3 * cycle.velocity)
+    slope = CubicSpline(cycle.crank, cycle.velocity)(cycle.crank, 1) * cycle.velocity
+    state = Solver(with_crank_inertia(mechanism, added)).state(cycle.crank, cycle.velocity, slope)
+    size = np.abs(cycle.torque).max()
+    assert state.torque == pytest.approx(cycle.torque, abs=2e-5 * size)
+
+
+def test_a_torque_driven_run_settles_at_the_cycle_of_its_motor():
+    mechanism, motor = replace(load('compressor').mechanism, loads=()), Motor(40.0, 0.3)
+    cycle = motor_cycle(mechanism, motor, 70.0, 0.0)
+    angles, speeds = driven(mechanism, lambda _, u: motor.at(u), 70.0, turns=5)
+    last = speeds[angles > angles[-1] - 2 * math.pi]
+    assert np.ptp(last) / cycle.speed == pytest.approx(cycle.fluctuation, rel=1e-3)
+
+
+@pytest.mark.parametrize('motor', [Motor(0.5, 0.01), Motor(-20.0, 0.1), Motor(50.0)])
+def test_a_motor_that_does_not_carry_the_cycle(motor):
+    """Too weak, against the motion, and without a loss that would end its gain."""
+    mechanism = load('compressor').mechanism if motor.damping else load('quadrilateral').mechanism
+    assert motor_cycle(mechanism, motor, 90.0, 0.05) is None
+
+
+# ---------------------------------------------------------------- the command
+
+
+def chart(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, 'argv', ['linkage_chart', 'motion', *map(str, arguments)])
+    try:
+        return chart_tool.main()
+    except SystemExit as error:
+        return error.code
+
+
+def test_the_command_says_what_the_quadrilateral_needs(tmp_path, monkeypatch, capsys):
+    options = 'quadrilateral', '--fluctuation', '0.02', '--out', tmp_path
+    assert chart(monkeypatch, *options) == 0
+    _, torque, power, flywheel, first, picture, *_ = capsys.readouterr().out.splitlines()
+    assert torque == 'driving torque: peak 8.547 N m, rms 4.242 N m, mean 0 N m'
+    assert power == 'driving power: peak 134.3 W, rms 66.64 W, mean 0 W'
+    assert flywheel == (
+        'fluctuation 0.02: add 1.4173 kg m^2 to the crank (without: 0.5848)'
+    )  # fmt: skip
+    assert first == 'to first order: 7.278 J between the extremes, 1.4748 kg m^2 in total'
+    assert (tmp_path / 'quadrilateral_flywheel.png').samefile(picture)
+
+
+def test_the_command_judges_a_motor(tmp_path, monkeypatch, capsys):
+    (tmp_path / 'plant.yaml').write_text(PLANT)
+    options = tmp_path / 'plant.yaml', '--rpm', 200, '--fluctuation', '0.1', '--out', tmp_path
+    assert chart(monkeypatch, *options) == 0
+    lines = capsys.readouterr().out.splitlines()
+    line, carried, bare = lines[5:8]
+    assert line.startswith('motor 12 N m - 0.5 N m s x speed: 1.528 N m at this speed, where the')
+    assert carried.startswith('with the flywheel: the motor carries the cycle at ')
+    assert bare.startswith('without: the motor carries the cycle at ')
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['quadrilateral', '--fluctuation', '0'], "'0': must be a number from 1e-06 to 1"),
+        (['quadrilateral', '--fluctuation', '2'], "'2': must be a number from 1e-06 to 1"),
+        (['quadrilateral', '--fluctuation', '0.1', '--rpm', '0'], 'rpm = 0: a crank at rest has'),
+        (
+            ['quadrilateral', '--fluctuation', '0.1', '--acceleration', '1'],
+            '--fluctuation is for a steady speed, and --acceleration changes it: leave one out',
+        ),
+        (['wind_pump', '--fluctuation', '0.1'], 'leave --fluctuation out'),
+    ],
+)
+def test_what_has_no_fluctuation_is_one_line(tmp_path, monkeypatch, capsys, arguments, words):
+    assert chart(monkeypatch, *arguments, '--out', tmp_path) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
