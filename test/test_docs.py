@@ -47,6 +47,7 @@ from linkage_ros.wire.topics import TOPICS, qualified
 
 MODULES = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool',
            'linkage_export': 'export_tool'}  # fmt: skip
+CHARTS = [('linkage_chart', 'motion'), ('linkage_chart', 'economy')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')
 # The programs of these pages need a log or a node to work on: tests of their own run them.
 PYTHON_ELSEWHERE = {
@@ -259,7 +260,7 @@ def run_page(tmp_path_factory):
             code, text = 0, ''
             if name == 'linkage_node':
                 code, text = run_node(rest, folder)
-            elif name in CHEAP or words[:2] == ('linkage_chart', 'motion'):
+            elif name in CHEAP or words[:2] in CHARTS:
                 variables = environment(fresh_domain())
                 code, text = run_forked(module_of(name), *rest, folder=folder, variables=variables)
             assert code == 0, f'{" ".join(words)}: {text}'
@@ -325,3 +326,22 @@ def test_readme_python_prints_the_swing_and_the_accuracy(capsys):
     first, second = capsys.readouterr().out.splitlines()
     assert float(first.removeprefix('crank-rocker ').split()[0]) == pytest.approx(0.663, abs=2e-3)
     assert 0 < float(second.split()[0]) < 100
+
+
+# ---------------------------------------------------------------- sizing
+
+
+def test_sizing_shows_what_its_commands_print(run_page):
+    page = read('docs/sizing.md')
+    _, printed = run_page('docs/sizing.md')
+    told, at_hand = ' '.join(page.split()), 0
+    for words, text in printed.items():
+        lines = [
+            line for line in text.splitlines() if re.match('driv|fluct|to first|mot|with', line)
+        ]
+        if words[1] == 'economy' and words[2].endswith('.yaml'):
+            lines = [text.splitlines()[0].partition(': ')[2]]
+        at_hand += len(lines)
+        for line in lines:
+            assert line in told, words
+    assert at_hand == 1 + 4 + 7
