@@ -80,6 +80,7 @@ class Period:
             *self._links(state),
             Column('driving_torque', 'N m', state.torque),
             Column('driving_power', 'W', state.torque * state.velocity[0]),
+            *self._loads(state),
         ]
         if 'C' in solver.structure.points:
             columns += self._coupler_point(state)
@@ -99,6 +100,13 @@ class Period:
                 Column(f'{link.name}.acceleration', f'{unit}/s^2', acceleration),
             ]  # fmt: skip
         return columns
+
+    def _loads(self, state: State) -> list[Column]:
+        units = {link.name: 'N' if link.slides else 'N m' for link in self.solver.structure.links}
+        return [
+            Column(f'{link}.load', units[link], np.broadcast_to(force, self.crank.shape))
+            for link, force in self.solver.load_forces(state).items()
+        ]
 
     def _coupler_point(self, state: State) -> list[Column]:
         motion = self.solver.point(state, 'C')

@@ -140,6 +140,11 @@ def _load_rows(period: Period) -> Iterator[list[_Panel]]:
     power = _extent(period, 'power, W', columns['driving_power'])
     words = power, f'mean power {period.mean_power:.4g} W'
     yield [_Panel('Driving torque', 'N m', {'torque': columns['driving_torque']}, words)]
+    loads = [column for column in period.columns.values() if column.name.endswith('.load')]
+    for unit, group in itertools.groupby(loads, key=lambda column: column.unit):
+        yield [
+            _Panel('Load', unit, {column.name.split('.')[0]: column.values for column in group})
+        ]
     if 'shaking_moment' not in columns:
         return
     pins = [name[4:-2] for name in columns if name.startswith('pin_') and name.endswith('.x')]
