@@ -8,60 +8,54 @@ import itertools
 import json
 import math
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from pages import ROOT, read
 from test_chart import chart
 
 from linkage_ros import __version__
-from linkage_ros.lab.charts.accuracy import draw_accuracy, draw_integration
+from linkage_ros.lab.charts.accuracy import draw_accuracy
 from linkage_ros.lab.charts.stability import draw_stability
-from linkage_ros.lab.methods.accuracy import MEAN, MIN_RATE, NEAR, Measurement
-from linkage_ros.lab.methods.bench import LIMIT
-from linkage_ros.lab.methods.chain import BATCH, ONE, OWN, QUANTITIES
-from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY
+from linkage_ros.lab.methods.accuracy import NEAR, Measurement
+from linkage_ros.lab.methods.chain import BATCH, ONE, OWN, QUANTITIES, label
+from linkage_ros.lab.methods.motion_bench import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
-from linkage_ros.lab.methods.outcomes import OUTCOMES, Cell
-from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, METHODS, label
+from linkage_ros.lab.methods.outcomes import LIMIT, OUTCOMES, Cell
+from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, METHODS
 from linkage_ros.lab.methods.situations import SITUATIONS
 
 EPSILON = 2.0**-52
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
-PLACES = {situation.name for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
+EASY = 'quadrilateral', 'slider_crank'
+each_easy = pytest.mark.parametrize('mechanism', EASY)
 
 
 def committed(name):
     """The records in the docs."""
-    path = Path(__file__).parents[1] / 'docs' / f'{name}.json'
-    return json.loads(path.read_text())['records']
+    return json.loads((ROOT / 'docs' / f'{name}.json').read_text())['records']
 
 
 def run_quick(command, folder):
-    done = subprocess.run(
-        [sys.executable, '-m', 'linkage_ros.chart_tool', command, '--quick', '--out', folder],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, '')
-    written = [Path(line) for line in done.stdout.splitlines()]
-    assert written == sorted(written, key=written.index)
-    assert set(written) == set(folder.iterdir())
-    for path in written:
-        if path.suffix == '.png':
-            assert path.read_bytes().startswith(b'\x89PNG')
-            assert path.stat().st_size > 50_000
-    (records,) = (path for path in written if path.suffix == '.json')
-    content = json.loads(records.read_text(), parse_constant=pytest.fail)
+    """What the command prints and writes: paths, and records."""
+    with pytest.MonkeyPatch.context() as patch, pytest.MonkeyPatch.context() as output:
+        printed = []
+        output.setattr('builtins.print', lambda *lines, **_: printed.extend(lines))
+        assert chart(patch, command, '--quick', '--out', folder) == 0
+    assert set(printed) == set(folder.iterdir())
+    for path in printed[1:]:
+        assert path.read_bytes().startswith(b'\x89PNG')
+        assert path.stat().st_size > 50_000
+    content = json.loads(printed[0].read_text(), parse_constant=pytest.fail)
     assert content['about']['linkage_ros'] == __version__
-    return written, content['records']
+    return [path.name for path in printed], content['records']
 
 
 @pytest.fixture(scope='module')
 def accuracy(tmp_path_factory):
-    """Paths and records of one quick run: half a minute, so that all tests look at the same."""
+    """Names of files, and records, of one quick run."""
     return run_quick('accuracy', tmp_path_factory.mktemp('accuracy'))
 
 
@@ -78,18 +72,16 @@ def errors(accuracy):
 
 def test_every_panel_has_a_front_of_right_points(accuracy):
     written, records = accuracy
-    names = ('quadrilateral', 'slider_crank', 'near_a_change_point', 'motions')
-    assert [path.name for path in written] == [
-        'accuracy.json',
-        *(f'accuracy_{name}.png' for name in names),
-    ]
+    pictures = (*EASY, 'near_a_change_point', 'motions')
+    assert written == ['accuracy.json', *(f'accuracy_{name}.png' for name in pictures)]
     assert {record['method'] for record in records} == EVERY
     assert all(record['us_per_state'] is None or record['us_per_state'] > 0 for record in records)
-    panels = {(r['mechanism'], r['quantity'], r['mode']) for r in records}
+    panels = {}
+    for r in records:
+        panels.setdefault((r['mechanism'], r['quantity'], r['mode']), []).append(r)
     assert len(panels) == 3 * 4 * 2 + 2 * 3
-    for panel in panels:
-        of_panel = [r for r in records if (r['mechanism'], r['quantity'], r['mode']) == panel]
-        front = [r for r in of_panel if r['pareto']]
+    for panel, points in panels.items():
+        front = [r for r in points if r['pareto']]
         assert front
         assert all(r['max_error'] <= LIMIT for r in front)
         if panel[0] == NEAR:
@@ -97,55 +89,49 @@ def test_every_panel_has_a_front_of_right_points(accuracy):
 
 
 def test_every_integrator_is_measured_at_every_setting(errors):
-    for mechanism in ('wind_pump', 'quadrilateral'):
-        for quantity in (TRAJECTORY, ENERGY):
-            for method in INTEGRATORS:
-                settings = [label(setting) for setting in method.settings]
-                assert list(errors[mechanism, quantity, method.name, MEAN]) == settings
-                assert (mechanism, TRAJECTORY, method.name, MIN_RATE) in errors
+    kinds = itertools.product(('wind_pump', 'quadrilateral'), (TRAJECTORY, ENERGY), INTEGRATORS)
+    for mechanism, quantity, method in kinds:
+        settings = [label(setting) for setting in method.settings]
+        assert list(errors[mechanism, quantity, method.name, MEAN]) == settings
+        # Only steps up to a ms have a slowest ms.
+        short = [label(s) for s in method.settings if s.get('step', 0) <= 1e-3]
+        assert list(errors[mechanism, TRAJECTORY, method.name, SLOWEST]) == short
 
 
-def steady_error(errors, mechanism, quantity, method, mode):
-    return errors[mechanism, quantity, method.name, mode][label(method.steady)]
-
-
-@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
+@each_easy
 def test_every_method_is_right_on_an_easy_mechanism(errors, mechanism):
     limits = {'factored, float32': 1e-5, 'central differences': 2e-6}
     if mechanism == 'slider_crank':
         limits['half-angle'] = 1e-9  # near alpha = 0 its denominator is small
     for method in METHODS:
         for mode, quantity in itertools.product(method.modes, OWN[method.stage]):
-            error = steady_error(errors, mechanism, quantity, method, mode)
+            error = errors[mechanism, quantity, method.name, mode][label(method.steady)]
             assert error < limits.get(method.name, 1e-11), (method.name, mode, quantity)
 
 
-@pytest.mark.parametrize('mechanism', ['quadrilateral', 'slider_crank'])
-def test_errors_fall_with_each_setting_down_to_a_floor(errors, mechanism):
-    methods = [method for method in METHODS if len(method.settings) > 1]
-    assert len(methods) == 5
-    for method in methods:
-        mode = BATCH if BATCH in method.modes else ONE
-        settings = [label(s) for s in method.settings if s.get('steps', 360) == 360]
-        for quantity in OWN[method.stage]:
-            found = [errors[mechanism, quantity, method.name, mode][s] for s in settings]
-            floor = found.index(min(found))
-            # On the floor, and beyond it where differences lose digits, rounding counts.
-            down = [max(error, 20 * EPSILON) for error in found[: floor + 1]]
-            assert all(b < a or b == 20 * EPSILON for a, b in itertools.pairwise(down)), found
-            limit = 1e-6 if method.name.startswith('central') else 1e-14
-            assert down[-1] < limit, (method.name, found)
+@each_easy
+@pytest.mark.parametrize(
+    'method', [m for m in METHODS if len(m.settings) > 1], ids=lambda method: method.name
+)
+def test_errors_fall_with_each_setting_down_to_a_floor(errors, mechanism, method):
+    settings = [label(s) for s in method.settings if s.get('steps', 360) == 360]
+    for quantity in OWN[method.stage]:
+        by_setting = errors[mechanism, quantity, method.name, method.modes[-1]]
+        found = [by_setting[setting] for setting in settings]
+        # On the floor, and beyond it where differences lose digits, rounding counts.
+        down = [max(error, 20 * EPSILON) for error in found[: found.index(min(found)) + 1]]
+        assert all(b < a or b == 20 * EPSILON for a, b in itertools.pairwise(down)), found
+        assert down[-1] < (1e-6 if method.name.startswith('central') else 1e-14), found
 
 
 def test_the_default_is_as_close_as_any_to_a_few_ulp(errors):
-    for mechanism, mode in itertools.product(('quadrilateral', 'slider_crank'), (ONE, BATCH)):
-        for quantity in QUANTITIES:
-            best = {
-                method: min(found.values())
-                for (*place, method, asked), found in errors.items()
-                if (*place, asked) == (mechanism, quantity, mode)
-            }
-            assert best[DEFAULT] <= min(best.values()) + 4 * EPSILON, best
+    for mechanism, mode, quantity in itertools.product(EASY, (ONE, BATCH), QUANTITIES):
+        best = {
+            method: min(found.values())
+            for (*place, method, asked), found in errors.items()
+            if (*place, asked) == (mechanism, quantity, mode)
+        }
+        assert best[DEFAULT] <= min(best.values()) + 4 * EPSILON, best
 
 
 def test_near_a_change_point_the_default_alone_is_right(errors):
@@ -166,13 +152,10 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, monkeypatch, capsys,
 
 
 def test_every_method_and_situation_has_its_place_in_the_docs():
-    page = Path(__file__).parents[1].joinpath('docs', 'methods.md').read_text()
-    for method in METHODS:
+    page = read('docs/methods.md')
+    for method in (*METHODS, *INTEGRATORS):
         computes = {'state': 'everything'}.get(method.stage, method.stage)
         row = rf'\| {re.escape(method.name)} \| {computes} \| .* \| (.*) \| (.*) \|\n'
-        assert re.findall(row, page) == [(method.needs, method.source)]
-    for method in INTEGRATORS:
-        row = rf'\| {re.escape(method.name)} \| {method.stage} \| .* \| (.*) \| (.*) \|\n'
         assert re.findall(row, page) == [(method.needs, method.source)]
     for outcome in OUTCOMES:
         assert f'| {outcome} | ' in page
@@ -183,46 +166,24 @@ def test_every_method_and_situation_has_its_place_in_the_docs():
 def test_the_charts_of_the_docs_are_of_these_methods_and_situations():
     records = committed('stability')
     assert {r['method'] for r in records} == EVERY
-    assert {r['situation'] for r in records} == PLACES
+    assert {r['situation'] for r in records} == {s.name for s in (*SITUATIONS, *MOTION_SITUATIONS)}
     assert {r['method'] for r in committed('accuracy')} == EVERY
 
 
-# ---------------------------------------------------------------- how they look
-
-
-@pytest.fixture(scope='module')
-def redrawn():
-    """The charts of the docs as figures, from the numbers in the docs: nothing is measured."""
-    pages = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Figure, 'savefig', lambda figure, _: pages.append(figure))
-        draw_all()
-    assert len(pages) == 5
-    return pages
-
-
-def draw_all():
-    unknown = {'max_error': math.inf, 'us_per_state': math.inf}  # null in JSON
-    points = [
-        Measurement(
-            **{name: unknown[name] if value is None else value for name, value in one.items()}
-        )
-        for one in committed('accuracy')
-    ]
-    solved = [point for point in points if point.mode not in (MEAN, MIN_RATE)]
-    for name in dict.fromkeys(point.mechanism for point in solved):
-        draw_accuracy([p for p in solved if p.mechanism == name], name, Path(name))
-    draw_integration([p for p in points if p.mode in (MEAN, MIN_RATE)], 'it', Path())
+def test_charts_can_be_read_at_half_their_size(monkeypatch):
+    """The charts of the docs, from the numbers in the docs: nothing is measured."""
+    figures = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, _: figures.append(figure))
+    points = []
+    for record in committed('accuracy'):  # null in JSON is what is not finite
+        values = {name: math.inf if x is None else x for name, x in record.items()}
+        points.append(Measurement(**values))
+    draw_accuracy([p for p in points if p.mechanism == NEAR], 'it', Path())
+    draw_accuracy([p for p in points if p.mode in (MEAN, SLOWEST)], 'it', Path())
     cells = [Cell(**record) for record in committed('stability')]
-    own = {situation.name for situation in SITUATIONS}
-    draw_stability(
-        [cell for cell in cells if cell.situation in own],
-        [cell for cell in cells if cell.situation not in own], 'it', Path(),
-    )  # fmt: skip
-
-
-def test_charts_can_be_read_at_half_their_size(redrawn):
-    for figure in redrawn:
+    size = len(METHODS) * len(SITUATIONS)
+    draw_stability(cells[:size], cells[size:], 'it', Path())
+    for figure in figures:
         pixels = 700 / figure.get_figwidth() / 72  # of a point
         sizes = [text.get_fontsize() * pixels for text in figure.findobj(Text) if text.get_text()]
         assert min(sizes) > 7.9

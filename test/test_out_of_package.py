@@ -244,24 +244,18 @@ import json
 from linkage_ros.lab.charts.accuracy import draw_accuracy
 from linkage_ros.lab.charts.stability import draw_stability
 from linkage_ros.lab.methods import accuracy, outcomes
-from linkage_ros.lab.methods.bench import Bench
-from linkage_ros.lab.charts.motion import draw_motion
-from linkage_ros.dynamics.period import SpeedDrivenPeriod
 from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.lab.methods.situations import SITUATIONS
-from linkage_ros.parameters.configuration import load
 import two_circles
 
 METHODS[1:-1] = []  # of all, the default and the new one
-linkages = (load(name).mechanism for name in ('quadrilateral', 'slider_crank'))
-benches = {name: Bench(task, 24) for name, task in accuracy.tasks(*linkages).items()}
-for bench in benches.values():
-    bench.cranks = bench.cranks[::8]
 plain = lambda what, _: what
-points = accuracy.measure_accuracy(benches, quick=True, progress=plain)
+points = accuracy.measure_accuracy(
+    accuracy.linkages(quick=True), METHODS, quick=True, progress=plain
+)
 draw_accuracy([p for p in points if p.mechanism == 'quadrilateral'], 'it', 'accuracy.png')
 some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
-cells = outcomes.measure_outcomes(some, cases=2, progress=plain)
+cells = outcomes.measure_outcomes(some, METHODS, cases=2, progress=plain)
 draw_stability(cells, [], 'it', 'stability.png')
 print(json.dumps([[p.record() for p in points], [c.record() for c in cells]]))
 """

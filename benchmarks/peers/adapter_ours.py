@@ -6,8 +6,13 @@ import numpy as np
 from contract import Peer
 
 from linkage_ros import Solver
-from linkage_ros.lab.methods.functions import SCALAR
-from linkage_ros.lab.methods.rates import analytic
+from linkage_ros.dynamics.program import Program
+
+
+def pose(loop, crank):
+    """Positions, and first and second derivatives, of coupler and output."""
+    links = loop.pose((crank,)).links[1:]
+    return tuple((link.position, link.jacobian[0], link.curvature[0]) for link in links)
 
 
 class Adapter(Peer):
@@ -21,7 +26,8 @@ class Adapter(Peer):
 
     def __init__(self, mechanism, speed, first):
         super().__init__(mechanism, speed, first)
-        self.state, self.pose = Solver(mechanism).state, analytic(mechanism, SCALAR).second
+        self.state = Solver(mechanism).state
+        self.pose = Program(pose, mechanism.loop(), ('crank',)).compile()
 
     def torque(self, angles):
         state, speed = self.state, self.speed
@@ -30,7 +36,7 @@ class Adapter(Peer):
     def kinematics(self, angles):
         pose, speed, square, rows = self.pose, self.speed, self.speed**2, []
         for angle in angles:
-            (beta, gamma), (k2, k3), (c2, c3) = pose(angle)
+            (beta, k2, c2), (gamma, k3, c3) = pose(angle)
             rows.append((beta, gamma, k2 * speed, k3 * speed, c2 * square, c3 * square))
         return rows
 

@@ -12,52 +12,38 @@ Importing this file adds the method to these charts.
 from __future__ import annotations
 
 from linkage_ros.formulas import Vector, atan2, cos, sin, sqrt
-from linkage_ros.lab.methods import chain
-from linkage_ros.lab.methods.loop import Linkage
-from linkage_ros.lab.methods.positions import Locate
-from linkage_ros.lab.methods.registry import METHODS, Method
-from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.parts import OPEN
+from linkage_ros.lab.methods.chain import POSITION, Method
+from linkage_ros.lab.methods.registry import METHODS
+from linkage_ros.lab.methods.stages import Links
 from linkage_ros.numeric import Real
 
 
-def two_circles(mechanism: Linkage) -> Locate:
-    """From the crank angle to the coupler's direction and the output, floats or arrays.
+def two_circles(links: Links, crank: Real) -> tuple[Real, Real]:
+    """From the crank angle to the coupler's direction and the output.
 
     Args:
-        mechanism: A four-bar or a slider-crank.
+        links: The constants of a four-bar, or of a slider-crank, where c is None.
+        crank: rad.
 
     Returns:
-        The function.
+        Coupler, rad, and rocker, rad, or slider, m.
     """
-    side = 1.0 if mechanism.assembly == OPEN else -1.0
-    r, b, direction = mechanism.crank.length, mechanism.coupler.length, mechanism.frame.angle
-    if isinstance(mechanism, FourBar):
-        c, pivot = mechanism.rocker.length, Vector.at(direction) * mechanism.frame.length
-
-        def locate(crank: Real) -> tuple[Real, Real]:
-            x, y = pivot - Vector(r * cos(crank), r * sin(crank))
-            square = x * x + y * y
-            foot = 0.5 + (b - c) * (b + c) / (2 * square)
-            half_chord = side * sqrt(b * b / square - foot * foot)
-            bx, by = x * foot - y * half_chord, y * foot + x * half_chord
-            return atan2(by, bx), atan2(by - y, bx - x)
-
-        return locate
-    offset = mechanism.slider.offset
-
-    def slide(crank: Real) -> tuple[Real, Real]:
-        angle = crank - direction
-        by = offset - r * sin(angle)
+    r, b, c, d, angle, side, *_ = links
+    if c is None:
+        by = d - r * sin(crank - angle)
         bx = side * sqrt(b * b - by * by)
-        return atan2(by, bx) + direction, r * cos(angle) + bx
-
-    return slide
+        return atan2(by, bx) + angle, r * cos(crank - angle) + bx
+    x, y = Vector.at(angle) * d - Vector.at(crank) * r
+    square = x * x + y * y
+    foot = 0.5 + (b - c) * (b + c) / (2 * square)
+    half_chord = side * sqrt(b * b / square - foot * foot)
+    bx, by = x * foot - y * half_chord, y * foot + x * half_chord
+    return atan2(by, bx), atan2(by - y, bx - x)
 
 
 METHODS.append(
     Method(
-        'two circles', chain.POSITION, 'nothing', 'P. Bourke, Intersection of two circles, 1997',
-        lambda task, _, f: chain.of_position(task, two_circles(task.mechanism), f),
+        'two circles', POSITION, 'nothing', 'P. Bourke, Intersection of two circles, 1997',
+        two_circles,
     )
 )  # fmt: skip

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Speed against accuracy: a picture for each mechanism, and one for all integrators."""
+"""Speed against accuracy: a picture for each linkage, and one for all motions."""
 
 from __future__ import annotations
 
@@ -18,19 +18,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.lab.methods.accuracy import MEAN, MIN_RATE, Measurement
-from linkage_ros.lab.methods.bench import LIMIT
-from linkage_ros.lab.methods.chain import BATCH, ONE, QUANTITIES
-from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY
-from linkage_ros.lab.methods.registry import (
-    DEFAULT,
-    INTEGRATORS,
-    LIVE,
-    METHODS,
-    RECORDS,
-    Way,
-    label,
-)
+from linkage_ros.lab.methods.accuracy import Measurement
+from linkage_ros.lab.methods.chain import BATCH, ONE, QUANTITIES, Method, label
+from linkage_ros.lab.methods.motion_bench import ENERGY, MEAN, SLOWEST, TRAJECTORY
+from linkage_ros.lab.methods.outcomes import LIMIT
+from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -93,81 +85,39 @@ _STEADY = _Style('*', VERMILION, size=13)  # of the live default at its own sett
 _ROLES = {DEFAULT: 'default', LIVE: 'live; star: steps of 1 ms', RECORDS: 'default for records'}
 
 
-class _Panel(NamedTuple):
-    title: str
-    points: Sequence[Measurement]
-
-
 def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None:
-    """Draws a row for each quantity and a column for each mode, of one mechanism.
+    """Draws one linkage, quantity by quantity in both modes; or all motions, row by row.
 
     Args:
-        points: Points of the mechanism.
+        points: Points of a linkage, or of all motions.
         title: Title of the picture.
         path: The PNG file; replaced if there is one.
 
     Raises:
         OSError: The picture cannot be written.
     """
-    rows = [
-        [
-            _Panel(
-                f'{quantity}, {mode}',
-                [p for p in points if (p.quantity, p.mode) == (quantity, mode)],
-            )
-            for mode in (ONE, BATCH)
-        ]
-        for quantity in QUANTITIES
-    ]
-    _draw(rows, METHODS, ('time per state', 'relative (angles: rad)'), title, path)
-
-
-def draw_integration(points: Sequence[Measurement], title: str, path: Path) -> None:
-    """Draws a row for each mechanism: trajectory, energy, and the slowest millisecond.
-
-    Args:
-        points: Points of all mechanisms.
-        title: Title of the picture.
-        path: The PNG file; replaced if there is one.
-
-    Raises:
-        OSError: The picture cannot be written.
-    """
-    columns = (
-        (TRAJECTORY, MEAN, 'trajectory'), (ENERGY, MEAN, 'energy'),
-        (TRAJECTORY, MIN_RATE, 'trajectory, slowest ms'),
-    )  # fmt: skip
-    rows = [
-        [
-            _Panel(
-                f'{name.replace("_", " ")}, {caption}',
-                [p for p in points if (p.mechanism, p.quantity, p.mode) == (name, quantity, mode)],
-            )
-            for quantity, mode, caption in columns
-        ]
-        for name in dict.fromkeys(point.mechanism for point in points)
-    ]
-    axes = 'time per simulated ms', 'rad, crank lengths, or relative'
-    _draw(rows, INTEGRATORS, axes, title, path)
-
-
-def _draw(
-    rows: list[list[_Panel]],
-    methods: Sequence[Way[Any]],
-    labels: tuple[str, str],
-    title: str,
-    path: Path,
-) -> None:
-    """Draws panels and a legend; the labels are those of time and error."""
-    figure = Figure(figsize=(WIDTH, 2.6 + 2.2 * len(rows)), dpi=DPI, layout='constrained')
+    if points[0].quantity in QUANTITIES:
+        methods: Sequence[Method] = METHODS
+        wide, columns = 2, [*itertools.product(QUANTITIES, (ONE, BATCH))]
+        named = '{1}, {2}'
+        time, error = 'time per state', 'relative (angles: rad)'
+    else:
+        wide, columns = 3, [(TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)]
+        methods, named = INTEGRATORS, '{0}, {1}, {2}'
+        time, error = 'time per simulated ms', 'rad, crank lengths, or relative'
+    mechanisms = dict.fromkeys(point.mechanism for point in points)
+    panels = [(name, *column) for name in mechanisms for column in columns]
+    high = len(panels) // wide
+    figure = Figure(figsize=(WIDTH, 2.6 + 2.2 * high), dpi=DPI, layout='constrained')
     figure.suptitle(title, fontsize=TITLE)
-    grid = figure.subplots(len(rows), len(rows[0]), sharey=True, sharex='col', squeeze=False)
-    for axes, panel in zip(grid.flat, itertools.chain(*rows), strict=True):
-        _draw_panel(axes, panel.points)
-        axes.set_title(panel.title, fontsize=TEXT)
+    grid = figure.subplots(high, wide, sharey=True, sharex='col')
+    for axes, panel in zip(grid.flat, panels, strict=True):
+        _draw_panel(axes, [p for p in points if (p.mechanism, p.quantity, p.mode) == panel])
+        words = named.format(*panel).replace('_', ' ').replace(f', {MEAN}', '')
+        axes.set_title(words, fontsize=TEXT)
     for axes in grid[-1]:
-        axes.set_xlabel(f'{labels[0]}, \N{MICRO SIGN}s', fontsize=TEXT)
-    figure.supylabel(f'largest error: {labels[1]}', fontsize=TEXT)
+        axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
+    figure.supylabel(f'largest error: {error}', fontsize=TEXT)
     handles = [
         Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0, label=_name(method.name),
                **_STYLES.get(method.name, _OTHER).options)
@@ -229,7 +179,7 @@ def _height(point: Measurement) -> float:
     return float(np.clip(point.max_error, _LEAST, _CEILING))
 
 
-def _settings(methods: Sequence[Way[Any]]) -> str:
+def _settings(methods: Sequence[Method]) -> str:
     """The settings along the lines."""
     kinds: dict[str, list[str]] = {}
     for method in methods:

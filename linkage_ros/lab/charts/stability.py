@@ -7,7 +7,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -22,8 +21,9 @@ from linkage_ros.lab.methods.outcomes import (
     RIGHT,
     WRONG_BRANCH,
     Cell,
+    Situation,
 )
-from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS, Way
+from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
@@ -62,9 +62,7 @@ def draw_stability(cells: Sequence[Cell], motions: Sequence[Cell], title: str, p
     Raises:
         OSError: The picture cannot be written.
     """
-    grids: list[tuple[Sequence[Way[Any]], Sequence[Any], Sequence[Cell]]] = [
-        (METHODS, SITUATIONS, cells), (INTEGRATORS, MOTION_SITUATIONS, motions),
-    ]  # fmt: skip
+    grids = [(METHODS, SITUATIONS, cells), (INTEGRATORS, MOTION_SITUATIONS, motions)]
     heights = [_ABOVE + _HIGH * len(situations) for _, situations, _ in grids]
     height = _TOP + sum(heights) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
@@ -86,7 +84,7 @@ def draw_stability(cells: Sequence[Cell], motions: Sequence[Cell], title: str, p
 
 
 def _draw_grid(
-    axes: Axes, methods: list[str], situations: Sequence[Any], cells: Sequence[Cell]
+    axes: Axes, methods: list[str], situations: Sequence[Situation], cells: Sequence[Cell]
 ) -> None:
     rows = {situation.name: (i, situation) for i, situation in enumerate(situations)}
     axes.set_xlim(0, len(methods))

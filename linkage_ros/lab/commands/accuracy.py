@@ -7,7 +7,6 @@ from __future__ import annotations
 import argparse
 
 from linkage_ros.lab.commands.output import about, folder, progress, save_records
-from linkage_ros.lab.commands.presets import moving_presets, solved_presets
 
 
 def accuracy(options: argparse.Namespace) -> None:
@@ -19,30 +18,25 @@ def accuracy(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The folder cannot be written.
     """
-    from linkage_ros.lab.charts.accuracy import draw_accuracy, draw_integration
-    from linkage_ros.lab.methods.accuracy import measure_accuracy, measure_motion_accuracy, tasks
-    from linkage_ros.lab.methods.bench import Bench
+    from linkage_ros.lab.charts.accuracy import draw_accuracy
+    from linkage_ros.lab.methods.accuracy import linkages, measure_accuracy, motions
+    from linkage_ros.lab.methods.registry import INTEGRATORS, METHODS
 
-    movers = moving_presets()
+    quick = options.quick
     with folder(options.out):
-        benches = {
-            name: Bench(task, 36 if options.quick else 360)
-            for name, task in tasks(*solved_presets()).items()
-        }
-        points = measure_accuracy(benches, quick=options.quick, progress=progress)
-        moved = measure_motion_accuracy(movers, quick=options.quick, progress=progress)
-        on = ', '.join(f'{name} {value}' for name, value in about().items())
-        records = options.out / 'accuracy.json'
-        save_records(records, [point.record() for point in (*points, *moved)])
-        drawings = [
-            (
-                f'accuracy_{name.replace(" ", "_")}.png', name.replace('_', '-'), draw_accuracy,
-                [point for point in points if point.mechanism == name],
+        solved, moved = (
+            measure_accuracy(benches, methods, quick=quick, progress=progress)
+            for benches, methods in (
+                (linkages(quick=quick), METHODS), (motions(quick=quick), INTEGRATORS),
             )
-            for name in benches
-        ]  # fmt: skip
-        motions = 'accuracy_motions.png', 'motions under a torque', draw_integration, moved
-        for picture, what, draw, measured in progress([*drawings, motions], 'pictures'):
-            draw(measured, f'Speed against accuracy: {what}\n{on}', options.out / picture)
-    pictures = [options.out / picture for picture, *_ in (*drawings, motions)]
+        )  # fmt: skip
+        records = options.out / 'accuracy.json'
+        save_records(records, [point.record() for point in (*solved, *moved)])
+        on = ', '.join(f'{name} {value}' for name, value in about().items())
+        pictures = []
+        for name in progress([*dict.fromkeys(p.mechanism for p in solved), 'motions'], 'pictures'):
+            points = [p for p in solved if p.mechanism == name] or moved
+            what = name.replace('_', '-') if points is not moved else 'motions under a torque'
+            pictures.append(options.out / f'accuracy_{name.replace(" ", "_")}.png')
+            draw_accuracy(points, f'Speed against accuracy: {what}\n{on}', pictures[-1])
     print(records, *pictures, sep='\n')

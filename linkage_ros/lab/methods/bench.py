@@ -1,40 +1,56 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How wrong and how slow a method is on one mechanism."""
+"""How wrong, how slow and how stable a method is on one linkage."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
-from collections.abc import Iterable
-from functools import cached_property
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.lab.methods.chain import FUNCTIONS, ONE, QUANTITIES, Function, Task
-from linkage_ros.lab.methods.registry import Method, Setting
+from linkage_ros.errors import LinkageError, UnreachableError
+from linkage_ros.lab.methods.chain import (
+    BATCH,
+    ONE,
+    OWN,
+    QUANTITIES,
+    Function,
+    Method,
+    Setting,
+    Task,
+    evaluate,
+    function_of,
+)
+from linkage_ros.lab.methods.linkages import other_assembly
+from linkage_ros.lab.methods.outcomes import (
+    DIVERGED,
+    FAILURES,
+    LIMIT,
+    NAN,
+    REFUSED,
+    RIGHT,
+    WRONG_BRANCH,
+    Outcome,
+    Situation,
+)
 from linkage_ros.lab.reference.states import Reference
-from linkage_ros.numeric import Array
+from linkage_ros.numeric import SCALAR, Array, within_two_turns, wrap
 
 _EVEN = 48  # angles, over a period or an arc
 _NOTHING = 1e-12  # of the largest value of a quantity
-LIMIT = 1e-6  # the error of a right answer at most
-# What arithmetic raises where a formula has no answer.
-FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
+_BATCH = 4096  # states
 
 
-class _Pair(NamedTuple):
-    """A number in many digits, and as the sum of two doubles."""
-
-    high: float
-    low: float
-    number: Any
-
-
-class Truth:
-    """The reference states of one mechanism, and how far values are from them.
+class LinkageBench:
+    """One linkage, and its true states.
 
     Errors are relative to the largest value that a quantity has at even angles or, next to a
     change point where it may be larger by many powers of ten, to the value itself. Directions
@@ -42,150 +58,193 @@ class Truth:
 
     Attributes:
         task: The mechanism and its motion.
+        cranks: Angles at which methods are judged, in turn, rad.
+        decimal: As for `Reference`.
+        reference: The true states.
+        rounds: How often times are taken.
     """
 
-    def __init__(self, task: Task, lengths: tuple[str, ...] | None = None) -> None:
+    rounds = 15
+
+    def __init__(
+        self, task: Task, cranks: Sequence[float] | Array, *, decimal: bool = False
+    ) -> None:
         """Prepares it.
 
         Args:
             task: The mechanism and its motion.
-            lengths: Lengths, as for `Reference`.
+            cranks: Angles in turn, rad.
+            decimal: As for `Reference`.
         """
-        self.task = task
-        self._reference = Reference(task.mechanism, task.speed, task.acceleration, lengths)
-        self._solver = Solver(task.mechanism)
-        self._slides = self._solver.structure.links[-1].slides
-        self._states: dict[float, dict[str, list[_Pair]]] = {}
+        self.task, self.cranks, self.decimal = task, np.array(cranks), decimal
+        self.reference = Reference(task.mechanism, task.speed, task.acceleration, decimal=decimal)
+        self._states: dict[float, dict[str, list[tuple[float, float]]] | None] = {}
 
-    def _exact(self, crank: float) -> dict[str, list[_Pair]]:
-        """The reference state."""
+    @cached_property
+    def _other(self) -> LinkageBench:
+        """The same of the other assembly."""
+        task = replace(self.task, mechanism=other_assembly(self.task.mechanism))
+        return LinkageBench(task, (), decimal=self.decimal)
+
+    def _exact(self, crank: float) -> dict[str, list[tuple[float, float]]] | None:
+        """The true values, each as the sum of two doubles; None: no state exists."""
         if crank not in self._states:
-            state = self._reference.state(crank)._asdict()
-            self._states[crank] = {name: [*map(_split, row)] for name, row in state.items()}
+            self._states[crank] = None
+            with suppress(UnreachableError):
+                state = self.reference.state(crank)
+                self._states[crank] = {name: [*map(_split, row)] for name, row in state.items()}
         return self._states[crank]
 
     @cached_property
-    def _sizes(self) -> dict[str, tuple[float, ...]]:
+    def _sizes(self) -> dict[str, list[float]]:
         """The largest of each value of each quantity at even angles inside the reach."""
-        reach = self._solver.reach
-        arcs = [(start, start + (end - start) * reach.period_turns) for start, end in reach.arcs]
-        parts = (np.arange(_EVEN) + 0.5) / _EVEN
-        cranks = np.concatenate([start + (end - start) * parts for start, end in arcs])
-        state = self._solver.state(cranks, self.task.speed, self.task.acceleration)
-        sizes = {}
-        for quantity, rows in zip(
-            QUANTITIES, (state.position, state.velocity, state.acceleration, (0, state.torque)),
-            strict=True,
-        ):  # fmt: skip
-            largest = [float(np.max(np.abs(row))) for row in rows[1:]]
-            # The rest of a rounding is no size.
-            sizes[quantity] = tuple(x if x > _NOTHING * max(largest) else 0.0 for x in largest)
-        return sizes
+        solver, parts = Solver(self.task.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
+        turns = solver.reach.period_turns
+        arcs = [(start, (end - start) * turns) for start, end in solver.reach.arcs]
+        cranks = np.concatenate([start + width * parts for start, width in arcs])
+        state = solver.state(cranks, self.task.speed, self.task.acceleration)
+        rows = state.position[1:], state.velocity[1:], state.acceleration[1:], (state.torque,)
+        largest = [[float(np.max(np.abs(row))) for row in each] for each in rows]
+        # The rest of a rounding is no size.
+        sizes = [[x if x > _NOTHING * max(each) else 0.0 for x in each] for each in largest]
+        return dict(zip(QUANTITIES, sizes, strict=True))
 
     def error(self, quantity: str, crank: float, values: Iterable[float]) -> float:
-        """The largest relative error of values; inf if one is not finite."""
-        worst, exact, sizes = 0.0, self._exact(crank)[quantity], self._sizes[quantity]
-        for i, (value, true, size) in enumerate(zip(values, exact, sizes, strict=True)):
+        """The largest relative error of values; inf if one is not finite or no state exists."""
+        exact, worst = self._exact(crank), 0.0
+        if exact is None:
+            return math.inf
+        slides = self.reference.slides
+        pairs = zip(values, exact[quantity], self._sizes[quantity], strict=True)
+        for i, (value, (high, low), size) in enumerate(pairs):
             if not math.isfinite(value):
                 return math.inf
-            is_angle = quantity == 'position' and not (i == 1 and self._slides)
-            apart = abs(value - true.high - true.low)
-            if is_angle and apart > 1.0:
-                apart = abs(Reference.difference(value, true.number, is_angle=True))
-            scale = 1.0 if is_angle or not size else max(size, abs(true.high))
-            worst = max(worst, apart / scale)
+            is_angle = quantity == 'position' and not (i == 1 and slides)
+            apart = value - high
+            if is_angle and abs(apart) > 1:
+                apart = wrap(within_two_turns(value)[0] - high, SCALAR)
+            scale = 1.0 if is_angle or not size else max(size, abs(high))
+            worst = max(worst, abs(apart - low) / scale)
         return worst
 
+    def places(self, method: Method, setting: Setting) -> Array:
+        """The angles at which a method is asked."""
+        del method, setting
+        return self.cranks
 
-def _split(number: Any) -> _Pair:
+    def panels(self, method: Method, _: Setting) -> Iterable[tuple[str, str]]:
+        """Quantities and modes in which a method has a point."""
+        first = QUANTITIES.index(OWN[method.stage][0])
+        return ((q, mode) for mode, q in itertools.product(method.modes, QUANTITIES[first:]))
+
+    def worst_error(self, method: Method, setting: Setting, mode: str, quantity: str) -> float:
+        """The largest error of a method over all angles; inf where it fails."""
+        cranks = self.places(method, setting)
+        try:
+            with np.errstate(all='ignore'):
+                function = function_of(method, self.task, setting, quantity, mode)
+                rows = evaluate(function, cranks, mode)
+        except FAILURES:
+            return math.inf
+        # Of angles that a method goes through one by one, no more count than of others.
+        pairs = list(zip(cranks.tolist(), rows, strict=True))
+        pairs = pairs[:: math.ceil(len(cranks) / len(self.cranks))]
+        return max(self.error(quantity, crank, row) for crank, row in pairs)
+
+    def judge(self, method: Method, _: Situation) -> Iterator[Outcome]:
+        """The outcome of what a method computes itself, at every angle and in every mode."""
+        for mode, quantity in itertools.product(method.modes, OWN[method.stage]):
+            answers = self._answers(method, quantity, mode)
+            for crank, found in zip(self.cranks.tolist(), answers, strict=True):
+                if isinstance(found, str):
+                    yield found, None
+                elif not all(map(math.isfinite, found)):
+                    yield NAN, None
+                else:
+                    yield self._outcome(quantity, crank, found)
+
+    def _outcome(self, quantity: str, crank: float, values: tuple[float, ...]) -> Outcome:
+        error = self.error(quantity, crank, values)
+        if error <= LIMIT:
+            return RIGHT, error
+        if quantity == 'position' and self._other.error(quantity, crank, values) <= LIMIT:
+            return WRONG_BRANCH, error
+        return DIVERGED, error
+
+    def _answers(
+        self, method: Method, quantity: str, mode: str
+    ) -> Sequence[tuple[float, ...] | str]:
+        """The values at each angle, or the outcome that stands for an error."""
+        try:
+            function = function_of(method, self.task, method.steady, quantity, mode)
+        except LinkageError:
+            return [REFUSED] * len(self.cranks)
+        with np.errstate(all='ignore'):
+            if mode == BATCH:
+                # An array is refused for one of its angles: then each is asked by itself.
+                with suppress(LinkageError, *FAILURES):
+                    return evaluate(function, self.cranks, mode)
+            return [_answer(function, crank, mode) for crank in self.cranks[:, None]]
+
+
+def _answer(function: Function, crank: Array, mode: str) -> tuple[float, ...] | str:
+    try:
+        return evaluate(function, crank, mode)[0]
+    except LinkageError:
+        return REFUSED
+    except FAILURES:
+        return NAN
+
+
+def _split(number: Any) -> tuple[float, float]:
     high = float(number)
-    return _Pair(high, -Reference.difference(high, number, is_angle=False), number)
+    return high, float(number - high)
 
 
-class Bench(Truth):
-    """One mechanism to measure methods on.
+class PeriodBench(LinkageBench):
+    """One period of a linkage whose crank turns fully, for errors and times.
 
-    Attributes:
-        cranks: Angles of one period, rad; close together wherever the motion is fast.
+    Its angles are close together wherever the motion is fast.
     """
 
     def __init__(self, task: Task, angles: int) -> None:
         """Prepares it.
 
         Args:
-            task: The mechanism and its motion; its crank turns fully.
+            task: The mechanism and its motion.
             angles: Even ones per turn.
         """
-        super().__init__(task)
-        reach = self._solver.reach
-        self._turns = reach.period_turns
+        reach = Solver(task.mechanism).reach
+        self._turns, self._angles = reach.period_turns, angles
         fine = reach.samples(angles)
         extra = np.setdiff1d(fine, np.linspace(0, fine[-1], angles * self._turns + 1))
+        extra = extra[:: max(1, 360 // angles)]
         # The fast places themselves, even or not.
         middle = reach.fast + math.pi * np.arange(2 * self._turns)
-        self.cranks: Array = np.unique(np.concatenate([self.aside(angles), extra, middle]))
-
-    def aside(self, steps: int) -> Array:
-        """Even angles of one period, the first half a step after 0.
-
-        No special angle flatters or fails a method by chance.
-        """
-        return self.even(steps) + math.pi / steps
+        # No special angle flatters or fails a method by chance: half a step after 0.
+        self._ones = self.even(angles) + math.pi / angles
+        super().__init__(task, np.unique(np.concatenate([self._ones, extra, middle])))
 
     def even(self, steps: int) -> Array:
         """Even angles of one period, `steps` per turn."""
         return np.arange(float(steps * self._turns)) * (2 * math.pi / steps)
 
-    def worst_error(self, method: Method, setting: Setting, mode: str, quantity: str) -> float:
-        """The largest error of a method over the period; inf where it fails.
+    def places(self, method: Method, setting: Setting) -> Array:
+        """The angles at which a method is asked."""
+        return self.even(int(setting['steps'])) if method.sequential else self.cranks
 
-        Args:
-            method: From the registry.
-            setting: Setting of the method.
-            mode: 'one at a time' or 'batch'.
-            quantity: One of QUANTITIES.
-
-        Returns:
-            The error.
-        """
-        cranks = self.even(int(setting['steps'])) if method.sequential else self.cranks
-        try:
-            with np.errstate(all='ignore'):
-                function = getattr(method.make(self.task, setting, FUNCTIONS[mode]), quantity)
-                rows = evaluate(function, cranks, mode)
-        except FAILURES:
-            return math.inf
-        pairs = zip(cranks.tolist(), rows, strict=True)
-        return max(self.error(quantity, crank, row) for crank, row in pairs)
+    def timer(
+        self, method: Method, setting: Setting, mode: str, quantity: str
+    ) -> Callable[[], float]:
+        """A function that returns the time per state, us."""
+        function = function_of(method, self.task, setting, quantity, mode)
+        cranks = self.places(method, setting) if method.sequential else self._ones
+        asked = cranks.tolist() if mode == ONE else np.resize(cranks, _BATCH)
+        return partial(_time_pass, function, asked)
 
 
-def evaluate(function: Function, cranks: Array, mode: str) -> list[tuple[float, ...]]:
-    """The values of a function at crank angles.
-
-    Args:
-        function: Function of the crank angle.
-        cranks: rad.
-        mode: 'one at a time' or 'batch': how it is called.
-
-    Returns:
-        A tuple for each angle.
-    """
-    if mode == ONE:
-        return [function(crank) for crank in cranks.tolist()]
-    columns = [np.broadcast_to(column, cranks.shape).tolist() for column in function(cranks)]
-    return list(zip(*columns, strict=True))
-
-
-def time_pass(function: Function, cranks: list[float] | Array) -> float:
-    """One pass through crank angles: one by one if they are a list, else all at once.
-
-    Args:
-        function: Function of the crank angle.
-        cranks: rad.
-
-    Returns:
-        Time per state, us.
-    """
+def _time_pass(function: Function, cranks: list[float] | Array) -> float:
+    """The time per state of one pass: one by one if they are a list, else all at once, us."""
     start = time.perf_counter()
     if isinstance(cranks, list):
         for crank in cranks:

@@ -9,29 +9,70 @@ torque is by virtual power. So every method has a point in each chart that its s
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from linkage_ros.dynamics.equations import model_of
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.reactions import joints_of
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.lab.methods.functions import ARRAY, SCALAR, Functions
-from linkage_ros.lab.methods.loop import Linkage, Pair
-from linkage_ros.lab.methods.positions import Locate, factored
-from linkage_ros.lab.methods.rates import Rates, analytic, two_by_two
-from linkage_ros.lab.methods.torques import Torque, virtual_power
-from linkage_ros.numeric import Real
+from linkage_ros.formulas import Opaque
+from linkage_ros.lab.methods import stages
+from linkage_ros.lab.methods.linkages import Linkage
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.parts import OPEN
+from linkage_ros.numeric import Array, Real, require_finite
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
-STATE, POSITION, RATES, TORQUE = 'state', 'position', 'rates', 'torque'
+STATE, POSITION, RATES, TORQUE, MOTION = 'state', 'position', 'rates', 'torque', 'motion'
 ONE, BATCH = 'one at a time', 'batch'
-FUNCTIONS = {ONE: SCALAR, BATCH: ARRAY}
 # What a method of a stage itself computes.
 OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3], TORQUE: QUANTITIES[3:]}
 
 Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
+Setting: TypeAlias = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to solve a stage.
+
+    Attributes:
+        name: As charts and docs call it.
+        stage: What it computes: 'state' (all of it), 'position', 'rates', 'torque' or 'motion'.
+        needs: What it asks for beside the lengths.
+        source: Where it is described, to the equation.
+        solve: The formula of its stage, as in `stages`; of a motion, a function of the initial
+            value problem and a setting that begins to follow it.
+        settings: The settings for the accuracy chart, from coarse to fine.
+        steady: The setting for the stability chart: the best that is of practical use.
+        modes: 'one at a time', 'batch' or both.
+        sequential: Whether it goes from angle to angle, so that `steps` per turn are a setting.
+        tool: From task and setting, what its formula asks for besides the linkage.
+        narrow: Whether it computes in single precision, crank angle and results included.
+    """
+
+    name: str
+    stage: str
+    needs: str
+    source: str
+    solve: Callable[..., Any] = stages.factored
+    settings: tuple[Setting, ...] = ({},)
+    steady: Setting = field(default_factory=dict)
+    modes: tuple[str, ...] = (ONE, BATCH)
+    sequential: bool = False
+    tool: Callable[[Task, Setting], Any] | None = None
+    narrow: bool = False
+
+
+def label(setting: Setting) -> str:
+    """A setting in words."""
+    return ', '.join(f'{name} {value:g}' for name, value in setting.items())
 
 
 @dataclass(frozen=True)
@@ -50,101 +91,102 @@ class Task:
     speed: float = 5 * math.pi
     acceleration: float = 20.0
 
+    @classmethod
+    def at(cls, mechanism: Linkage, crank: float) -> Task:
+        """A task whose first guess is a position as read off a drawing, to 0.1 rad or m."""
+        position = Solver(mechanism).state(crank).position
+        return cls(mechanism, (round(position[1], 1), round(position[2], 1)))
 
-def make_task(mechanism: Linkage, crank: float) -> Task:
-    """A task whose first guess is a position as read off a drawing, to 0.1 rad or m.
+    def links(self, mode: str, tool: Any = None) -> stages.Links:
+        """The constants of formulas.
 
-    Args:
-        mechanism: The linkage.
-        crank: Where that is, crank angle, rad.
+        Args:
+            mode: 'one at a time' or 'batch'.
+            tool: Of the method.
 
-    Returns:
-        The task.
-    """
-    position = Solver(mechanism).state(crank).position
-    return Task(mechanism, (round(position[1], 1), round(position[2], 1)))
-
-
-class Chain(NamedTuple):
-    """Functions of the crank angle, each with all the work before it.
-
-    Attributes:
-        position: The coupler's direction, rad, and the output, rad or m.
-        rate: Their velocities.
-        acceleration: Their accelerations.
-        torque: The driving torque, N m, in a tuple of one.
-    """
-
-    position: Function
-    rate: Function
-    acceleration: Function
-    torque: Function
-
-
-def of_state(task: Task, f: Functions) -> Chain:
-    """The package's own in every stage: the torque as `Solver.state` gives it."""
-    solver, speed, acceleration = Solver(task.mechanism), task.speed, task.acceleration
-    state = solver.state
-    return of_stages(task, f)._replace(
-        torque=lambda crank: (state(crank, speed, acceleration).torque,)
-    )
+        Returns:
+            The constants.
+        """
+        mechanism, structure = self.mechanism, self.mechanism.structure()
+        refuse = Opaque(require_finite)
+        rocker = mechanism.rocker.length if isinstance(mechanism, FourBar) else None
+        if isinstance(mechanism, FourBar):
+            base = mechanism.frame.length
+        else:
+            base = mechanism.slider.offset
+        return stages.Links(
+            mechanism.crank.length, mechanism.coupler.length, rocker, base,
+            mechanism.frame.angle, 1.0 if mechanism.assembly == OPEN else -1.0,
+            self.speed, self.acceleration, model_of(mechanism, structure, refuse, refuse, refuse),
+            joints_of(mechanism, structure, refuse),
+            Opaque(math.acos if mode == ONE else np.arccos), tool,
+        )  # fmt: skip
 
 
-def in_single_precision(task: Task, f: Functions) -> Chain:
-    """The package's own formulas in float32, crank angle and results included."""
-
-    def narrowed(function: Function) -> Function:
-        return lambda crank: function(np.asarray(crank, np.float32))
-
-    return Chain(*map(narrowed, of_stages(task, f)))
-
-
-def of_position(task: Task, locate: Locate, f: Functions) -> Chain:
-    """A way to find positions, and what follows from it."""
-    return of_stages(task, f, locate, two_by_two(task.mechanism, locate, f))
-
-
-def of_stages(
-    task: Task,
-    f: Functions,
-    locate: Locate | None = None,
-    rates: Rates | None = None,
-    torque: Torque | None = None,
-) -> Chain:
-    """Puts stages together, the package's own where none is given.
+def function_of(
+    method: Method, task: Task, setting: Setting, quantity: str, mode: str
+) -> Function:
+    """A quantity as a function of the crank angle, with all the work before it.
 
     Args:
+        method: For linkages.
         task: What is to be solved.
-        f: SCALAR or ARRAY.
-        locate: Positions.
-        rates: First and second derivatives by the crank angle.
-        torque: From the motion.
+        setting: Setting of the method.
+        quantity: One of QUANTITIES.
+        mode: Whether the function takes an angle or an array of them.
 
     Returns:
-        The chain.
+        The function: to the coupler's direction, rad, and the output, rad or m; to their
+        velocities or accelerations; to the driving torque, N m, in a tuple of one.
+
+    Raises:
+        LinkageError: The method cannot solve this linkage.
     """
-    locate, rates = locate or factored(task.mechanism, f), rates or analytic(task.mechanism, f)
-    speed, change = task.speed, task.acceleration
-    square = speed * speed
-    balance = torque or virtual_power(task.mechanism, f)
+    tool = method.tool(task, setting) if method.tool else None
+    formula = _formula(QUANTITIES.index(quantity), method.stage, method.solve)
+    program = Program(formula, task.links(mode, tool), ('crank',))
+    if method.narrow:
+        return lambda crank: program.arrays(np.asarray(crank, np.float32))
+    return program.compile() if mode == ONE else program.arrays
 
-    def rate(crank: Real) -> tuple[Real, ...]:
-        _, (k2, k3) = rates.first(crank)
-        return k2 * speed, k3 * speed
 
-    def accelerate(first: Pair, second: Pair) -> tuple[Real, Real]:
-        (k2, k3), (c2, c3) = first, second
-        return c2 * square + k2 * change, c3 * square + k3 * change
+@functools.cache
+def _formula(index: int, stage: str, solve: Callable[..., Any]) -> Callable[..., Any]:
+    """Stages put together, the package's own but for one; what a quantity does not need drops."""
+    position = solve if stage == POSITION else stages.factored
+    own_rates = stages.two_by_two if stage == POSITION else stages.analytic
+    rates = solve if stage == RATES else own_rates
+    own_torque = stages.own_balance if stage == STATE else stages.virtual_power
+    torque = solve if stage == TORQUE else own_torque
 
-    def acceleration(crank: Real) -> tuple[Real, ...]:
-        _, first, second = rates.second(crank)
-        return accelerate(first, second)
+    def solved(links: stages.Links, crank: Real) -> tuple[Real, ...]:
+        speed, change = links.speed, links.change
+        locate = functools.partial(position, links)
+        place, first, second = rates(links, crank, locate)
+        velocities = tuple(k * speed for k in first)
+        accelerations = tuple(
+            c * (speed * speed) + k * change for k, c in zip(first, second, strict=True)
+        )
+        drive = torque(
+            links, (crank, *place), (1.0, *first), (speed, *velocities), (change, *accelerations)
+        )
+        return (place, velocities, accelerations, (drive,))[index]
 
-    def drive(crank: Real) -> tuple[Real, ...]:
-        (coupler, output), first, second = rates.second(crank)
-        k2, k3 = first
-        velocities = (speed, k2 * speed, k3 * speed)
-        accelerations = (change, *accelerate(first, second))
-        return (balance((crank, coupler, output), (1.0, k2, k3), velocities, accelerations),)
+    return solved
 
-    return Chain(locate, rate, acceleration, drive)
+
+def evaluate(function: Function, cranks: Array, mode: str) -> list[tuple[float, ...]]:
+    """The values of a function at crank angles.
+
+    Args:
+        function: Function of the crank angle.
+        cranks: rad.
+        mode: 'one at a time' or 'batch': how it is called.
+
+    Returns:
+        A tuple for each angle.
+    """
+    if mode == ONE:
+        return [function(crank) for crank in cranks.tolist()]
+    columns = [np.broadcast_to(column, cranks.shape).tolist() for column in function(cranks)]
+    return list(zip(*columns, strict=True))

@@ -39,14 +39,7 @@ class Follower:
         self.problem, self.phase = problem, problem.start
 
     def at(self, time: float) -> Phase:
-        """Follows the motion to a time.
-
-        Args:
-            time: Not before the one before, s.
-
-        Returns:
-            The phase there.
-        """
+        """Follows the motion to a time, s, not before the one before: the phase there."""
         self.phase = self._advance(time)
         return self.phase
 
@@ -64,12 +57,6 @@ class OfPackage(Follower):
     """The package's own steps, which wind the crank angle and count its turns."""
 
     def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
-        """Begins at t = 0.
-
-        Args:
-            problem: The motion and its start.
-            begin: Makes the steps.
-        """
         super().__init__(problem)
         self._steps = begin(problem.driven, problem.start)
 
@@ -83,12 +70,6 @@ class RungeKutta4(Follower):
     """The classical method of order 4 in equal steps, as textbooks have it: nothing is checked."""
 
     def __init__(self, problem: InitialValueProblem, step: float) -> None:
-        """Begins at t = 0.
-
-        Args:
-            problem: The motion and its start.
-            step: Longest, s.
-        """
         super().__init__(problem)
         self._longest, self._time = step, 0.0
 
@@ -112,32 +93,28 @@ class RungeKutta4(Follower):
 class OfScipy(Follower):
     """One of SciPy's solvers as it is, read between its steps by its own continuous solution."""
 
-    def __init__(
-        self,
-        problem: InitialValueProblem,
-        solver: str,
-        tolerance: float,
-        start: Phase | None = None,
-        units: Phase | None = None,
-    ) -> None:
+    def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
         """Begins at t = 0.
 
         Args:
             problem: The motion and its start.
             solver: The class's name in scipy.integrate.
             tolerance: Relative, and absolute in rad and crank lengths.
-            start: Another one than the problem's.
-            units: Others than the problem's.
         """
         super().__init__(problem)
+        start, units = self._begin()
         self._steps: Any = getattr(integrate, solver)(
-            self._slope, 0.0, np.array(start or problem.start), _END, first_step=_FIRST_STEP,
-            rtol=tolerance, atol=tolerance * np.array(units or problem.driven.units),
+            self._slope, 0.0, np.array(start), _END, first_step=_FIRST_STEP,
+            rtol=tolerance, atol=tolerance * np.array(units),
         )  # fmt: skip
         self._between: Any = None
 
-    def _slope(self, time: float, phase: Array) -> Array:
-        return np.array(self.problem.driven.slope(time, tuple(phase.tolist())))
+    def _begin(self) -> tuple[Phase, Phase]:
+        """The values at t = 0, and their units."""
+        return self.problem.start, self.problem.driven.units
+
+    def _slope(self, time: float, values: Array) -> Array:
+        return np.array(self.problem.driven.slope(time, tuple(values.tolist())))
 
     def _advance(self, time: float) -> Phase:
         steps = self._steps
@@ -161,35 +138,34 @@ class Multipliers(OfScipy):
     """
 
     def __init__(self, problem: InitialValueProblem, tolerance: float) -> None:
-        """Begins at t = 0, with the loop closed.
+        """Begins at t = 0, with the loop closed; the tolerance is as for `OfScipy`."""
+        self._bodies = Multibody(problem.mechanism, float, Vector.at)
+        super().__init__(problem, 'DOP853', tolerance)
 
-        Args:
-            problem: The motion and its start.
-            tolerance: Relative, and absolute in rad and crank lengths.
-        """
-        mechanism, count = problem.mechanism, problem.count
-        self._bodies = Multibody(mechanism, float, Vector.at)
+    def _begin(self) -> tuple[Phase, Phase]:
+        problem, count = self.problem, self.problem.count
         q, u = problem.start[:count], problem.start[count:]
         state = problem.driven.solver.state(q, u, (0.0,) * count)
-        self._values: Sequence[float] = *state.position, *state.velocity
-        units = [mechanism.crank.length if slides else 1.0 for slides in self._bodies.slides]
-        super().__init__(problem, 'DOP853', tolerance, tuple(self._values), (*units, *units))
+        length = problem.mechanism.crank.length
+        units = tuple(length if slides else 1.0 for slides in self._bodies.slides)
+        self._values = *state.position, *state.velocity
+        return self._values, units * 2
 
     def _places(self, values: Sequence[float]) -> list[Vector]:
         pairs = zip(values, self._bodies.slides, strict=False)
         return [Vector(x, 0.0) if slides else Vector.at(x) for x, slides in pairs]
 
-    def _slope(self, _: float, phase: Array) -> Array:
-        values, motor = phase.tolist(), self.problem.motor
-        rates = values[len(values) // 2 :]
-        torque = motor.at(rates[0])
-        found = self._bodies.accelerations(self._places(values), rates, torque, np.linalg.solve)
+    def _slope(self, _: float, values: Array) -> Array:
+        half, row = len(values) // 2, values.tolist()
+        rates, torque = row[half:], self.problem.motor.at(row[half])
+        found = self._bodies.accelerations(self._places(row), rates, torque, np.linalg.solve)
         return np.array([*rates, *found])
 
     def _advance(self, time: float) -> Phase:
-        values = self._values = super()._advance(time)
-        half = len(values) // 2
-        return values[0], *values[3:half], values[half], *values[half + 3 :]
+        self._values = super()._advance(time)
+        rates = self._values[len(self._values) // 2 :]
+        places = self._values[: len(rates)]
+        return places[0], *places[3:], rates[0], *rates[3:]
 
     def gap(self) -> float:
         """How far the loop is from being closed by now, m."""

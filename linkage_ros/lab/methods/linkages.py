@@ -10,11 +10,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from linkage_ros.lab.methods.loop import Linkage
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Rocker, Slider
 from linkage_ros.model.slider_crank import SliderCrank
 
+# The mechanisms whose loop textbooks solve in closed form.
+Linkage: TypeAlias = FourBar | SliderCrank
 Random: TypeAlias = np.random.Generator
 
 

@@ -1,23 +1,55 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How wrong a phase of a motion under a torque is."""
+"""How wrong, how slow and how stable an integrator is on one motion under a torque."""
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from decimal import Decimal
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
-from linkage_ros.errors import LinkageError
-from linkage_ros.lab.methods.bench import FAILURES
-from linkage_ros.lab.methods.registry import Integrator, Setting
+import numpy as np
+
+from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.lab.methods.chain import Method, Setting, label
+from linkage_ros.lab.methods.outcomes import (
+    DIVERGED,
+    FAILURES,
+    LIMIT,
+    NAN,
+    REFUSED,
+    RIGHT,
+    Outcome,
+    Situation,
+)
 from linkage_ros.lab.reference.motions import MotionReference
 from linkage_ros.lab.reference.problems import InitialValueProblem, Phase
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
+# Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
+MEAN, SLOWEST = 'motion', 'motion, slowest ms'
 _ASKED = 0.05  # s between two states that are compared
+_TICK = 1e-3  # s
+_TICKS = 300  # of which the slowest is looked for, in a second of motion
+
+
+class Run(NamedTuple):
+    """The motion as a method follows it.
+
+    Attributes:
+        phases: At the times that were asked for, as far as it came.
+        gaps: Gaps of the loop at these times, m.
+        failure: Why it stopped: REFUSED or NAN; None: it did not.
+        end: The time of the end that a refusal reports, s; nan: none.
+    """
+
+    phases: list[Phase]
+    gaps: list[float]
+    failure: str | None = None
+    end: float = math.nan
 
 
 class MotionBench:
@@ -25,32 +57,38 @@ class MotionBench:
 
     Attributes:
         problem: The motion and its start.
-        times: At which states are compared, s.
+        times: At which states are compared, in turn, s.
+        rounds: How often times are taken.
     """
+
+    rounds = 3
 
     def __init__(
         self,
         problem: InitialValueProblem,
         times: Sequence[float],
-        formula: Callable[[float], Phase] | None = None,
+        quantities: Sequence[str] = (TRAJECTORY,),
+        end: float = math.inf,
+        at: Callable[[float], Sequence[Any]] | None = None,
     ) -> None:
         """Prepares it.
 
         Args:
             problem: The motion and its start.
             times: At which states are compared, s.
-            formula: The motion in closed form; None: it is followed in many digits.
+            quantities: What accuracy is measured of: TRAJECTORY, ENERGY or both.
+            end: When its coordinates end, s.
+            at: The true motion; by default it is followed in many digits.
         """
-        self.problem, self.times, self._formula = problem, tuple(times), formula
+        self.problem, self.times, self._quantities = problem, tuple(times), quantities
+        self._end, self._at = end, at or MotionReference(problem).at
         self._kinetic, potential = problem.energy(problem.start)
         self._energy = self._kinetic + potential
+        self._runs: dict[tuple[Callable[..., Any], str], Run] = {}
 
     @cached_property
     def _exact(self) -> list[tuple[Decimal, ...]]:
-        if self._formula:
-            return [tuple(map(Decimal, self._formula(time))) for time in self.times]
-        reference = MotionReference(self.problem)
-        return [reference.at(time) for time in self.times]
+        return [tuple(map(Decimal, self._at(time))) for time in self.times]
 
     @cached_property
     def _sizes(self) -> Phase:
@@ -58,63 +96,118 @@ class MotionBench:
         largest = (float(max(map(abs, rate))) for rate in rates)
         return (*self.problem.driven.units[: self.problem.count], *largest)
 
-    def error(self, index: int, phase: Phase) -> float:
-        """How far a phase is from the true one.
+    def follow(self, method: Method, setting: Setting) -> Run:
+        """The motion as an integrator follows it."""
+        key = method.solve, label(setting)
+        if key not in self._runs:
+            with np.errstate(all='ignore'):
+                self._runs[key] = self._follow(method, setting)
+        return self._runs[key]
+
+    def _follow(self, method: Method, setting: Setting) -> Run:
+        run = Run([], [])
+        try:
+            follower = method.solve(self.problem, setting)
+            for moment in self.times:
+                phase = follower.at(moment)
+                if not all(map(math.isfinite, phase)):
+                    return run._replace(failure=NAN)
+                # A phase that no position belongs to is refused here, as where it is published.
+                run.gaps.append(follower.gap())
+                run.phases.append(phase)
+        except LinkageError as error:
+            end = error.time if isinstance(error, MotionError) else math.nan
+            return run._replace(failure=REFUSED, end=end)
+        except FAILURES:
+            return run._replace(failure=NAN)
+        return run
+
+    def error(self, quantity: str, index: int, run: Run) -> float:
+        """How far a run is from the true motion.
 
         Args:
+            quantity: TRAJECTORY, ENERGY or LOOP.
             index: Index of the time.
-            phase: Coordinates, the crank with all its turns, then their rates.
+            run: The motion as it is followed.
 
         Returns:
-            The largest of its errors: in rad, crank lengths and, of rates, relative to the
-            largest of the motion; inf if one is not finite.
+            Of the trajectory the largest error: in rad, crank lengths and, of rates, relative to
+            the largest of the motion. The change of the energy of a motion without motor and
+            damping, relative to the kinetic energy at first. The gap of the loop in crank lengths.
         """
-        if not all(map(math.isfinite, phase)):
-            return math.inf
+        if quantity == LOOP:
+            return run.gaps[index] / self.problem.mechanism.crank.length
+        phase = run.phases[index]
+        if quantity == ENERGY:
+            return abs(sum(self.problem.energy(phase)) - self._energy) / self._kinetic
         values = zip(phase, self._exact[index], self._sizes, strict=True)
         return max(abs(float(Decimal(value) - true)) / size for value, true, size in values)
 
-    def drift(self, phase: Phase) -> float:
-        """The change of energy up to a phase.
+    def judge(self, method: Method, situation: Situation) -> Iterator[Outcome]:
+        """The outcome at one time after another, up to a failure or a refusal.
+
+        The number of a refusal is how far the time that it tells is from the one at which coupler
+        and third link are in line, s.
 
         Args:
-            phase: Phase of a motion without motor and damping.
-
-        Returns:
-            Relative to the kinetic energy at first; inf if a value is not finite.
+            method: An integrator.
+            situation: What is judged, and whether up to the end of the coordinates or beyond.
         """
-        if not all(map(math.isfinite, phase)):
+        run, is_right = self.follow(method, method.steady), True
+        for i, moment in enumerate(self.times):
+            if (moment < self._end) != situation.exists:
+                continue
+            if i >= len(run.phases):
+                if run.failure and is_right:
+                    yield run.failure, abs(run.end - self._end)
+                return
+            error = self.error(situation.judged, i, run)
+            is_right &= error <= LIMIT
+            yield (RIGHT if error <= LIMIT else DIVERGED), error
+
+    def panels(self, _: Method, setting: Setting) -> Iterable[tuple[str, str]]:
+        """Quantities and modes in which a method has a point."""
+        pairs = [(quantity, MEAN) for quantity in self._quantities]
+        has_ticks = TRAJECTORY in self._quantities and setting.get('step', 0) <= _TICK
+        return [*pairs, (TRAJECTORY, SLOWEST)] if has_ticks else pairs
+
+    def worst_error(self, method: Method, setting: Setting, _: str, quantity: str) -> float:
+        """The largest error of an integrator over the motion; inf where it fails."""
+        run = self.follow(method, setting)
+        if run.failure:
             return math.inf
-        return abs(sum(self.problem.energy(phase)) - self._energy) / self._kinetic
+        return max(self.error(quantity, i, run) for i in range(len(self.times)))
 
-    def worst_error(self, method: Integrator, setting: Setting, quantity: str) -> float:
-        """The largest error of an integrator over the motion; inf where it fails.
+    def timer(self, method: Method, setting: Setting, mode: str, _: str) -> Callable[[], float]:
+        """A function that returns the time of a simulated ms, or of the slowest, us."""
+        return partial(_mean_time if mode == MEAN else _slowest_time, method, setting, self)
 
-        Args:
-            method: From the registry.
-            setting: One of its settings.
-            quantity: TRAJECTORY or ENERGY.
 
-        Returns:
-            The error.
-        """
-        try:
-            follower = method.make(self.problem, setting)
-            phases = [follower.at(time) for time in self.times]
-        except (LinkageError, *FAILURES):
-            return math.inf
-        if quantity == ENERGY:
-            return max(map(self.drift, phases))
-        return max(itertools.starmap(self.error, enumerate(phases)))
+def _mean_time(method: Method, setting: Setting, bench: MotionBench) -> float:
+    """The time of a simulated ms of the whole motion, us."""
+    follower = method.solve(bench.problem, setting)
+    start = time.perf_counter()
+    for moment in bench.times:
+        follower.at(moment)
+    return (time.perf_counter() - start) / bench.times[-1] * 1e3
+
+
+def _slowest_time(method: Method, setting: Setting, bench: MotionBench) -> float:
+    """The time of the slowest of the first 1000 ms, fewer of a short motion, us.
+
+    Each is asked for by itself.
+    """
+    count = min(1000, round(bench.times[-1] * _TICKS))
+    fastest = [math.inf] * count
+    for _ in range(3):
+        follower = method.solve(bench.problem, setting)
+        for i in range(count):
+            start = time.perf_counter()
+            follower.at((i + 1) * _TICK)
+            fastest[i] = min(fastest[i], time.perf_counter() - start)
+    return max(fastest) * 1e6
 
 
 def even(seconds: float) -> list[float]:
-    """The times at which states are compared.
-
-    Args:
-        seconds: The last.
-
-    Returns:
-        Times, s.
-    """
+    """The times at which states are compared, up to the last."""
     return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]

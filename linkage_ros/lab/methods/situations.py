@@ -1,23 +1,20 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Situations in which methods fail, generated from a seed.
-
-Each is a set of cases: a mechanism, its motion, crank angles in the order in which they are
-asked for, and a first guess for methods that want one.
-"""
+"""Situations in which methods for linkages fail, generated from a seed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.lab.methods.chain import Task, make_task
+from linkage_ros.lab.methods.bench import LinkageBench
+from linkage_ros.lab.methods.chain import Task
 from linkage_ros.lab.methods.linkages import (
+    Linkage,
     Random,
     any_assembly,
     four_bar,
@@ -27,53 +24,27 @@ from linkage_ros.lab.methods.linkages import (
     turning,
     with_change_point,
 )
-from linkage_ros.lab.methods.loop import Linkage
+from linkage_ros.lab.methods.outcomes import Situation
 from linkage_ros.model.four_bar import FourBar
 
 _SEED = 20_261_121
 
 
-class Case(NamedTuple):
-    """One mechanism in a situation.
+def _situation(
+    name: str, words: str, make: Callable[[Random, int], LinkageBench], *, exists: bool = True
+) -> Situation:
+    """A situation whose cases are made one by one, each from its number and random numbers."""
 
-    Attributes:
-        task: The mechanism and its motion.
-        cranks: Crank angles in turn, rad.
-        lengths: Decimal texts that the lengths stand for (`Reference`); None: the doubles.
-    """
+    def cases(count: int) -> list[LinkageBench]:
+        random = np.random.default_rng([_SEED, *name.encode()])
+        return [make(random, i) for i in range(count)]
 
-    task: Task
-    cranks: tuple[float, ...]
-    lengths: tuple[str, ...] | None = None
+    return Situation(name, words, cases, exists)
 
 
-@dataclass(frozen=True)
-class Situation:
-    """A kind of trouble.
-
-    Attributes:
-        name: As charts and docs call it.
-        words: What it is.
-        generate: Makes the cases.
-        exists: Whether there is a state to be found; otherwise the right answer is a refusal.
-    """
-
-    name: str
-    words: str
-    generate: Callable[[Random, int], Iterator[Case]]
-    exists: bool = True
-
-    def cases(self, count: int) -> list[Case]:
-        """As many cases, the same ones at every call."""
-        seed = [_SEED, *self.name.encode()]
-        return list(self.generate(np.random.default_rng(seed), count))
-
-
-def _case(
-    mechanism: Linkage, cranks: tuple[float, ...], lengths: tuple[str, ...] | None = None
-) -> Case:
+def _case(mechanism: Linkage, cranks: tuple[float, ...], *, decimal: bool = False) -> LinkageBench:
     """The first guess is read off at the first angle."""
-    return Case(make_task(mechanism, cranks[0]), cranks, lengths)
+    return LinkageBench(Task.at(mechanism, cranks[0]), cranks, decimal=decimal)
 
 
 def _turn(steps: int = 48, turns: int = 1) -> tuple[float, ...]:
@@ -87,77 +58,70 @@ def _passing(*extra: float) -> tuple[float, ...]:
     return tuple(sorted((*even, *extra)))
 
 
-def _ordinary(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        yield _case(turning(random), _turn())
+def _ordinary(random: Random, _: int) -> LinkageBench:
+    return _case(turning(random), _turn())
 
 
-def _hit(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        mechanism = with_change_point(random)
-        yield _case(mechanism, (-0.3, -0.2, -0.1, 0.0, -0.0, 1e-300))
+def _hit(random: Random, _: int) -> LinkageBench:
+    return _case(with_change_point(random), (-0.3, -0.2, -0.1, 0.0, -0.0, 1e-300))
 
 
-def _passed(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        yield _case(with_change_point(random), _passing())
+def _passed(random: Random, _: int) -> LinkageBench:
+    return _case(with_change_point(random), _passing())
 
 
-def _near(random: Random, count: int) -> Iterator[Case]:
-    for i in range(count):
-        angle, gap = float(random.uniform(-3, 3)), 10.0 ** -float(random.uniform(11, 13))
-        r, b = (float(x) for x in random.uniform((0.2, 0.5), (0.4, 0.9)))
-        d = r + gap if i % 2 else r + float(random.uniform(0.1, 0.4))
-        c = b if i % 2 else d - r + b - gap
-        mechanism = four_bar((r, b, c, d), any_assembly(random), angle)
-        aside = [sign * 10.0**power for power in range(-14, 0) for sign in (-1, 1)]
-        yield _case(mechanism, tuple(sorted(angle + x for x in (*aside, 0.0))))
+def _near(random: Random, i: int) -> LinkageBench:
+    angle, gap = float(random.uniform(-3, 3)), 10.0 ** -float(random.uniform(11, 13))
+    r, b = (float(x) for x in random.uniform((0.2, 0.5), (0.4, 0.9)))
+    d = r + gap if i % 2 else r + float(random.uniform(0.1, 0.4))
+    c = b if i % 2 else d - r + b - gap
+    mechanism = four_bar((r, b, c, d), any_assembly(random), angle)
+    aside = [sign * 10.0**power for power in range(-14, 0) for sign in (-1, 1)]
+    return _case(mechanism, tuple(sorted(angle + x for x in (*aside, 0.0))))
 
 
-def _dead_centre(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        mechanism = limited(random)
-        start, end = Solver(mechanism).reach.arcs[0]
-        middle, goal, inward = (start + end) / 2, end, -1.0
-        if random.random() < 0.5:
-            goal, inward = start, 1.0
-        # In steps from the middle of the arc, as a motion would come there.
-        walk = np.linspace(middle, goal + inward * 1e-2, 40, endpoint=False)
-        near = [goal + inward * 10.0**-k for k in range(2, 7)]
-        yield _case(mechanism, (*map(float, walk), *near))
+def _dead_centre(random: Random, _: int) -> LinkageBench:
+    mechanism = limited(random)
+    start, end = Solver(mechanism).reach.arcs[0]
+    goal, inward = (start, 1.0) if random.random() < 0.5 else (end, -1.0)
+    # In steps from the middle of the arc, as a motion would come there.
+    walk = np.linspace((start + end) / 2, goal + inward * 1e-2, 40, endpoint=False)
+    near = [goal + inward * 10.0**-k for k in range(2, 7)]
+    return _case(mechanism, (*map(float, walk), *near))
 
 
-def _no_assembly(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        mechanism = limited(random)
-        start, end = Solver(mechanism).reach.arcs[0]
-        beyond = tuple(float(end + x) for x in random.uniform(0.01, 0.9, 8) * 0.1)
-        position = Solver(mechanism).state((start + end) / 2).position
-        yield Case(Task(mechanism, (position[1], position[2])), beyond)
+def _no_assembly(random: Random, _: int) -> LinkageBench:
+    mechanism = limited(random)
+    start, end = Solver(mechanism).reach.arcs[0]
+    beyond = end + random.uniform(0.01, 0.9, 8) * 0.1
+    position = Solver(mechanism).state((start + end) / 2).position
+    return LinkageBench(Task(mechanism, (position[1], position[2])), beyond)
 
 
-def _denominator(random: Random, count: int) -> Iterator[Case]:
-    yield _case(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))
-    while count > 1:
+def _denominator(random: Random, i: int) -> LinkageBench:
+    """Where the rocker of one assembly points against the frame.
+
+    Its half angle's tangent is infinite there: the quadratic term vanishes, and the other
+    assembly's solution is 0/0.
+    """
+    if i == 0:
+        return _case(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))
+    cranks = np.linspace(0, 2 * math.pi, 721)
+    while True:
         mechanism = turning(random)
         if not isinstance(mechanism, FourBar):
             continue
-        # Where the rocker of one assembly points against the frame its half angle's tangent is
-        # infinite: the quadratic term vanishes, and the other assembly's solution is 0/0.
-        other = other_assembly(mechanism)
-        cranks, angle = np.linspace(0, 2 * math.pi, 721), mechanism.frame.angle
-        turned = Solver(other).state(cranks).position[2] - angle
+        other = Solver(other_assembly(mechanism))
+        turned = other.state(cranks).position[2] - mechanism.frame.angle
         sine, cosine = np.sin(turned), np.cos(turned)
         (places,) = np.nonzero((sine[:-1] * sine[1:] < 0) & (cosine[:-1] < 0))
-        for place in places:
-            low, high = float(cranks[place]), float(cranks[place + 1])
-            yield _case(mechanism, (_root(other, angle, low, high),))
-            count -= 1
+        if places.size:
+            low, high = cranks[places[0] : places[0] + 2].tolist()
+            return _case(mechanism, (_root(other, mechanism.frame.angle, low, high),))
 
 
-def _root(mechanism: Linkage, angle: float, low: float, high: float) -> float:
-    """Where the rocker points against the frame, by bisection."""
-    solver = Solver(mechanism)
+def _root(solver: Solver, angle: float, low: float, high: float) -> float:
+    """Where the rocker points against the frame."""
 
     def sine(crank: float) -> float:
         return math.sin(solver.state(crank).position[2] - angle)
@@ -168,104 +132,93 @@ def _root(mechanism: Linkage, angle: float, low: float, high: float) -> float:
     return low
 
 
-def _wrong_guess(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        mechanism = turning(random)
-        other = other_assembly(mechanism)
-        cranks = _turn()
-        position = Solver(other).state(cranks[0]).position
-        yield Case(Task(mechanism, (position[1], position[2])), cranks)
+def _wrong_guess(random: Random, _: int) -> LinkageBench:
+    mechanism, cranks = turning(random), _turn()
+    position = Solver(other_assembly(mechanism)).state(cranks[0]).position
+    return LinkageBench(Task(mechanism, (position[1], position[2])), cranks)
 
 
-def _few_steps(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        d = float(random.uniform(0.1, 0.15))
-        lengths = (float(random.uniform(0.5, 0.6)), float(random.uniform(0.35, 0.45)), 0.55, d)
-        yield _case(four_bar(lengths, any_assembly(random)), _turn(steps=5, turns=2))
+def _few_steps(random: Random, _: int) -> LinkageBench:
+    d = float(random.uniform(0.1, 0.15))
+    lengths = (float(random.uniform(0.5, 0.6)), float(random.uniform(0.35, 0.45)), 0.55, d)
+    return _case(four_bar(lengths, any_assembly(random)), _turn(steps=5, turns=2))
 
 
-def _long_crank(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        r, angle = float(random.uniform(0.3, 0.6)), float(random.uniform(-3, 3))
-        mechanism = slider_crank(r, 0.25, 0.05, any_assembly(random), angle)
-        start, end = Solver(mechanism).reach.arcs[0]
-        cranks = np.linspace(start, end, 34)[1:-1]
-        yield _case(mechanism, tuple(map(float, cranks)))
+def _long_crank(random: Random, _: int) -> LinkageBench:
+    r, angle = float(random.uniform(0.3, 0.6)), float(random.uniform(-3, 3))
+    mechanism = slider_crank(r, 0.25, 0.05, any_assembly(random), angle)
+    start, end = Solver(mechanism).reach.arcs[0]
+    return _case(mechanism, tuple(np.linspace(start, end, 34)[1:-1].tolist()))
 
 
-def _equal(random: Random, count: int) -> Iterator[Case]:
-    for i in range(count):
-        x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
-        lengths = ((x, x, x, x), (x, y, y, x), (x, y, x, y))[i % 3]
-        yield _case(four_bar(lengths, any_assembly(random)), _passing(0.0, 1e-9))
+def _equal(random: Random, i: int) -> LinkageBench:
+    x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
+    lengths = ((x, x, x, x), (x, y, y, x), (x, y, x, y))[i % 3]
+    return _case(four_bar(lengths, any_assembly(random)), _passing(0.0, 1e-9))
 
 
 _DECIMALS = (
-    ('0.1', '0.3', '0.4', '0.2'), ('0.1', '0.7', '0.8', '0.2'), ('0.3', '0.6', '0.7', '0.4'),
-    ('0.1', '0.2', '0.3', '0.2'), ('0.7', '0.9', '1.1', '0.9'),
+    (0.1, 0.3, 0.4, 0.2), (0.1, 0.7, 0.8, 0.2), (0.3, 0.6, 0.7, 0.4), (0.1, 0.2, 0.3, 0.2),
+    (0.7, 0.9, 1.1, 0.9),
 )  # fmt: skip
 
 
-def _decimals(random: Random, count: int) -> Iterator[Case]:
-    for i in range(count):
-        texts = _DECIMALS[i % len(_DECIMALS)]
-        lengths = tuple(map(float, texts))
-        yield _case(four_bar(lengths, any_assembly(random)), _passing(1e-9, 1e-6, 1e-3), texts)
+def _decimals(random: Random, i: int) -> LinkageBench:
+    mechanism = four_bar(_DECIMALS[i % len(_DECIMALS)], any_assembly(random))
+    return _case(mechanism, _passing(1e-9, 1e-6, 1e-3), decimal=True)
 
 
-def _scaled(size: float) -> Callable[[Random, int], Iterator[Case]]:
-    def generate(random: Random, count: int) -> Iterator[Case]:
-        for _ in range(count):
-            lengths = (0.1 * size, 0.315 * size, 0.5 * size, 0.425 * size)
-            angle = float(random.uniform(-3, 3))
-            yield _case(four_bar(lengths, any_assembly(random), angle), _turn())
+def _scaled(size: float) -> Callable[[Random, int], LinkageBench]:
+    def make(random: Random, _: int) -> LinkageBench:
+        lengths = (0.1 * size, 0.315 * size, 0.5 * size, 0.425 * size)
+        angle = float(random.uniform(-3, 3))
+        return _case(four_bar(lengths, any_assembly(random), angle), _turn())
 
-    return generate
-
-
-def _long_run(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        turns = 2 * math.pi * 1e9
-        yield _case(turning(random), tuple(turns + x for x in _turn()))
+    return make
 
 
-def _at_rest(random: Random, count: int) -> Iterator[Case]:
-    for _ in range(count):
-        case = _case(turning(random), _turn())
-        yield case._replace(task=replace(case.task, speed=0.0))
+def _long_run(random: Random, _: int) -> LinkageBench:
+    turns = 2 * math.pi * 1e9
+    return _case(turning(random), tuple(turns + x for x in _turn()))
+
+
+def _at_rest(random: Random, _: int) -> LinkageBench:
+    cranks = _turn()
+    task = Task.at(turning(random), cranks[0])
+    return LinkageBench(replace(task, speed=0.0), cranks)
 
 
 SITUATIONS = (
-    Situation('ordinary', 'random linkages that turn fully, far from change points', _ordinary),
-    Situation('change point hit', 'all links in one line, to the last bit', _hit),
-    Situation('change point passed', 'two turns through it, in both assemblies', _passed),
-    Situation(
+    _situation('ordinary', 'random linkages that turn fully, far from change points', _ordinary),
+    _situation('change point hit', 'all links in one line, to the last bit', _hit),
+    _situation('change point passed', 'two turns through it, in both assemblies', _passed),
+    _situation(
         'near a change point',
         'missed by 1e-11 to 1e-13 m, angles down to 1e-14 rad from it, and on it',
         _near,
     ),
-    Situation(
+    _situation(
         'dead centre',
         'of a crank that cannot turn fully, come up to in steps, to 1e-6 rad',
         _dead_centre,
     ),
-    Situation('no assembly', 'a crank turned beyond its reach', _no_assembly, exists=False),
-    Situation(
+    _situation('no assembly', 'a crank turned beyond its reach', _no_assembly, exists=False),
+    _situation(
         'half-angle denominator',
         'the coefficient of the quadratic term is zero but for rounding',
         _denominator,
     ),
-    Situation('wrong first guess', "the other assembly's position", _wrong_guess),
-    Situation('few steps', 'a linkage of turning links asked five times a turn', _few_steps),
-    Situation('crank longer than rod', 'slider-cranks that swing', _long_crank),
-    Situation('equal lengths', 'rhombi, kites, parallelograms, with both change points', _equal),
-    Situation(
+    _situation('wrong first guess', "the other assembly's position", _wrong_guess),
+    _situation('few steps', 'a linkage of turning links asked five times a turn', _few_steps),
+    _situation('crank longer than rod', 'slider-cranks that swing', _long_crank),
+    _situation('equal lengths', 'rhombi, kites, parallelograms, with both change points', _equal),
+    _situation(
         'lengths in decimals',
         'a change point is meant, but 0.2 + 0.3 - 0.1 - 0.4 is not 0',
         _decimals,
     ),
-    Situation('tiny links', 'a micrometre', _scaled(1e-6)),
-    Situation('huge links', 'a thousand kilometres', _scaled(1e6)),
-    Situation('long run', 'after 1e9 turns', _long_run),
-    Situation('crank at rest', 'a crank that only begins to move', _at_rest),
+    _situation('tiny links', 'a micrometre', _scaled(1e-6)),
+    _situation('huge links', 'a thousand kilometres', _scaled(1e6)),
+    _situation('long run', 'after 1e9 turns', _long_run),
+    _situation('crank at rest', 'a crank that only begins to move', _at_rest),
 )

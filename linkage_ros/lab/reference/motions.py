@@ -25,19 +25,15 @@ from linkage_ros.lab.reference.problems import InitialValueProblem
 _CONTEXT = Context(prec=34)
 _LOOK = 0.04  # s between two looks for an end
 _SHORTEST = Decimal('1e-6')  # s
-_GROWTH = Decimal('1.1')  # of a step that was short enough
-_ROWS = 12  # of the extrapolation at most: its order is twice that
+_GROWTH = Decimal('1.3')  # of steps that take few rows
+_FEW, _ROWS = 9, 12  # of the extrapolation at most: its order is twice that
 _TOLERANCE = Decimal('1e-20')  # of a step, in SI units
 _CLOSED = 4  # corrections of a position in doubles until all digits are right
 _State: TypeAlias = Any  # an array of Decimals; NumPy has no type for it
 
 
 class MotionReference:
-    """Follows one motion.
-
-    Attributes:
-        time: Up to which it is followed, s.
-    """
+    """Follows one motion."""
 
     def __init__(self, problem: InitialValueProblem, longest: float = 0.1) -> None:
         """Closes the loop at the start.
@@ -51,24 +47,13 @@ class MotionReference:
         with localcontext(_CONTEXT):
             self._bodies = Multibody(problem.mechanism, _CONTEXT.create_decimal, unit)
             self._motor = Decimal(problem.motor.torque), Decimal(problem.motor.damping)
-            self.time = Decimal(0)
-            self._state = self._begin()
+            self._known = {Decimal(0): self._begin()}  # states by time
 
     def at(self, time: float) -> tuple[Decimal, ...]:
-        """The motion at a time.
-
-        Args:
-            time: s.
-
-        Returns:
-            Coordinates, then their rates; the crank with all its turns.
-        """
-        with localcontext(_CONTEXT):
-            self._follow(Decimal(time) - self.time)
-            self.time = Decimal(time)
-            places, rates = self._split(self._state)
-            slid = [(place.x, rate) for place, rate in zip(places, rates, strict=True)][3:]
-            return self._state[0], *(x for x, _ in slid), rates[0], *(v for _, v in slid)
+        """The motion at a time, s: coordinates, then rates; the crank with all its turns."""
+        state = self._state(time)
+        places, rates = self._split(state)
+        return state[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def end(self, until: float) -> float | None:
         """When coupler and third link first come into line: there the coordinates end.
@@ -88,25 +73,24 @@ class MotionReference:
 
     def _sine(self, time: float) -> float:
         """The sine of the angle between coupler and third link at a time."""
-        self.at(time)
-        (_, coupler, third, *_), _rates = self._split(self._state)
+        (_, coupler, third, *_), _rates = self._split(self._state(time))
         return float(cross(coupler, third))
 
     def _begin(self) -> _State:
         """The crank angle; the place of each link as two numbers; all rates."""
-        count, bodies = self._problem.count, self._bodies
+        count, bodies, zero = self._problem.count, self._bodies, Decimal(0)
         q, u = self._problem.start[:count], self._problem.start[count:]
         # From doubles, which serve as a first guess.
         found = self._problem.driven.solver.state(q, u, (0.0,) * count).position
         places = [
-            Vector(Decimal(x), Decimal(0)) if slides else unit(x)
+            Vector(Decimal(x), zero) if slides else unit(x)
             for x, slides in zip(found, bodies.slides, strict=True)
         ]
         for _ in range(_CLOSED):
-            turns = bodies.dependent(places, bodies.gap(places))
-            for j, turn in enumerate(turns, 1):
-                places[j] = _turned_by(places[j], turn)
-        rates = bodies.closed(places, Decimal(u[0]), [Decimal(rate) for rate in u[1:]])
+            turns = bodies.closed(places, [zero] * len(places), [-x for x in bodies.gap(places)])
+            places[1:3] = map(_turned_by, places[1:3], turns[1:3])
+        speed, *others = map(Decimal, u)
+        rates = bodies.closed(places, [speed, zero, zero, *others], [zero, zero])
         return np.array([Decimal(q[0]), *(x for place in places for x in place), *rates])
 
     def _split(self, state: _State) -> tuple[list[Vector], list[Decimal]]:
@@ -125,43 +109,48 @@ class MotionReference:
         found = self._bodies.accelerations(places, rates, torque - damping * rates[0], eliminate)
         return np.array([rates[0], *(x for vector in moving for x in vector), *found])
 
-    def _follow(self, left: Decimal) -> None:
-        """Follows the motion for a time, s, in steps as long as the extrapolation allows.
+    def _state(self, time: float) -> _State:
+        """The state at a time, from the nearest that is known.
 
         Raises:
             ArithmeticError: No step is short enough.
         """
-        while left:
-            span = max(-self._span, min(self._span, left))
-            try:
-                found = self._extrapolated(span)
-            except ArithmeticError:  # of a step that went astray
-                found = None
-            if found is not None:
-                self._state, left = found, left - span
-                self._span = min(self._longest, self._span * _GROWTH)
-            elif abs(span) < _SHORTEST:
-                raise ArithmeticError(f'the reference cannot be followed beyond {self.time} s')
-            else:
-                self._span = abs(span) / 2
+        end = Decimal(time)
+        with localcontext(_CONTEXT):
+            reached = min(self._known, key=lambda known: abs(known - end))
+            state = self._known[reached]
+            while left := end - reached:
+                span = max(-self._span, min(self._span, left))
+                try:
+                    found, rows = self._extrapolated(state, span)
+                except ArithmeticError:  # of a step that went astray
+                    found = None
+                if found is not None:
+                    state, reached = found, end if span == left else reached + span
+                    self._span *= _GROWTH if rows <= _FEW and self._span < self._longest else 1
+                elif abs(span) < _SHORTEST:
+                    raise ArithmeticError(f'the reference cannot be followed beyond {reached} s')
+                else:
+                    self._span = abs(span) / 2
+        self._known[end] = state
+        return state
 
-    def _extrapolated(self, span: Decimal) -> _State | None:
-        """The state after a step; None: its rows differ by more than the tolerance."""
-        slope = self._slope(self._state)
+    def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
+        """The state after a step, and its rows; None: they differ by more than the tolerance."""
+        slope = self._slope(start)
         above: list[_State] = []
         for i in range(1, _ROWS + 1):
-            row = [self._midpoint(slope, span, 2 * i)]
+            row = [self._midpoint(start, slope, span / (2 * i), 2 * i)]
             for j, old in enumerate(above, 1):
                 row.append(row[-1] + (row[-1] - old) / (Decimal(i * i) / (i - j) ** 2 - 1))
             if above and abs(row[-1] - above[-1]).max() <= _TOLERANCE:
-                return row[-1]
+                return row[-1], i
             above = row
-        return None
+        return None, _ROWS
 
-    def _midpoint(self, slope: _State, span: Decimal, parts: int) -> _State:
+    def _midpoint(self, start: _State, slope: _State, h: Decimal, parts: int) -> _State:
         """Gragg's modified midpoint rule."""
-        h, before = span / parts, self._state
-        here = before + h * slope
+        before, here = start, start + h * slope
         for _ in range(parts - 1):
             before, here = here, before + 2 * h * self._slope(here)
         return here

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 
 from linkage_ros.formulas import Vector, dot
 from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.structure import Link, Mechanism
+from linkage_ros.model.structure import Mechanism
 
 Number: TypeAlias = Any  # a float, a Decimal or an mpf
 Row: TypeAlias = list[Number]
@@ -41,7 +41,7 @@ class Multibody:
         mechanism: Mechanism,
         number: Callable[[float], Number],
         unit: Callable[[float], Vector],
-        meant: Mapping[float, Number] | None = None,
+        length: Callable[[float], Number] | None = None,
     ) -> None:
         """Takes masses, lengths and loads from the mechanism's description.
 
@@ -49,42 +49,27 @@ class Multibody:
             mechanism: The mechanism.
             number: Makes a number of a double.
             unit: Makes the unit vector of an angle, rad, in these numbers.
-            meant: Lengths that doubles stand for.
+            length: Makes the length that a double stands for; by default that of the double.
         """
-        structure = mechanism.structure()
-        exact = {
-            sign * double: sign * x for double, x in (meant or {}).items() for sign in (1, -1)
-        }
+        structure, length = mechanism.structure(), length or number
         *_, last = links = structure.links
-
-        def vector(weight: complex) -> Vector:
-            x, y = weight.real, weight.imag
-            return Vector(exact[x] if x in exact else number(x), number(y))
-
-        def vectors(weights: Sequence[complex]) -> dict[int, Vector]:
-            return {j: vector(complex(weight)) for j, weight in enumerate(weights) if weight}
-
-        def center(i: int, link: Link) -> dict[int, Vector]:
-            """From pin to pin by meant lengths, from the last pin to the centre as it is."""
-            if link.slides:
-                return {i: vector(1)}
-            own = complex(link.center.weights[i])
-            arm = Vector(number(own.real), number(own.imag))
-            return vectors(link.center.weights) | ({i: arm} if own else {})
-
         self.slides, self.axis = [link.slides for link in links], unit(last.angle)
         self._zero = number(0.0)
         self._gravity = Vector(*map(number, mechanism.gravity))
-        self._bodies = [
-            (number(link.mass), number(link.inertia), center(i, link))
-            for i, link in enumerate(links)
-        ]
-        self._closure = vectors(structure.closure.weights)
+        self._bodies = []
+        for i, link in enumerate(links):
+            # From pin to pin by lengths, from the last pin to the centre as it is.
+            *pins, own = (0j,) * i + (1 + 0j,) if link.slides else link.center.weights[: i + 1]
+            center = _vectors(pins, length) | _vectors([0j] * i + [own], number)
+            self._bodies.append((number(link.mass), number(link.inertia), center))
+        self._closure = _vectors(structure.closure.weights, length)
+        fixed = structure.closure.fixed
         if last.slides:
-            self._closure[len(links) - 1] = vector(-1)
-        self._fixed = vector(structure.closure.fixed - (last.origin if last.slides else 0))
+            self._closure[len(links) - 1] = Vector(number(-1.0), self._zero)
+            fixed -= last.origin
+        self._fixed = Vector(length(fixed.real), length(fixed.imag))
         if isinstance(mechanism, FourBar):  # the structure has its pivot in doubles
-            self._fixed = unit(mechanism.frame.angle) * -number(mechanism.frame.length)
+            self._fixed = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
         # Loads are tuples of indices and numbers.
         loads: Any = mechanism.link_loads()
         self._loads = [
@@ -113,57 +98,57 @@ class Multibody:
         found = [columns.get(j, empty) for j in range(len(rates))]
         return [[column.x for column in found], [column.y for column in found]], list(bias)
 
-    def dependent(self, places: Sequence[Vector], opening: Sequence[Number]) -> Row:
-        """The rates of coupler and third link that close the loop as fast as it opens, m/s."""
-        closure, _ = self.closure(places, [self._zero] * len(self.slides))
-        return eliminate([row[1:3] for row in closure], [-x for x in opening])
+    def closed(self, places: Sequence[Vector], rates: Row, opening: Row) -> Row:
+        """Rates with those of coupler and third link that open the loop at a velocity, m/s."""
+        free = [*rates[:1], self._zero, self._zero, *rates[3:]]
+        closure, _ = self.closure(places, free)
+        moved = [sum(map(operator.mul, row, free)) for row in closure]
+        right = list(map(operator.sub, opening, moved))
+        return [free[0], *eliminate([row[1:3] for row in closure], right), *free[3:]]
 
-    def closed(self, places: Sequence[Vector], crank: Number, others: Row) -> Row:
-        """All rates, from those of the crank and of the links after the third."""
-        rates = [crank, self._zero, self._zero, *others]
-        closure, _ = self.closure(places, rates)
-        opening = [sum(map(operator.mul, row, rates)) for row in closure]
-        return [crank, *self.dependent(places, opening), *others]
+    def system(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
+        """The equations above, without a torque on the crank.
 
-    def balance(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """M and Q - h: masses, and the forces of weights, loads and rates."""
+        Args:
+            places: As for `gap`.
+            rates: Velocities of the links, rad/s or m/s.
+
+        Returns:
+            The rows of the matrix, and the right-hand side.
+        """
         count = len(rates)
-        masses = [[self._zero] * count for _ in rates]
-        forces = [self._zero] * count
+        rows = [[self._zero] * count for _ in rates]
+        right = [self._zero] * count
         for i, (mass, inertia, weights) in enumerate(self._bodies):
             columns, bias = self._columns(weights, places, rates)
-            masses[i][i] += inertia
+            rows[i][i] += inertia
             for j, one in columns.items():
-                forces[j] += mass * dot(one, self._gravity - bias)
+                right[j] += mass * dot(one, self._gravity - bias)
                 for k, other in columns.items():
-                    masses[j][k] += mass * dot(one, other)
+                    rows[j][k] += mass * dot(one, other)
         for load in self._loads:
             for j, force in load.forces((), rates).items():
-                forces[j] += force
-        return masses, forces
+                right[j] += force
+        closure, rest_of_gap = self.closure(places, rates)
+        for j, row in enumerate(rows):
+            row += [rest[j] for rest in closure]
+        rows += [[*row, self._zero, self._zero] for row in closure]
+        return rows, [*right, *(-x for x in rest_of_gap)]
 
     def accelerations(
         self, places: Sequence[Vector], rates: Row, torque: Number, solve: Solve
     ) -> Sequence[Number]:
-        """The accelerations that leave the gap as it is.
+        """The accelerations of the links that leave the gap as it is, rad/s^2 or m/s^2.
 
         Args:
             places: As for `gap`.
             rates: Velocities of the links, rad/s or m/s.
             torque: On the crank, N m.
             solve: Solves a system of equations.
-
-        Returns:
-            Accelerations of the links, rad/s^2 or m/s^2.
         """
-        masses, forces = self.balance(places, rates)
-        closure, bias = self.closure(places, rates)
-        forces[0] += torque
-        rows = [
-            *(row + [rest[j] for rest in closure] for j, row in enumerate(masses)),
-            *(row + [self._zero] * 2 for row in closure),
-        ]
-        found: Sequence[Number] = solve(rows, forces + [-x for x in bias])[: len(rates)]
+        rows, right = self.system(places, rates)
+        right[0] += torque
+        found: Sequence[Number] = solve(rows, right)[: len(rates)]
         return found
 
     def _columns(
@@ -178,6 +163,15 @@ class Multibody:
                 arm = turned(weight, places[j])
                 columns[j], bias = arm.left(), bias - arm * (rates[j] * rates[j])
         return columns, bias
+
+
+def _vectors(weights: Sequence[complex], number: Callable[[float], Number]) -> dict[int, Vector]:
+    """The weights of links that are not 0."""
+    return {
+        j: Vector(number(weight.real), number(weight.imag))
+        for j, weight in enumerate(weights)
+        if weight
+    }
 
 
 def turned(weight: Vector, direction: Vector) -> Vector:
@@ -204,8 +198,11 @@ def eliminate(rows: list[Row], right: Row) -> Row:
     for i in range(size):
         largest = max(range(i, size), key=lambda row: abs(table[row][i]))
         table[i], table[largest] = table[largest], table[i]
-        for row in table[:i] + table[i + 1 :]:
+        for row in table[i + 1 :]:
             if row[i]:
                 factor = row[i] / table[i][i]
                 row[i:] = [x - factor * y for x, y in zip(row[i:], table[i][i:], strict=True)]
-    return [row[size] / row[i] for i, row in enumerate(table)]
+    found: Row = []
+    for i, (*row, value) in reversed(list(enumerate(table))):
+        found = [(value - sum(map(operator.mul, row[i + 1 :], found))) / row[i], *found]
+    return found

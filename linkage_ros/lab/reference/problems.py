@@ -4,15 +4,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from functools import cache, cached_property
+from typing import Any, TypeAlias
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
+from linkage_ros.parameters.configuration import load
 
 # Coordinates, then their rates.
 Phase: TypeAlias = tuple[float, ...]
@@ -43,62 +45,38 @@ class InitialValueProblem:
         return len(self.start) // 2
 
     def energy(self, phase: Phase) -> tuple[float, float]:
-        """Kinetic energy and that of the weights, J.
-
-        Args:
-            phase: Coordinates, then their rates.
-
-        Returns:
-            Both; the latter but for a constant.
-        """
+        """Kinetic energy and that of the weights, the latter but for a constant, J."""
         return self.driven.solver.energy(phase[: self.count], phase[self.count :])
 
 
-class ChartMechanisms(NamedTuple):
-    """The mechanisms that move in the charts of integrators, and the pump's motor.
+@cache
+def preset(name: str) -> Any:
+    """The configuration of a preset."""
+    return load(name)
 
-    Attributes:
-        quadrilateral: The four-bar of document 1.
-        pump: The wind pump of document 3.
-        motor: The pump's.
+
+def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
+    """The wind pump of document 3 with its motor and its water.
+
+    Args:
+        speed: Speed of the crank at t = 0, rad/s.
+        velocity: Velocity of the slider at t = 0, m/s.
+
+    Returns:
+        The problem.
     """
+    pump = preset('wind_pump')
+    start = 0.0, pump.mechanism.slider.position, speed, velocity
+    return InitialValueProblem(pump.mechanism, start, pump.drive.motor)
 
-    quadrilateral: FourBar
-    pump: WindPump
-    motor: Motor
 
-    def driven(self, speed: float, velocity: float = 0.0) -> InitialValueProblem:
-        """The pump with its motor and its water.
+def free_pump(speed: float) -> InitialValueProblem:
+    """The pump without motor and water, which keeps its energy; from a crank speed, rad/s."""
+    pump = preset('wind_pump').mechanism
+    pump = replace(pump, slider=replace(pump.slider, damping=0.0))
+    return InitialValueProblem(pump, (0.0, pump.slider.position, speed, 0.0))
 
-        Args:
-            speed: Speed of the crank at t = 0, rad/s.
-            velocity: Velocity of the slider at t = 0, m/s.
 
-        Returns:
-            The problem.
-        """
-        start = 0.0, self.pump.slider.position, speed, velocity
-        return InitialValueProblem(self.pump, start, self.motor)
-
-    def freed(self, speed: float) -> InitialValueProblem:
-        """The pump without motor and water, which keeps its energy.
-
-        Args:
-            speed: Speed of the crank at t = 0, rad/s.
-
-        Returns:
-            The problem.
-        """
-        pump = replace(self.pump, slider=replace(self.pump.slider, damping=0.0))
-        return InitialValueProblem(pump, (0.0, pump.slider.position, speed, 0.0))
-
-    def coasting(self, speed: float) -> InitialValueProblem:
-        """The quadrilateral without a motor, which keeps its energy.
-
-        Args:
-            speed: Speed of the crank at t = 0, rad/s.
-
-        Returns:
-            The problem.
-        """
-        return InitialValueProblem(self.quadrilateral, (0.0, speed))
+def coasting() -> InitialValueProblem:
+    """The quadrilateral of document 1 from 150 rpm without a motor, which keeps its energy."""
+    return InitialValueProblem(preset('quadrilateral').mechanism, (0.0, 5 * math.pi))

@@ -1,28 +1,70 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Positions from a table and from a Fourier series, both made from exact states of one period.
+"""Positions that no straight line of formulas gives: by iteration, from a table, from a series.
 
-Both need a crank that turns fully. The textbooks: de Boor, A Practical Guide to Splines, ch. IV
-(cubic Hermite interpolation); Freudenstein, Harmonic Analysis of Crank-and-Rocker Mechanisms,
-J. Appl. Mech. 26 (1959).
+Table and series are made from exact states of one period, and need a crank that turns fully. The
+textbooks: de Boor, A Practical Guide to Splines, ch. IV (cubic Hermite interpolation);
+Freudenstein, Harmonic Analysis of Crank-and-Rocker Mechanisms, J. Appl. Mech. 26 (1959).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.lab.methods.functions import SCALAR, Functions
-from linkage_ros.lab.methods.loop import Linkage
-from linkage_ros.lab.methods.positions import Locate
+from linkage_ros.formulas import cos, sin
+from linkage_ros.lab.methods.linkages import Linkage
+from linkage_ros.lab.methods.stages import Locate, Pair
 from linkage_ros.numeric import Array, Real
 
+CAP = 50
 # A series is fitted to so many states per harmonic: with more than two, what aliases is small.
 _OVERSAMPLED = 4
+
+
+class NewtonRaphson:
+    """Newton-Raphson on the loop equation, as document 1 has it (eq. 8 to 12).
+
+    The document's listing goes on until the step and the residual are below a tolerance, and has
+    no cap; here 50 iterations are one, and the last iterate stands.
+
+    Attributes:
+        iterations: Number of iterations in all calls so far.
+    """
+
+    def __init__(
+        self, step: Callable[..., tuple[float, ...]], guess: Pair, tolerance: float, *, warm: bool
+    ) -> None:
+        """Prepares it.
+
+        Args:
+            step: `stages.newton_step` of the linkage.
+            guess: The coupler's direction and the output from which to begin.
+            tolerance: Tolerance of step (rad, of a slider m) and residual (m).
+            warm: Whether each angle begins from the solution of the one before; otherwise all
+                begin from the first guess.
+        """
+        self._step, self._guess = step, guess
+        self._tolerance, self._warm = tolerance, warm
+        self.iterations = 0
+
+    def __call__(self, crank: float) -> Pair:
+        """The position at a crank angle: whatever the iteration came to."""
+        coupler, output = self._guess
+        for _ in range(CAP):
+            turn, move, x, y = self._step(crank, coupler, output)
+            coupler, output = coupler + turn, output + move
+            self.iterations += 1
+            if max(abs(turn), abs(move), abs(x), abs(y)) <= self._tolerance:
+                break
+        if self._warm:
+            self._guess = coupler, output
+        return coupler, output
 
 
 class _Samples(NamedTuple):
@@ -63,7 +105,7 @@ def _sample(mechanism: Linkage, count: int) -> _Samples:
 
 # A chart asks for each table several times in a row.
 @lru_cache(maxsize=2)
-def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
+def hermite(mechanism: Linkage, nodes: int) -> Locate:
     """A table of positions and rates, read by cubic interpolation; `nodes` per period."""
     length, gain, at, slopes = _sample(mechanism, nodes)
     slope, change = slopes * (length / nodes), np.diff(at)
@@ -73,9 +115,9 @@ def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
     (g1, g2), per_step = gain.tolist(), nodes / length
     rows = table.T.tolist()
 
-    def look_up(crank: Real) -> tuple[Real, Real]:
+    def look_up(crank: Real) -> Pair:
         place = (crank % length) * per_step
-        if f is SCALAR:
+        if isinstance(place, float):
             index: Any = min(int(place), nodes - 1)
             a1, a2, b1, b2, c1, c2, d1, d2 = rows[index]
         else:
@@ -91,7 +133,7 @@ def hermite(mechanism: Linkage, nodes: int, f: Functions) -> Locate:
 
 
 @lru_cache(maxsize=2)
-def fourier(mechanism: Linkage, harmonics: int, f: Functions) -> Locate:
+def fourier(mechanism: Linkage, harmonics: int) -> Locate:
     """A truncated Fourier series of the period, its coefficients by the fast transform."""
     length, gain, values, _ = _sample(mechanism, max(64, _OVERSAMPLED * harmonics))
     spectrum = np.fft.rfft(values[:, :-1], axis=1, norm='forward')[:, : harmonics + 1]
@@ -99,8 +141,8 @@ def fourier(mechanism: Linkage, harmonics: int, f: Functions) -> Locate:
     rate, (g1, g2) = 2 * math.pi / length, gain.tolist()
     pairs = spectrum.T[::-1].tolist()
 
-    def add_up(crank: Real) -> tuple[Real, Real]:
-        z = f.cos(rate * crank) + 1j * f.sin(rate * crank)
+    def add_up(crank: Real) -> Pair:
+        z = cos(rate * crank) + 1j * sin(rate * crank)
         first = second = 0j
         for one, other in pairs:  # Horner
             first, second = first * z + one, second * z + other
