@@ -23,7 +23,7 @@ from linkage_ros.lab.reference.multibody import Multibody, eliminate
 from linkage_ros.lab.reference.problems import InitialValueProblem
 
 _CONTEXT = Context(prec=34)
-_LOOK = 0.04  # s between two looks for an end
+_LOOK = 0.02  # s between two looks for an end
 _SHORTEST = Decimal('1e-6')  # s
 _GROWTH = Decimal('1.3')  # of steps that take few rows
 _FEW, _ROWS = 9, 12  # of the extrapolation at most: its order is twice that
