@@ -42,7 +42,7 @@ from linkage_ros.lab.methods.outcomes import (
     Situation,
 )
 from linkage_ros.lab.reference.states import Reference
-from linkage_ros.numeric import SCALAR, Array, within_two_turns, wrap
+from linkage_ros.numeric import Array, within_two_turns, wrap
 
 _EVEN = 48  # angles, over a period or an arc
 _NOTHING = 1e-12  # of the largest value of a quantity
@@ -122,7 +122,7 @@ class LinkageBench:
             is_angle = quantity == 'position' and not (i == 1 and slides)
             apart = value - high
             if is_angle and abs(apart) > 1:
-                apart = wrap(within_two_turns(value)[0] - high, SCALAR)
+                apart = wrap(within_two_turns(value)[0] - high)
             scale = 1.0 if is_angle or not size else max(size, abs(high))
             worst = max(worst, abs(apart - low) / scale)
         return worst
