@@ -22,7 +22,7 @@ from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import joints_of
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.formulas import Opaque
-from linkage_ros.lab.methods import stages
+from linkage_ros.lab.methods import stages, torques
 from linkage_ros.lab.methods.linkages import Linkage
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.parts import OPEN
@@ -156,7 +156,7 @@ def _formula(index: int, stage: str, solve: Callable[..., Any]) -> Callable[...,
     position = solve if stage == POSITION else stages.factored
     own_rates = stages.two_by_two if stage == POSITION else stages.analytic
     rates = solve if stage == RATES else own_rates
-    own_torque = stages.own_balance if stage == STATE else stages.virtual_power
+    own_torque = torques.own_balance if stage == STATE else torques.virtual_power
     torque = solve if stage == TORQUE else own_torque
 
     def solved(links: stages.Links, crank: Real) -> tuple[Real, ...]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from linkage_ros.dynamics.program import Program
 from linkage_ros.formulas import Opaque
-from linkage_ros.lab.methods import stages, tables
+from linkage_ros.lab.methods import stages, tables, torques
 from linkage_ros.lab.methods.chain import (
     BATCH,
     MOTION,
@@ -110,12 +110,12 @@ METHODS = [
     ),
     Method(
         'power balance', TORQUE, 'a crank that moves', 'document 1, eq. 1 to 6',
-        stages.power_balance,
+        torques.power_balance,
     ),
     Method(
         'constrained Newton-Euler', TORQUE, 'links not in line',
-        'Norton, Design of Machinery, 11.4 and 11.5', stages.newton_euler,
-        tool=lambda *_: Opaque(stages.last_unknown),
+        'Norton, Design of Machinery, 11.4 and 11.5', torques.newton_euler,
+        tool=lambda *_: Opaque(torques.last_unknown),
     ),
 ]  # fmt: skip
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The formulas of all methods for linkages: positions, rates, torques.
+"""The formulas of all methods for linkages, but for torques (`torques`): positions and rates.
 
 Each is traced (dynamics/program.py), like the package's own formulas, so that all are compared on
 equal terms. The loop equation is that of documents 1 (eq. 7 and 8) and 4 (eq. 2):
@@ -17,15 +17,12 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
-import numpy as np
-
-from linkage_ros.dynamics.equations import Model, balance
+from linkage_ros.dynamics.equations import Model
 from linkage_ros.dynamics.reactions import Joints
-from linkage_ros.formulas import ZERO, Vector, atan2, cos, cross, dot, sin, sqrt
+from linkage_ros.formulas import Vector, atan2, cos, cross, sin, sqrt
 from linkage_ros.numeric import Real
 
 Pair: TypeAlias = tuple[Real, Real]
-PerLink: TypeAlias = tuple[Real, ...]
 # From the crank angle to the coupler's direction and the output, rad or m.
 Locate: TypeAlias = Callable[[Real], Pair]
 
@@ -233,80 +230,3 @@ def central_differences(links: Links, crank: Real, locate: Locate) -> Rates:
 
 def _wrapped(angle: Real) -> Real:
     return atan2(sin(angle), cos(angle))
-
-
-# ---------------------------------------------------------------- torques
-
-
-def own_balance(
-    links: Links, position: PerLink, _: PerLink, rates: PerLink, changes: PerLink
-) -> Real:
-    """The package's own: M q'' + h - Q with sums over all bodies (dynamics.equations)."""
-    return balance(links.model, links.model.loop.pose(position[:1]), rates, changes)[0]
-
-
-def virtual_power(
-    links: Links, position: PerLink, slopes: PerLink, rates: PerLink, changes: PerLink
-) -> Real:
-    """The power of inertia, weights and loads through velocities per unit crank speed."""
-    directions = [Vector.at(angle) for angle in position]
-    power = ZERO
-    for body, slope, change in zip(links.joints.bodies, slopes, changes, strict=True):
-        push = body.center.follow(directions, rates, changes).acceleration - links.joints.gravity
-        velocity = body.center.follow(directions, slopes, changes).velocity
-        power = power + body.mass * dot(push, velocity) + body.inertia * (change * slope)
-    for load in links.model.loads:
-        for j, force in load.forces((), rates).items():
-            power = power - force * slopes[j]
-    return power
-
-
-def power_balance(
-    links: Links, position: PerLink, _: PerLink, rates: PerLink, changes: PerLink
-) -> Real:
-    """Power of inertia, weights and loads over the crank's speed (document 1, eq. 1 to 6)."""
-    return virtual_power(links, position, rates, rates, changes) / rates[0]
-
-
-def newton_euler(
-    links: Links, position: PerLink, _: PerLink, rates: PerLink, changes: PerLink
-) -> Real:
-    """Three equations for each body, solved for all pin forces and the torque together.
-
-    A slider has no equation of moments, and the force of its guide is unknown. The textbook form,
-    for instance Norton, Design of Machinery, sec. 11.4 and 11.5.
-    """
-    directions = [Vector.at(angle) for angle in position]
-    axis, joints = Vector.at(links.angle), links.joints
-    forces = {j: f for load in links.model.loads for j, f in load.forces((), rates).items()}
-    at = [place.follow(directions, rates, changes).position for place in joints.places]
-    rows = []
-    for i, body in enumerate(joints.bodies):
-        center, _, acceleration = body.center.follow(directions, rates, changes)
-        push = (acceleration - joints.gravity) * body.mass
-        if body.slides:
-            push -= axis * forces.get(i, ZERO)
-        x, y, turn = [], [], []
-        for pin, place in zip(joints.pins, at, strict=True):
-            sign = float((pin.second == i) - (pin.first == i))
-            arm = (place - center) * sign
-            x += [sign, 0.0]
-            y += [0.0, sign]
-            turn += [-arm.y, arm.x]
-        if links.c is None:
-            x.append(-axis.y if body.slides else 0.0)
-            y.append(axis.x if body.slides else 0.0)
-            turn.append(0.0)
-        rows += [*x, 0.0, push.x, *y, 0.0, push.y]
-        if not body.slides:
-            rows += [*turn, float(i == 0), body.inertia * changes[i] - forces.get(i, ZERO)]
-    return links.tool(*rows)
-
-
-def last_unknown(*entries: Real) -> Real:
-    """The last unknown of a system of n equations, from its n rows of n + 1 numbers."""
-    table = np.stack(np.broadcast_arrays(*entries), axis=-1)
-    size = math.isqrt(len(entries))
-    table = table.reshape(*table.shape[:-1], size, size + 1)
-    found = np.linalg.solve(table[..., :-1], table[..., -1:])[..., -1, 0]
-    return found if found.ndim else float(found)
