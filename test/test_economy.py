@@ -31,7 +31,7 @@ from linkage_ros.errors import MechanismError
 from linkage_ros.formulas import sin
 from linkage_ros.lab.economy import POINT_MASSES, Economy, handover
 from linkage_ros.lab.torque_models import (
-    inertia_alone,
+    inertia_program,
     operations,
     series_program,
     table_program,
@@ -39,6 +39,7 @@ from linkage_ros.lab.torque_models import (
     torque_program,
     torques,
     with_point_masses,
+    without,
 )
 from linkage_ros.parameters.configuration import load
 
@@ -99,9 +100,8 @@ def test_loads_and_friction_are_terms(preset, loads):
     assert [*terms(mechanism)][-len(loads) :] == loads
     full = torque(mechanism)
     assert np.array_equal(torques(torque_program(mechanism), ANGLES, SPEED), full)
-    without_masses = inertia_alone(mechanism)
-    assert without_masses.loads == ()
-    assert without_masses.coupler == mechanism.coupler
+    assert without(mechanism, ['load', 'friction']).loads == ()
+    assert without(mechanism, ['load', 'friction']).coupler == mechanism.coupler
 
 
 def test_without_inertia_friction_remains():
@@ -131,11 +131,11 @@ def test_without_inertia_weights_remain():
 
 def test_without_inertia_loads_remain():
     static = run(torque_program(PRESS, static=True))
-    inertia = torque(inertia_alone(PRESS))
+    bare = replace(PRESS, gravity=(0.0, 0.0), slider=Slider(0.02, 1.5))
+    (inertia,) = inertia_program(PRESS).arrays(ANGLES, SPEED, 30.0)
+    assert inertia == pytest.approx(Solver(bare).state(ANGLES, SPEED, 30.0).torque, rel=1e-12)
+    (inertia,) = inertia_program(PRESS).arrays(ANGLES, SPEED, 0.0)
     assert static + inertia == pytest.approx(torque(PRESS), abs=1e-12 * np.abs(inertia).max())
-    assert inertia_alone(PRESS) == replace(
-        PRESS, gravity=(0.0, 0.0), slider=Slider(0.02, 1.5, 0.0, 0.0)
-    )
 
 
 @pytest.mark.parametrize('mechanism', [FULL, PRESS])
@@ -228,7 +228,7 @@ def test_costs_are_of_the_models(savings):
 def test_weights_hand_over_to_inertia(savings):
     mechanism, rpm = load('quadrilateral').mechanism, handover(savings)
     static = run(torque_program(mechanism, static=True))
-    moving = torque(inertia_alone(mechanism), rpm * math.pi / 30)
+    (moving,) = inertia_program(mechanism).arrays(ANGLES, rpm * math.pi / 30, 0.0)
     assert np.abs(moving).max() == pytest.approx(np.abs(static).max(), rel=1e-9)
     assert handover([x for x in savings if x.left_out != 'gravity']) is None
 

@@ -25,7 +25,7 @@ from scipy.optimize import brentq
 from linkage_ros.dynamics.period import extent, mean
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, LinkageError
-from linkage_ros.lab.torque_models import inertia_alone
+from linkage_ros.lab.torque_models import inertia_program
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
@@ -102,7 +102,7 @@ class EvenTorque:
                 'rpm = 0: a crank at rest has no fluctuation; give a speed (--rpm), or leave '
                 '--fluctuation out'
             )
-        self._full, self._bare = Solver(mechanism), Solver(inertia_alone(mechanism))
+        self._full, self._bare = Solver(mechanism), inertia_program(mechanism)
         self._full.reach.require_full_turn()
         self._crank, self._speed = self._full.reach.samples(_PARTS), speed
         ((self._inertia,),) = self._full.matrix(self._crank)
@@ -145,11 +145,8 @@ class EvenTorque:
         speeds = np.full_like(self._crank, self._speed)
         for _ in range(_ROUNDS):
             changes = speeds * CubicSpline(self._crank, speeds)(self._crank, 1)
-            inertia, full = (
-                solver.state(self._crank, speeds, changes).torque
-                for solver in (self._bare, self._full)
-            )
-            last, taken = speeds, full - inertia
+            (inertia,) = self._bare.arrays(self._crank, speeds, changes)
+            last, taken = speeds, self._full.state(self._crank, speeds, changes).torque - inertia
             speeds = self._speeds(added, self._work(taken))
             if np.abs(speeds - last).max() <= _CLOSE * abs(self._speed):
                 applied = np.full_like(taken, self._mean(taken))

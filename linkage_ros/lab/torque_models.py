@@ -88,12 +88,6 @@ def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     return build(type(mechanism), {'gravity': (0.0, 0.0)} | left)
 
 
-def inertia_alone(mechanism: Mechanism) -> Mechanism:
-    """A mechanism without gravity and loads."""
-    masses = '.mass', '.inertia'
-    return without(mechanism, (name for name, own in TERMS.items() if not own[0].endswith(masses)))
-
-
 def with_point_masses(mechanism: Any) -> Mechanism | None:
     """The coupler's mass at its two pins, as parts of the crank and of the output link.
 
@@ -171,11 +165,23 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
     """
     if mechanism.friction is not None:
         return _FrictionTorque(mechanism, static=static)
-    refuse = Opaque(require_finite)
-    model = model_of(mechanism, mechanism.structure(), refuse, refuse, refuse)
+    model = _model(mechanism)
     if static:
         model = model._replace(inertias=(ZERO,) * len(model.inertias), couplings=())
     return Program(_driving_torque, model, ('angle', 'speed'))
+
+
+def inertia_program(mechanism: Mechanism) -> Program:
+    """The torque of inertia alone, N m, from crank angle, speed and acceleration."""
+    model = _model(mechanism)
+    weightless = model.weight._replace(moments=(Vector(ZERO, ZERO),) * len(model.inertias))
+    constants = model._replace(weight=weightless, loads=())
+    return Program(_driving_torque, constants, ('angle', 'speed', 'acceleration'))
+
+
+def _model(mechanism: Mechanism) -> Model:
+    refuse = Opaque(require_finite)
+    return model_of(mechanism, mechanism.structure(), refuse, refuse, refuse)
 
 
 def torques(program: TorqueProgram, angles: Array, speed: float) -> Array:
@@ -186,10 +192,10 @@ def torques(program: TorqueProgram, angles: Array, speed: float) -> Array:
     return np.array([program.scalar(angle, speed)[0] for angle in angles.tolist()])
 
 
-def _driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
+def _driving_torque(model: Model, angle: Real, speed: Real, *change: Real) -> tuple[Real]:
     pose = model.loop.pose((angle,))
     rates = velocities(pose, (speed,))
-    return (balance(model, pose, rates, accelerations(pose, (speed,), ()))[0],)
+    return (balance(model, pose, rates, accelerations(pose, (speed,), change))[0],)
 
 
 class _Series(NamedTuple):
