@@ -16,7 +16,19 @@ from hypothesis import strategies as st
 from mpmath import mp
 from oracle import Oracle, wrap
 
-from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Piston, Slider, SliderCrank, WindPump
+from linkage_ros import (
+    Body,
+    Coupler,
+    FourBar,
+    Frame,
+    Guide,
+    LinkLoad,
+    LoadCurve,
+    Piston,
+    Slider,
+    SliderCrank,
+    WindPump,
+)
 
 TURN = 2 * math.pi
 ASSEMBLIES = 'open', 'crossed'
@@ -135,6 +147,19 @@ PUMPS = {
         'crossed',
     ),
 }
+# With springs, resistance, forces and curves.
+SPRUNG_ROCKER = replace(
+    four_bar(FULL['crank_rocker'], 1.3),
+    loads=(
+        LinkLoad('rocker', 3.0, 0.7, 11.0, 3.4),
+        LoadCurve('rocker', 'position', (2.7, 3.1, 3.3), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)),
+    ),
+)
+SPRUNG_SLIDER = replace(
+    slider_crank(FULL['offset_right'], 5.5, 'crossed'),
+    slider=Slider(-0.7, 1.5, -4.0, 0.9, 12.0, 1.3),
+    loads=(LoadCurve('slider', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),),
+)
 # One of everything.
 ALL = {
     'document_1': DOCUMENT_1,
@@ -159,6 +184,8 @@ ALL = {
         Guide(),
     ),
     **PUMPS,
+    'sprung_rocker': SPRUNG_ROCKER,
+    'sprung_slider': SPRUNG_SLIDER,
 }
 
 
@@ -382,7 +409,36 @@ def mirrored(mechanism):
     # Where a change point at theta = 0 is passed, the mirrored branch has the same name.
     elif not (isinstance(mechanism, FourBar) and Oracle(mechanism).folded):
         changes['assembly'] = ASSEMBLIES[mechanism.assembly == 'open']
-    return replace(mechanism, **changes)
+    return with_loads_of(mechanism, changes, -1, 0.0)
+
+
+def with_loads_of(mechanism, changes, sign, angle):
+    """The changed mechanism with loads that are mirrored about the x axis, or turned.
+
+    Args:
+        mechanism: From which the changes come.
+        changes: Its new fields.
+        sign: -1 where angles and torques are mirrored.
+        angle: By which directions are turned, rad.
+    """
+    rocks = isinstance(mechanism, FourBar)
+    if rocks:
+        rocker = changes.get('rocker', mechanism.rocker)
+        changes['rocker'] = replace(
+            rocker, torque=sign * rocker.torque, rest_angle=sign * rocker.rest_angle + angle
+        )
+    loads = []
+    for curve in mechanism.loads:
+        way = sign if rocks or curve.link == 'crank' else 1
+        moves = way if curve.over == 'position' else sign
+        shift = angle if moves == sign and (rocks or curve.over == 'crank_angle') else 0.0
+        at, value, back = ((x or ())[::moves] for x in (curve.at, curve.value, curve.return_value))
+        value, back = (tuple(way * x for x in row) for row in (value, back))
+        if moves < 0 and back:
+            value, back = back, value
+        at = tuple(moves * x + shift for x in at)
+        loads.append(replace(curve, at=at, value=value, return_value=back or None))
+    return replace(mechanism, **changes, loads=tuple(loads))
 
 
 def turned(mechanism, angle, onto=None):
@@ -392,7 +448,7 @@ def turned(mechanism, angle, onto=None):
     if not isinstance(mechanism, WindPump):
         onto = mechanism.frame.angle + angle if onto is None else onto
         changes['frame'] = replace(mechanism.frame, angle=onto)
-    return replace(mechanism, **changes)
+    return with_loads_of(mechanism, changes, 1, angle)
 
 
 def scaled(mechanism, factor):
@@ -404,16 +460,28 @@ def scaled(mechanism, factor):
             center=tuple(x * factor for x in body.center),
         )  # fmt: skip
 
+    def larger_curve(curve):
+        slides = curve.link == 'slider'
+        if slides and curve.over == 'position':
+            curve = replace(curve, at=tuple(x * factor for x in curve.at))
+        power = factor if slides else factor**2
+        back = curve.return_value and tuple(x * power for x in curve.return_value)
+        value = tuple(x * power for x in curve.value)
+        return replace(curve, value=value, return_value=back)
+
     changes = _bodies(mechanism, larger)
     changes['gravity'] = tuple(x * factor for x in mechanism.gravity)
     if isinstance(mechanism, FourBar):
         changes['frame'] = replace(mechanism.frame, length=mechanism.frame.length * factor)
+        rocker = changes['rocker']
+        names = 'torque', 'damping', 'stiffness'
+        torques = {name: getattr(rocker, name) * factor**2 for name in names}
+        changes['rocker'] = replace(rocker, **torques)
     elif isinstance(mechanism, SliderCrank):
-        slider = mechanism.slider
-        changes['slider'] = replace(
-            slider, offset=slider.offset * factor, force=slider.force * factor
-        )
-    return replace(mechanism, **changes)
+        names = 'offset', 'force', 'rest_position'
+        sizes = {name: getattr(mechanism.slider, name) * factor for name in names}
+        changes['slider'] = replace(mechanism.slider, **sizes)
+    return replace(mechanism, **changes, loads=tuple(map(larger_curve, mechanism.loads)))
 
 
 # Mechanisms whose lengths are whole multiples of a power of two: sums of them are exact, so that

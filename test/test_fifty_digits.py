@@ -30,7 +30,7 @@ from mechanisms import (
 from mpmath import mp
 from oracle import Oracle, cross, wrap
 
-from linkage_ros import MechanismError, Solver, UnreachableError
+from linkage_ros import Friction, MechanismError, Solver, UnreachableError
 
 each_assembly = pytest.mark.parametrize('assembly', ASSEMBLIES)
 every = pytest.mark.parametrize('name', ALL)
@@ -59,11 +59,17 @@ def path(oracle, q, u, a):
 
 
 @pytest.mark.parametrize(
-    'name', ['double_crank', 'antiparallelogram', 'offset_right', 'pump', 'pump_open']
-)
+    'name',
+    ['double_crank', 'antiparallelogram', 'offset_right', 'pump', 'pump_open', 'sprung_rocker',
+     'sprung_slider'],
+)  # fmt: skip
 def test_reference_obeys_its_own_derivatives_momenta_and_energy(name):
     """To 35 digits; neither momenta nor energy know a force in a joint."""
-    oracle, asked = Oracle(ALL[name]), asked_of_oracle(ALL[name], 1.234, 3.0, 2.0)
+    mechanism = ALL[name]
+    if mechanism.loads:
+        friction = Friction(0.2, 0.1, 0.3 if name == 'sprung_slider' else 0.0)
+        mechanism = replace(mechanism, loads=(*mechanism.loads, friction))
+    oracle, asked = Oracle(mechanism), asked_of_oracle(mechanism, 1.234, 3.0, 2.0)
 
     def change(quantity):
         """By differences; of complex numbers too."""
