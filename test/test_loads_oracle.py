@@ -163,8 +163,14 @@ def test_each_load_gives_the_torque_and_forces_of_newton_and_euler(name, kind):
     assert max(found.values()) < CLOSE, found
 
 
-@pytest.mark.parametrize('name', MECHANISMS)
-@pytest.mark.parametrize(('speed', 'acceleration'), [(2.0, 1.5), (-150.0, 1e3), (0.0, -1.5)])
+@pytest.mark.parametrize(
+    ('name', 'speed', 'acceleration'),
+    [
+        *((name, -2.0, 1.5) for name in MECHANISMS),
+        *((name, 150.0, 1e3) for name in ('across_the_seam', 'offset_right')),
+        *((name, 0.0, -1.5) for name in ('across_the_seam', 'offset_right', 'pump')),
+    ],
+)
 def test_all_loads_at_once_in_either_direction_and_at_rest(name, speed, acceleration):
     kinds = KINDS[:-1] if name.startswith('pump') else KINDS
     kinds = [kind for kind in kinds if kind not in ('force', 'damping', 'spring')]
