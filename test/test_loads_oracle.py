@@ -46,7 +46,7 @@ CLOSE, SLIP = 1e-11, 1 + 1e-10
 # Rockers that swing across the jump of angles at pi, and through the line of the frame.
 ROCKERS = {
     'across_the_seam': four_bar(FULL['crank_rocker'], 1.3),
-    'through_the_line': four_bar(CHANGE_POINTS['p0'], -2.0, 'crossed'),
+    'through_the_line': four_bar(CHANGE_POINTS['p0'], 0.2, 'crossed'),
 }
 SLIDERS = {
     'offset_left': slider_crank(FULL['offset_left'], -1.1),
