@@ -94,6 +94,7 @@ class LinkageNode(ParameterNode):
                 topic.name: create_publisher(self, topic)
                 for topic in (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
             }
+        self._publishers = [self._outputs[topic.name] for topic in self._machine.topics]
         self._view = self._open_view(configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log(configuration) if configuration.session.log else None
@@ -115,7 +116,7 @@ class LinkageNode(ParameterNode):
             self._measured = MeasuredCrank(configuration.drive, self._machine.solver, crank)
             hear_measurements(self, self._hear_measurement)
         self.get_logger().info(preset_note(given) + summary(configuration, self._machine.solver))
-        await_listeners([self._outputs[topic.name] for topic in self._machine.topics])
+        await_listeners(self._publishers)
         freeze_heap()
         name = self.get_fully_qualified_name().lstrip('/')
         self._watch = Watch(name, is_torque_driven=bool(self._inbox))
@@ -126,7 +127,7 @@ class LinkageNode(ParameterNode):
     def start(self) -> None:
         """Starts turning."""
         # Before the first tick, which with use_sim_time may be a long time away.
-        self._publish((ROBOT_DESCRIPTION, self._machine.description))
+        self._publish(ROBOT_DESCRIPTION, self._machine.description)
         self._ticker.start()
 
     def close(self) -> bool:
@@ -168,8 +169,7 @@ class LinkageNode(ParameterNode):
         from linkage_ros.ros.run_log import RunLog
 
         heard = [HEARD[kind] for kind in HEARD if isinstance(configuration.drive, kind)]
-        topics = (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *heard)
-        return RunLog(self, configuration, topics)
+        return RunLog(self, self._machine, (ROBOT_DESCRIPTION, DIAGNOSTICS, *heard))
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
         callbacks = Callbacks(self._tick, self._restamp, self._fail)
@@ -199,7 +199,7 @@ class LinkageNode(ParameterNode):
         if self._inbox and isinstance(motion, TorqueMotion):
             for came, command in self._inbox.fetch():
                 if self._log is not None:
-                    self._log.write(came, [(JOINT_COMMANDS, command)])
+                    self._log.write(came, JOINT_COMMANDS, command)
             motion.command(stamp, self._inbox.commands.torque())
         self._show(self._machine.snapshot_at(motion, stamp))
 
@@ -214,7 +214,7 @@ class LinkageNode(ParameterNode):
             return False
         came, before = time.time_ns(), self._measured.left_out.copy()
         if self._log is not None and len(data) <= LARGEST_COMMAND:
-            self._log.write(came, [(MEASURED_JOINT_STATES, data)])
+            self._log.write(came, MEASURED_JOINT_STATES, data)
         heard = self._measured.hear(data, came)
         if heard is None:
             (cause,) = self._measured.left_out - before
@@ -227,19 +227,23 @@ class LinkageNode(ParameterNode):
     def _show(self, snapshot: Snapshot) -> None:
         """Publishes, logs and shows a state."""
         self._state = snapshot.state
-        self._publish(*zip(self._machine.topics, snapshot.messages, strict=True))
-        if self._view is not None:
-            self._view.offer(snapshot.messages[0])
-
-    def _publish(self, *messages: tuple[Topic, bytes]) -> None:
-        """Publishes messages, and logs them."""
-        now = time.time_ns()
-        for topic, message in messages:
-            publisher = self._outputs[topic.name]
+        row = snapshot.row(time.time_ns())
+        messages = snapshot.layout.messages(row)
+        for topic, publisher, message in zip(
+            self._machine.topics, self._publishers, messages, strict=True
+        ):
             if not topic.on_demand or publisher.get_subscription_count():
                 publisher.publish(message)
         if self._log is not None:
-            self._log.write(now, messages)
+            self._log.write_row(row)
+        if self._view is not None:
+            self._view.offer(messages[0])
+
+    def _publish(self, topic: Topic, message: bytes) -> None:
+        """Publishes a message that belongs to no tick, and logs it."""
+        self._outputs[topic.name].publish(message)
+        if self._log is not None:
+            self._log.write(time.time_ns(), topic, message)
 
     def _restamp(self, old: int, new: int) -> None:
         if self._motion is not None:
@@ -267,7 +271,7 @@ class LinkageNode(ParameterNode):
                 self.get_logger().info(status.message)
         now = self.get_clock().now().nanoseconds  # 0 until simulated time is heard
         diagnosis = encode_diagnostics(now, self._hardware, statuses)
-        self._publish((DIAGNOSTICS, diagnosis))
+        self._publish(DIAGNOSTICS, diagnosis)
 
     def _health(self) -> dict[str, Health]:
         parts = {'log': self._log, 'viewer': self._view}

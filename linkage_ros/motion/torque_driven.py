@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.errors import LinkageError
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
@@ -54,6 +56,7 @@ class TorqueMotion:
         begin = start(solver.mechanism, drive)
         y = begin.unwrapped, *begin.q[1:], *begin.u
         self._steps = integrate(DrivenMechanism(solver, self._torque), y)
+        self._end: LinkageError | None = None
         self._begun = 0.0  # time of the integrator at the start of the segment, s
 
     def at(self, stamp: int) -> Coordinates:
@@ -69,6 +72,8 @@ class TorqueMotion:
         Raises:
             MotionError: The motion cannot be followed that far.
         """
+        if self._end:
+            raise self._end
         self._advance(stamp)
         y, count = self._steps.phase, len(self._solver.coordinates)
         unwrapped = with_turns(y[0], self._steps.pairs)
@@ -76,6 +81,25 @@ class TorqueMotion:
         q, u = (angle, *y[1:count]), y[count:]
         torque = self._torque(self._steps.time, u[0])
         return Coordinates(q, u, self._solver.forward((*q, *u), torque), unwrapped)
+
+    def at_all(self, stamps: Sequence[int]) -> Coordinates:
+        """The coordinates at many stamps, bit for bit as `at` has them.
+
+        Args:
+            stamps: Not before the last one, rising, ns.
+
+        Returns:
+            Arrays; shorter than the stamps where the motion cannot be followed to all of them.
+
+        Raises:
+            MotionError: It cannot be followed to the first one.
+        """
+        found: list[Coordinates] = []
+        try:
+            found.extend(map(self.at, stamps))
+        except LinkageError as error:
+            self._end = error
+        return stacked(found or [self.at(stamps[0])])
 
     def command(self, stamp: int, torque: float) -> None:
         """Sets the torque that is added to the motor's from a stamp on.

@@ -10,8 +10,10 @@ from mcap.writer import Writer
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
+    END_RECORD,
     MOTION_RECORD,
     decode_configuration,
+    decode_end,
     decode_motion,
 )
 from linkage_ros.log.untrusted_mcap import Summary
@@ -27,6 +29,8 @@ def is_undamaged(record: Metadata) -> bool:
             decode_configuration(record.metadata)
         elif record.name == MOTION_RECORD:
             decode_motion(record.metadata)
+        elif record.name == END_RECORD:
+            decode_end(record.metadata)
     except ConfigurationError:
         return True  # written by another version: undamaged, though this one cannot use it
     except LogError:
@@ -114,6 +118,8 @@ class RecordCopy:
         is_configuration = record.name == CONFIGURATION_RECORD
         if is_configuration and self._is_configured:
             return  # a log has one, at its beginning
+        if record.name == END_RECORD and self._losses != Losses():
+            return  # the log that is saved is not the one that was ended
         if is_undamaged(record):
             self._is_configured |= is_configuration
             self._writer.add_metadata(record.name, record.metadata)

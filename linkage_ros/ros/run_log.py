@@ -11,13 +11,13 @@ from rclpy.node import Node
 from linkage_ros import cli
 from linkage_ros.log.writer import LogItem, LogWriter
 from linkage_ros.motion.segments import Segment
-from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.run.health import Health
+from linkage_ros.run.machine import Machine
 from linkage_ros.run.worker import Worker
 from linkage_ros.wire.topics import Topic
 
-# Items that wait for a stalled disk: half a minute's at 1 kHz with four topics.
-_CAPACITY = 120_000
+# Items that wait for a stalled disk: half a minute's at 1 kHz.
+_CAPACITY = 30_000
 # s between batches. With the log's flush period this bounds what a killed run loses.
 _PERIOD = 0.02
 # s between orders to bring them to the disk itself, which bounds what a power cut costs.
@@ -28,23 +28,25 @@ _CLOSE_SECONDS = 30.0
 class RunLog:
     """Writes a log in threads of its own; any thread may write to it."""
 
-    def __init__(self, node: Node, configuration: Configuration, topics: Iterable[Topic]) -> None:
+    def __init__(self, node: Node, machine: Machine, others: Iterable[Topic]) -> None:
         """Creates the log.
 
         Args:
             node: Says how it ends.
-            configuration: Configuration of the run.
-            topics: Those that are logged.
+            machine: Makes the states.
+            others: Topics that are logged beside the machine's.
 
         Raises:
             LogError: The file cannot be created.
         """
-        session = configuration.session
+        session = machine.configuration.session
         self._node, self._path = node, session.log
-        log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
+        log = LogWriter(session.log, machine.configuration, overwrite=session.log_overwrite)
+        names = ((topic, node.resolve_topic_name(topic.name)) for topic in machine.topics)
+        log.add_states(machine.layout, names)
         self._channels = {
             topic.name: log.add_topic(topic, node.resolve_topic_name(topic.name))
-            for topic in topics
+            for topic in others
         }
         # A disk that is slow to keep things must not hold up the flushes.
         self._sync: Worker[None] = Worker(
@@ -54,15 +56,19 @@ class RunLog:
             'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
         )
 
-    def write(self, stamp: int, messages: Iterable[tuple[Topic, bytes]]) -> None:
-        """Logs messages next to each other.
+    def write_row(self, row: bytes) -> None:
+        """Logs the messages of a state, in the layout of the machine."""
+        self._worker.offer(row)
+
+    def write(self, stamp: int, topic: Topic, message: bytes) -> None:
+        """Logs a message.
 
         Args:
-            stamp: When they were published or received, ns.
-            messages: CDR bytes, each with one of the topics given.
+            stamp: When it was published or received, ns.
+            topic: One of the others.
+            message: CDR bytes.
         """
-        items = [(self._channels[topic.name], stamp, data) for topic, data in messages]
-        self._worker.offer(*items)
+        self._worker.offer((self._channels[topic.name], stamp, message))
 
     def write_motion(self, segment: Segment) -> None:
         """Logs a segment of motion."""

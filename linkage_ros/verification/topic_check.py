@@ -11,10 +11,9 @@ from linkage_ros.run.machine import Machine
 from linkage_ros.wire.topics import COUPLER_POINT, JOINT_COMMANDS, TOPICS
 
 
-def has_states(log: LogReader, pairings: list[Pairing]) -> bool:
-    """Whether a log has a message of the machine."""
-    names = {name for name, _ in pairings}
-    return any(topic.messages for topic in log.topics if topic.name in names)
+def has_states(pairings: list[Pairing]) -> bool:
+    """Whether a channel has a message."""
+    return any(channel.messages for channel, _ in pairings)
 
 
 def check_topics(
@@ -36,13 +35,14 @@ def check_topics(
         known = interfaces.get(channel.type)
         if known and channel.layout != ('cdr', 'ros2msg', known.definition):
             return f'{channel.name}: its schema is not that of {channel.type}'
-    carrying, known_types = dict(pairings), {t.interface.name for _, t in pairings}
+    carrying = {channel for channel, _ in pairings}
+    known_types = {topic.interface.name for _, topic in pairings}
     kinds = {topic.name: topic.interface.name for topic in machine.topics}
     # What was commanded is logged with what came of it.
     heard = 1 if isinstance(machine.configuration.drive, TorqueDrive) else 0
     for channel in log.topics:
         kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
-        if channel.name in carrying:
+        if channel in carrying:
             continue
         if heard and channel.type == JOINT_COMMANDS.interface.name:
             heard -= 1
@@ -56,4 +56,4 @@ def check_topics(
         return f'{points[0]} is logged, but the configuration has no coupler.point'
     counts = {topic.name: topic.messages for topic in log.topics}
     empty = [name for name in descriptions if not counts[name]]
-    return f'{empty[0]} has no message' if empty and has_states(log, pairings) else ''
+    return f'{empty[0]} has no message' if empty and has_states(pairings) else ''
