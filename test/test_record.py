@@ -91,8 +91,11 @@ def test_the_states_are_the_solvers_to_the_bit(out, changes):
 RUNS = {
     'quadrilateral': {},
     'compressor': {
-        'start_rpm': -90.0, 'crank_acceleration': 30.0,
-        'friction.pin': 0.1, 'friction.pin_radius': 0.01, 'friction.guide': 0.1,
+        'start_rpm': -90.0,
+        'crank_acceleration': 30.0,
+        'friction.pin': 0.1,
+        'friction.pin_radius': 0.01,
+        'friction.guide': 0.1,
     },
     'slider_crank': {'rpm': -1e5, 'crank_angle': -7.0},
     'coupler_point': {'rpm': 0.0},

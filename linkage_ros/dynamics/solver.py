@@ -146,13 +146,14 @@ class Solver:
         state: State = self._run(program, *row, by_math=by_math)
         return state
 
-    def accelerations(self, q: Any, u: Any, torque: Any) -> Any:
+    def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
         """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
 
         Args:
             q: Coordinates.
             u: Their rates.
             torque: On the crank, N m, counter-clockwise positive.
+            by_math: As for `state`.
 
         Returns:
             rad/s^2, of a wind pump also m/s^2; a tuple for a tuple and for more than one
@@ -171,7 +172,8 @@ class Solver:
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
             )
-        found = self._run(self._forward, *self._row('q', q), *self._row('u', u), torque)
+        row = (*self._row('q', q), *self._row('u', u), torque)
+        found = self._run(self._forward, *row, by_math=by_math)
         return found if self._count > 1 or isinstance(q, tuple) else found[0]
 
     def forward(self, y: Sequence[float], torque: float) -> tuple[float, ...]:

@@ -7,13 +7,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.motion.coordinates import Coordinates, stacked
+from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
+from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate, Values
 from linkage_ros.motion.segments import TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real, with_turns, within_two_turns
@@ -94,12 +96,22 @@ class TorqueMotion:
         Raises:
             MotionError: It cannot be followed to the first one.
         """
-        found: list[Coordinates] = []
+        times = [self._time(stamp) for stamp in stamps]
+        found: list[tuple[Values, int]] = []
         try:
-            found.extend(map(self.at, stamps))
+            found.extend(self._steps.phases(times))
         except LinkageError as error:
             self._end = error
-        return stacked(found or [self.at(stamps[0])])
+        if self._end and not found:
+            raise self._end
+        self._last, count = stamps[len(found) - 1], len(self._solver.coordinates)
+        crank = [with_turns(phase[0], pairs) for phase, pairs in found]
+        angles = [within_two_turns(angle)[0] for angle in crank]
+        _, *y = np.array([phase for phase, _ in found]).T
+        q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
+        torque = self._torque(self._steps.time, u[0])
+        a = self._solver.accelerations(q, u, torque, by_math=True)
+        return Coordinates(q, u, a, np.array(crank))
 
     def command(self, stamp: int, torque: float) -> None:
         """Sets the torque that is added to the motor's from a stamp on.
@@ -163,7 +175,11 @@ class TorqueMotion:
 
     def _advance(self, stamp: int) -> None:
         self._last = stamp
-        self._steps.advance(self._begun + (stamp - self.segment.stamp) / NS_PER_S)
+        self._steps.advance(self._time(stamp))
+
+    def _time(self, stamp: int) -> float:
+        """The integrator's time at a stamp, s."""
+        return self._begun + (stamp - self.segment.stamp) / NS_PER_S
 
     def _torque(self, _: float, speed: float) -> Real:
         return self._motor.at(speed) + self._command
