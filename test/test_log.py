@@ -41,6 +41,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.record import record
 from linkage_ros.recovery.recover import recover
+from linkage_ros.run.machine import Machine
 from linkage_ros.wire.codecs import encode_float64, encode_string
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS
 
@@ -247,9 +248,14 @@ def test_the_same_record_has_the_same_bytes(tmp_path):
     assert one == two != three
 
 
-def test_rows_are_the_very_bytes_that_the_library_would_write(tmp_path):
+@pytest.mark.parametrize('start', [0, START])
+def test_rows_are_the_very_bytes_that_the_library_would_write(tmp_path, start):
     """Chunks, indexes, counts and times, message by message; three chunks end within a state."""
-    record(load('quadrilateral'), path := tmp_path / 'run.mcap', duration=30.0)
+    machine, path = Machine(load('quadrilateral')), tmp_path / 'run.mcap'
+    stamps = [start + machine.elapsed(tick) for tick in range(6000)]
+    with LogWriter(path, machine.configuration, overwrite=False) as log:
+        log.add_states(machine.layout, ((topic, topic.name) for topic in machine.topics))
+        log.write_rows(machine.rows(stamps, machine.begin(start).at_all(stamps)))
     with path.open('rb') as stream, (tmp_path / 'other.mcap').open('wb') as target:
         writer = Writer(target)
         for item in StreamReader(stream).records:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
+from mcap.records import Statistics
 from mcap.writer import Writer
 
 from linkage_ros.wire.rows import RowLayout, message_record
@@ -26,7 +27,9 @@ class _Index:
 
     def add(self, times: npt.NDArray[Any], offsets: npt.NDArray[Any]) -> None:
         """Adds messages: their log times, ns, and their places in the chunk."""
-        self._entries.append(np.stack((times, offsets), axis=1).astype('<u8').tobytes())
+        entries = np.empty((len(times), 2), '<u8')
+        entries[:, 0], entries[:, 1] = times, offsets
+        self._entries.append(entries.tobytes())
 
     def write(self, builder: RecordBuilder) -> None:
         """Writes the record."""
@@ -42,7 +45,7 @@ class Chunks:
     The library has no public way to add a message that is packed already.
 
     Attributes:
-        messages: Their number so far.
+        statistics: Those of the library: counts and times so far.
     """
 
     def __init__(self, writer: Writer, size: int) -> None:
@@ -53,10 +56,9 @@ class Chunks:
             size: Bytes beyond which a chunk ends.
         """
         self._writer, self._size = writer, size
-        self.messages = 0
         private = vars(writer)
         self._builder = private['_Writer__chunk_builder']
-        self._statistics = private['_Writer__statistics']
+        self.statistics: Statistics = private['_Writer__statistics']
 
     def add(self, channel: int, time: int, data: bytes) -> None:
         """Appends a message, published and logged at a time, ns."""
@@ -92,7 +94,7 @@ class Chunks:
             data: The records.
             index: For each channel the log times, ns, and the places of its messages.
         """
-        builder, statistics = self._builder, self._statistics
+        builder, statistics = self._builder, self.statistics
         place = builder.count
         builder.record_writer.write(data)
         for channel, (times, offsets) in index.items():
@@ -111,7 +113,6 @@ class Chunks:
             builder.message_indices[channel].add(times, place + offsets)
             builder.num_messages += count
             statistics.message_count += count
-            self.messages += count
             statistics.channel_message_counts[channel] += count
         if builder.count > self._size:
             self._writer.flush()

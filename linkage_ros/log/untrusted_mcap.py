@@ -9,6 +9,7 @@ taken by its own length, which is bounded, and parsed within that.
 from __future__ import annotations
 
 import heapq
+import operator
 import os
 import zlib
 from collections.abc import Iterator
@@ -40,6 +41,7 @@ from linkage_ros.log.untrusted_chunks import (
     unpack,
     unpacked_records,
 )
+from linkage_ros.units import TIME_END
 
 # Bytes of messages that wait for their turn at a time, where chunks overlap; each takes as many
 # more in Python. A simulator that was reset a hundred times needs a third of it.
@@ -175,16 +177,25 @@ def in_order(
         file.seek(at)
         data = (_read_chunk(file),) if at else read_data(file)
         records = (record for part in data for record in unpacked_records(part, allowance))
+        found: list[tuple[int, int, int, Message]] = []
         for number, record in enumerate(records):
             if (
                 isinstance(record, Message)
                 and record.channel_id in channels
                 and first <= record.log_time < last
             ):
-                heapq.heappush(queue, (record.log_time, at, number, record))
+                found.append((record.log_time, at, number, record))
                 waiting += len(record.data) + _OVERHEAD
                 if waiting > _MOST_WAITING:
                     raise LogError('too much of it is of the same times: it cannot be sorted')
+        found.sort(key=operator.itemgetter(0))
+        following = queue[0][0] if queue else TIME_END
+        for entry in found:
+            if entry[0] < following:  # as most are: no other chunk has some of these times
+                waiting -= len(entry[3].data) + _OVERHEAD
+                yield entry[3]
+            else:
+                heapq.heappush(queue, entry)
 
 
 def allowance_of(file: BinaryIO) -> Allowance:

@@ -195,7 +195,9 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self._file.check_size()
             with self._file.reported():
                 self._writer.flush()  # or the last chunk would lie behind the record
-                self._writer.add_metadata(END_RECORD, encode_end(self._chunks.messages))
+                self._writer.add_metadata(
+                    END_RECORD, encode_end(self._chunks.statistics.message_count)
+                )
                 self._writer.finish()
                 self._file.stream.flush()
             if self._file.is_removed():

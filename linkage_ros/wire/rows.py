@@ -21,19 +21,20 @@ MESSAGE_HEAD = struct.Struct('<BQHIQQ')
 _CONSTANT = 15  # bytes of the head before its times
 
 
-def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
+def message_record(channel: int, times: tuple[int, int], data: bytes, sequence: int = 0) -> bytes:
     """The record of a message in an MCAP file.
 
     Args:
         channel: Its number.
         times: Log and publish time, ns.
         data: CDR bytes.
+        sequence: A number that a publisher may give.
 
     Returns:
         The bytes.
     """
     size = MESSAGE_HEAD.size - 9 + len(data)  # without opcode and length
-    return MESSAGE_HEAD.pack(MESSAGE_OPCODE, size, channel, 0, *times) + data
+    return MESSAGE_HEAD.pack(MESSAGE_OPCODE, size, channel, sequence, *times) + data
 
 
 _TIMES = Field('log time', 'Q', 'time'), Field('publish time', 'Q', 'time')
