@@ -181,7 +181,7 @@ def test_the_log_explains_itself_and_the_very_bytes_come_back_in_order(path):
 
 
 @pytest.mark.parametrize('topics', [None, [], [TORQUE], ['/nowhere']])
-@pytest.mark.parametrize('start', [None, START, START + 1, START + 8 * PERIOD, START + 10**9])
+@pytest.mark.parametrize('start', [None, START + 1, START + 8 * PERIOD])
 def test_topics_and_start_pick_what_a_filter_picks(path, topics, start):
     with LogReader(path) as log:
         expected = [

@@ -203,7 +203,7 @@ def test_live_runs_are_equal_to_the_bit(tmp_path, run):
 RAMP = [*ticks(20), ('rpm', 200.0), *ticks(20), ('rpm', 300.0), *ticks(60)]
 
 
-@pytest.mark.parametrize('first', [18, 19, 40, 70])
+@pytest.mark.parametrize('first', [19, 70])
 @pytest.mark.parametrize(
     'edit',
     [
@@ -430,7 +430,7 @@ def test_a_flipped_bit_is_found_in_every_byte(live_path, topic):
         size = len(next(log.messages([topic])).data)
     number = 0 if topic == '/robot_description' else 3
     before = live_path.read_bytes()
-    for byte in range(0, size, 1 + size // 25):
+    for byte in range(0, size, 1 + size // 10):
         live_path.write_bytes(before)
         rewrite(live_path, flip(topic, number, byte, 0x40))
         difference = checked(live_path).difference
@@ -440,7 +440,7 @@ def test_a_flipped_bit_is_found_in_every_byte(live_path, topic):
         assert len(difference) < 400
 
 
-@pytest.mark.parametrize(('topic', 'number'), list(zip(QUADRILATERAL, (0, 50) * 2, strict=True)))
+@pytest.mark.parametrize(('topic', 'number'), [('/joint_states', 0), ('/mechanism_state', 50)])
 @pytest.mark.parametrize('change', [drop, double, swap, swap_data])
 def test_a_lost_doubled_or_swapped_message_is_found(path, topic, number, change):
     rewrite(path, at(topic, number, change))
