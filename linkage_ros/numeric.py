@@ -29,7 +29,8 @@ def by_element(function: Callable[..., float]) -> Callable[..., Array]:
 
     def apply(*values: Real) -> Array:
         rows = (x.tolist() if isinstance(x, np.ndarray) else itertools.repeat(x) for x in values)
-        return np.array(list(map(function, *rows)))
+        size = next(x.size for x in values if isinstance(x, np.ndarray))
+        return np.fromiter(map(function, *rows), float, size)
 
     return apply
 
