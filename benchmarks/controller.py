@@ -33,7 +33,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.palette import FIRST, SECOND, fractions
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.progress import progress_bar
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import radians_per_second
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.cdr import stamp_of
@@ -129,7 +129,7 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
     with LogReader(path) as log:
         difference = verify(log).difference
         assert not difference, difference
-        codec = JointStateCodec(Machine(log.configuration).joints)
+        codec = JointStateCodec(Simulator(log.configuration).joints)
         rows = [codec.decode(m.data) for m in log.messages(['/joint_states'])]
         commands = list(log.messages(['/joint_commands']))
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])

@@ -25,16 +25,16 @@ def cases(folder):
     """Writes the URDFs, and for each what a reader needs to close the loop."""
     from linkage_ros.parameters.configuration import configure, load
     from linkage_ros.parameters.presets import preset_names
-    from linkage_ros.run.machine import Machine
+    from linkage_ros.run.simulator import Simulator
     from linkage_ros.wire.urdf import make_urdf
 
     for preset in preset_names():
         for prefix in ('', 'left_'):
             configuration = configure({**load(preset).parameters(), 'joint_prefix': prefix})
-            machine, mechanism = Machine(configuration), configuration.mechanism
+            simulator, mechanism = Simulator(configuration), configuration.mechanism
             joints = mechanism.structure().links
-            message = machine.snapshot_at(machine.begin(0), STAMP).messages[0]
-            positions = machine.joint_states.decode(message)[1][: len(machine.joints)]
+            message = simulator.snapshot_at(simulator.begin(0), STAMP).messages[0]
+            positions = simulator.joint_states.decode(message)[1][: len(simulator.joints)]
             # The tree is cut where the last two links meet: at their ends, a slider's at its pin.
             ends = {
                 f'{prefix}{joint.name}': getattr(getattr(mechanism, joint.name), 'length', 0.0)
@@ -44,7 +44,7 @@ def cases(folder):
             path.write_text(make_urdf(mechanism, prefix))
             yield {
                 'path': str(path),
-                'positions': dict(zip(machine.joints, positions, strict=True)),
+                'positions': dict(zip(simulator.joints, positions, strict=True)),
                 'ends': ends,  # m from each link's origin, by joint
             }
 

@@ -26,7 +26,7 @@ from linkage_ros import cli
 from linkage_ros.errors import ViewerError
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.parameters.configuration import Configuration, load
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.rerun_layout import layout
@@ -54,10 +54,10 @@ _PATIENCE = 30.0  # s, for the viewer to start
 
 def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
     """One turn, with the state at its end."""
-    machine = Machine(configuration)
-    motion = machine.begin(0)
-    stamps = map(machine.elapsed, range(machine.tick_at(round(_TURN * NS_PER_S)) + 1))
-    return [(0, machine.snapshot_at(motion, stamp).messages[0]) for stamp in stamps]
+    simulator = Simulator(configuration)
+    motion = simulator.begin(0)
+    stamps = map(simulator.elapsed, range(simulator.tick_at(round(_TURN * NS_PER_S)) + 1))
+    return [(0, simulator.snapshot_at(motion, stamp).messages[0]) for stamp in stamps]
 
 
 def _blueprint(configuration: Configuration) -> rrb.Blueprint:

@@ -159,11 +159,11 @@ class Stop(threading.Event):
         if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
             self._signals.append(signal.SIGHUP)
         for number in self._signals:
-            signal.signal(number, self._ask)
+            signal.signal(number, self._request)
             # While Python ends it takes its handlers back; a second Ctrl-C would kill it.
             atexit.register(signal.signal, number, signal.SIG_IGN)
 
-    def _ask(self, *_: object) -> None:
+    def _request(self, *_: object) -> None:
         for number in self._signals:  # of a flood, one would interrupt the other for ever
             signal.signal(number, signal.SIG_IGN)
         self.set()
@@ -196,11 +196,11 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         print(file=sys.stderr)
         return STOPPED_BY_USER
     except BrokenPipeError:  # the reader of our output is gone
-        _close_output()
+        _discard_stdout()
         return 0
     except OSError as error:  # stdout is a file on a full disk
         print_error(name, error)
-        _close_output()
+        _discard_stdout()
         return 2
     return code
 
@@ -225,7 +225,7 @@ def leave(code: int) -> int:
     os._exit(code)
 
 
-def _close_output() -> None:
+def _discard_stdout() -> None:
     """Redirects stdout to /dev/null, so that Python does not fail again at exit."""
     try:
         sys.stdout.flush()
@@ -235,12 +235,12 @@ def _close_output() -> None:
 
 def print_error(name: str, error: object) -> None:
     """Prints one line, unless stderr is blocked for a second by a full pipe or Ctrl-S."""
-    if sys.stderr is not None and _is_read(sys.stderr):
+    if sys.stderr is not None and _is_writable(sys.stderr):
         with suppress(OSError):
             print(f'{name}: {one_line(str(error))}', file=sys.stderr)
 
 
-def _is_read(stream: TextIO) -> bool:
+def _is_writable(stream: TextIO) -> bool:
     """Whether a line can be written to a stream within a second."""
     try:
         number = stream.fileno()

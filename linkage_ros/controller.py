@@ -23,7 +23,7 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.parameters.configuration import (
     DEFAULT_PRESET,
     load,
-    without_ros_own,
+    without_ros_parameters,
 )
 from linkage_ros.parameters.descriptions import help_on
 from linkage_ros.parameters.session import JOINT_PREFIX
@@ -37,9 +37,9 @@ from linkage_ros.ros.parameters import (
 )
 from linkage_ros.ros.process import (
     nonblocking_stderr,
-    on_ros,
+    ros_context,
     reported_as_configuration,
-    served,
+    spinning,
 )
 from linkage_ros.units import NS_PER_S, radians_per_second
 
@@ -142,7 +142,7 @@ class ControllerNode(ParameterNode):
 
     def __init__(self) -> None:
         super().__init__(_NAME)
-        given = without_ros_own(given_values(self))
+        given = without_ros_parameters(given_values(self))
         names = [leaf.name for leaf in PARAMETERS]
         if unknown := [name for name in given if name not in names]:
             raise ConfigurationError(unknown_name(unknown[0], _NAME, names, f'{_NAME} --help'))
@@ -196,11 +196,11 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
     check_parameter_files(arguments, _NAME)
-    with nonblocking_stderr(), on_ros(arguments) as others:
+    with nonblocking_stderr(), ros_context(arguments) as others:
         cli.refuse_arguments(_parser(), others)
         with reported_as_configuration():
             node = ControllerNode()
-        with served(node):
+        with spinning(node):
             stop.wait()
     return 0
 

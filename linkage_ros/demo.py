@@ -69,7 +69,7 @@ def _listen(process: subprocess.Popen[bytes]) -> list[tuple[int, float]]:
     import rclpy
     from sensor_msgs.msg import JointState
 
-    from linkage_ros.ros.process import on_ros
+    from linkage_ros.ros.process import ros_context
 
     states = []
 
@@ -78,7 +78,7 @@ def _listen(process: subprocess.Popen[bytes]) -> list[tuple[int, float]]:
         states.append((stamp.sec * NS_PER_S + stamp.nanosec, message.effort[0]))
 
     layout = '{percentage:3.0f}%|{bar}| {n:.1f}/{total:g} s\r'
-    with on_ros([_NAME]), progress_bar(total=_SECONDS, bar_format=layout) as bar:
+    with ros_context([_NAME]), progress_bar(total=_SECONDS, bar_format=layout) as bar:
         node = rclpy.create_node('demo_listener')
         node.create_subscription(JointState, 'joint_states', receive, 10)
         passed, limit = 0.0, time.monotonic() + _PATIENCE
@@ -96,7 +96,7 @@ def _listen(process: subprocess.Popen[bytes]) -> list[tuple[int, float]]:
     return states
 
 
-def _live(viewer: str | Path) -> None:
+def _run_live(viewer: str | Path) -> None:
     settings = {
         'rpm': _RPM, 'rate_hz': _RATE, 'log': _LOG, 'log_overwrite': 'true', 'viewer': viewer,
     }  # fmt: skip
@@ -114,7 +114,7 @@ def _live(viewer: str | Path) -> None:
     print(report(states))
 
 
-def _recorded(viewer: str | Path) -> None:
+def _run_recorded(viewer: str | Path) -> None:
     print('rclpy is not installed here: recording the run without ROS')
     configuration = load('quadrilateral')
     session = replace(configuration.session, rate_hz=_RATE)
@@ -140,9 +140,9 @@ def _run() -> None:
     try:
         import rclpy  # noqa: F401
     except ModuleNotFoundError:
-        _recorded(viewer)
+        _run_recorded(viewer)
     else:
-        _live(viewer)
+        _run_live(viewer)
     python = Path(sys.executable).parent
     shown = python.relative_to(Path.cwd()) if python.is_relative_to(Path.cwd()) else python
     print(f'look inside:      {shown}/linkage_log info {_LOG}')

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import is_one_file, open_file
+from linkage_ros.files import is_same_file, open_file
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.presets import find_file, preset_names
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.mjcf import make_mjcf
 from linkage_ros.wire.urdf import make_urdf
 
@@ -49,8 +49,8 @@ def mjcf(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism cannot be used, or the file cannot be written.
     """
     configuration = _configuration(options)
-    machine = Machine(configuration)
-    start = machine.snapshot_at(machine.begin(0), 0).state
+    simulator = Simulator(configuration)
+    start = simulator.snapshot_at(simulator.begin(0), 0).state
     text = make_mjcf(configuration.mechanism, start, configuration.session.joint_prefix)
     _write(options, text)
 
@@ -71,7 +71,7 @@ def _write(options: argparse.Namespace, text: str) -> None:
         ConfigurationError: It exists and is not to be replaced, or cannot be written.
     """
     out = options.out
-    if is_one_file(str(out), str(find_file(options.params))):
+    if is_same_file(str(out), str(find_file(options.params))):
         raise ConfigurationError(f'{out} holds the parameters and is kept: choose another name')
     try:
         with open_file(out, 'wb' if options.overwrite else 'xb') as stream:

@@ -31,7 +31,7 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
         BlockingIOError: The file is locked.
         OSError: The file cannot be opened, or no file can have this name.
     """
-    opener = _open_at_once if mode == 'rb' else _open_locked
+    opener = _open_nonblocking if mode == 'rb' else _open_locked
     try:
         stream = open(path, mode, opener=opener)  # noqa: SIM115, the caller's to close
     except ValueError as error:  # a NUL, or half a character
@@ -40,7 +40,7 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
     return stream
 
 
-def _open_at_once(path: str, flags: int) -> int:
+def _open_nonblocking(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK, 0o666)  # less the umask, as open does
 
 
@@ -50,7 +50,7 @@ def _open_locked(path: str, flags: int) -> int:
     Raises:
         OSError: The file cannot be opened; BlockingIOError if it is locked.
     """
-    number = _open_at_once(path, flags & ~os.O_TRUNC)
+    number = _open_nonblocking(path, flags & ~os.O_TRUNC)
     try:
         if stat.S_ISREG(os.fstat(number).st_mode):  # /dev/null is shared
             _lock(number)
@@ -85,7 +85,7 @@ def is_written(path: Path | str) -> bool:
     return False
 
 
-def is_one_file(path: str, other: str) -> bool:
+def is_same_file(path: str, other: str) -> bool:
     """Whether two names refer to one file, or will do so once it exists."""
     with suppress(OSError, ValueError):
         if os.path.realpath(path) == os.path.realpath(other):
@@ -105,7 +105,7 @@ def is_replaceable(path: Path | str) -> bool:
     return stat.S_ISREG(mode) or stat.S_ISCHR(mode)  # as /dev/null is
 
 
-def is_there(path: Path | str) -> bool:
+def path_exists(path: Path | str) -> bool:
     """Whether a path exists; Path.exists raises where no file can have such a name."""
     with suppress(OSError, ValueError):
         return Path(path).exists()

@@ -28,10 +28,10 @@ from linkage_ros.verification.verify import Report, verify
 
 _NAME = 'linkage_log'
 # Of progress bars: in thousands, and none where all is done in 2 s.
-_COUNTED: dict[str, Any] = {'unit_scale': True, 'delay': 2}
+_BAR_OPTIONS: dict[str, Any] = {'unit_scale': True, 'delay': 2}
 # Stamps below are times since the start of a record, not dates (s).
-_EPOCH_OF_DATES = 10**9
-_WIDEST = 60  # characters of the column of topics
+_FIRST_DATE = 10**9
+_MAX_WIDTH = 60  # characters of the column of topics
 
 
 def info(log: LogReader) -> Iterator[str]:
@@ -47,25 +47,25 @@ def info(log: LogReader) -> Iterator[str]:
     duration = (log.end - log.start) / NS_PER_S
     yield f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB'
     yield f'written by: linkage_ros {log.version}'
-    yield f'start:      {_moment(log.start)}'
+    yield f'start:      {_time(log.start)}'
     yield f'duration:   {duration:.6f} s'
     yield f'mechanism:  {summary(log.configuration, solver)}'
     if solver.mobility:
         yield from (f'            {words}' for words in solver.mobility.equalities)
     yield 'topics:'
-    width = min(max((len(topic.name) for topic in log.topics), default=0), _WIDEST)
+    width = min(max((len(topic.name) for topic in log.topics), default=0), _MAX_WIDTH)
     for topic in log.topics:
         yield f'  {topic.name:{width}}  {topic.messages:9d}  {topic.type}'
     yield 'motion:'
     for segment in log.motions:
-        yield f'  {_moment(segment.stamp)}: {_motion(segment)}'
+        yield f'  {_time(segment.stamp)}: {_motion(segment)}'
     yield 'configuration:'
     units = {leaf.name: leaf.quantity.unit for leaf in parameter_leaves(log.configuration.kind)}
     for name, value in log.configuration.parameters().items():
-        yield f'  {name}: {_plain(value)}' + (f'  # {unit}' if (unit := units[name]) else '')
+        yield f'  {name}: {_as_yaml(value)}' + (f'  # {unit}' if (unit := units[name]) else '')
 
 
-def _plain(value: object) -> str:
+def _as_yaml(value: object) -> str:
     if isinstance(value, tuple):
         return f'[{", ".join(map(repr, value))}]'
     return repr(value) if isinstance(value, str) and not value else str(value)
@@ -79,8 +79,8 @@ def _motion(segment: Segment) -> str:
     return f'from {angle:.6f} rad, {speed:.6f} rad/s to {segment.rpm:g} rpm{ramp}'
 
 
-def _moment(stamp: int) -> str:
-    if stamp < _EPOCH_OF_DATES * NS_PER_S:
+def _time(stamp: int) -> str:
+    if stamp < _FIRST_DATE * NS_PER_S:
         return f'{stamp / NS_PER_S:.6f} s'
     seconds, rest = divmod(stamp, NS_PER_S)
     date = datetime.fromtimestamp(seconds, timezone.utc)
@@ -119,7 +119,7 @@ def verdict(log: LogReader, report: Report) -> Iterator[str]:
 def _verify(options: argparse.Namespace) -> int:
     with LogReader(options.log) as log:
         most = max((topic.messages for topic in log.topics), default=0)
-        with progress_bar(total=most, unit=' states', **_COUNTED) as bar:
+        with progress_bar(total=most, unit=' states', **_BAR_OPTIONS) as bar:
             report = verify(log, bar.update)
         if not report.states and not report.difference:
             raise LogError(f'{options.log} has no states: there is nothing to verify')
@@ -149,7 +149,7 @@ def _recover(options: argparse.Namespace) -> int:
     size = 0
     with suppress(OSError):  # recover says what is wrong
         size = options.log.stat().st_size
-    with progress_bar(total=size, unit='B', **_COUNTED) as bar:
+    with progress_bar(total=size, unit='B', **_BAR_OPTIONS) as bar:
         done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
     _print([saved(options.out, done)])
     return 0

@@ -22,7 +22,7 @@ from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.quantities import build, flatten
-from linkage_ros.ros.command_inbox import CommandInbox
+from linkage_ros.ros.command_subscriber import CommandSubscriber
 from linkage_ros.ros.measurement_inbox import hear_measurements
 from linkage_ros.ros.parameters import (
     ParameterNode,
@@ -32,13 +32,13 @@ from linkage_ros.ros.parameters import (
 )
 from linkage_ros.ros.process import (
     nonblocking_stderr,
-    on_ros,
+    ros_context,
     reported_as_configuration,
-    served,
+    spinning,
 )
-from linkage_ros.ros.publishers import await_listeners, create_publisher
-from linkage_ros.run.health import SPAN, Health, Watch
-from linkage_ros.run.machine import Machine, Snapshot
+from linkage_ros.ros.publishers import wait_for_subscribers, create_publisher
+from linkage_ros.run.health import WINDOW, Health, HealthMonitor
+from linkage_ros.run.simulator import Simulator, Snapshot
 from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.scheduling import freeze_heap
 from linkage_ros.run.ticker import (
@@ -86,15 +86,17 @@ class LinkageNode(ParameterNode):
         configuration = configure(given)
         declare(self, configuration, self._set_live)
         self._stop = stop
-        self._machine = Machine(configuration)
-        self._hardware = configuration.kind.mechanism
+        self._simulator = Simulator(configuration)
+        self._hardware_id = configuration.kind.mechanism
         self._drive: Drive = configuration.drive  # with what was set since the start
         with reported_as_configuration():  # a topic may have the name of another
-            self._outputs = {
+            self._output_publishers = {
                 topic.name: create_publisher(self, topic)
-                for topic in (*self._machine.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
+                for topic in (*self._simulator.topics, ROBOT_DESCRIPTION, DIAGNOSTICS)
             }
-        self._publishers = [self._outputs[topic.name] for topic in self._machine.topics]
+        self._publishers = [
+            self._output_publishers[topic.name] for topic in self._simulator.topics
+        ]
         self._view = self._open_view(configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log(configuration) if configuration.session.log else None
@@ -106,28 +108,28 @@ class LinkageNode(ParameterNode):
         self._motion: Motion | None = None
         self._segment: Segment | None = None
         self._state: State | None = None
-        self._inbox: CommandInbox | None = None
+        self._joint_commands: CommandSubscriber | None = None
         if isinstance(configuration.drive, TorqueDrive):
-            crank = self._machine.joints[0]
-            self._inbox = CommandInbox(self, configuration.drive, crank)
+            crank = self._simulator.joints[0]
+            self._joint_commands = CommandSubscriber(self, configuration.drive, crank)
         self._measured: MeasuredCrank | None = None
         if isinstance(configuration.drive, FollowDrive):
-            crank = self._machine.joints[0]
-            self._measured = MeasuredCrank(configuration.drive, self._machine.solver, crank)
+            crank = self._simulator.joints[0]
+            self._measured = MeasuredCrank(configuration.drive, self._simulator.solver, crank)
             hear_measurements(self, self._hear_measurement)
-        self.get_logger().info(preset_note(given) + summary(configuration, self._machine.solver))
-        await_listeners(self._publishers)
+        self.get_logger().info(preset_note(given) + summary(configuration, self._simulator.solver))
+        wait_for_subscribers(self._publishers)
         freeze_heap()
         name = self.get_fully_qualified_name().lstrip('/')
-        self._watch = Watch(name, is_torque_driven=bool(self._inbox))
+        self._monitor = HealthMonitor(name, is_torque_driven=bool(self._joint_commands))
         # Simulated time may stand still: the reports keep real time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._reports = self.create_timer(1.0, self._report, clock=steady)
+        self._report_timer = self.create_timer(1.0, self._report, clock=steady)
 
     def start(self) -> None:
         """Starts turning."""
         # Before the first tick, which with use_sim_time may be a long time away.
-        self._publish(ROBOT_DESCRIPTION, self._machine.description)
+        self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
 
     def close(self) -> bool:
@@ -137,15 +139,15 @@ class LinkageNode(ParameterNode):
             Whether all went well to the end.
         """
         self._ticker.stop()
-        self._reports.cancel()  # nothing is said after the closing line
+        self._report_timer.cancel()  # nothing is said after the closing line
         try:
             self._report()
             self._report_totals()
         finally:
-            well = self._log is None or self._log.close()
+            succeeded = self._log is None or self._log.close()
             if self._view is not None:
                 self._view.close()
-        return well and not self._ticker.error
+        return succeeded and not self._ticker.error
 
     def _report_totals(self) -> None:
         counts = self._ticker.counts
@@ -156,7 +158,7 @@ class LinkageNode(ParameterNode):
         )
         self.get_logger().info(
             f'{counts.kept} states published, {counts.missed} ticks missed, '
-            f'{counts.clock_steps} clock steps, latest tick {counts.latest / NS_PER_MS:.1f} ms '
+            f'{counts.clock_steps} clock steps, latest tick {counts.max_lateness / NS_PER_MS:.1f} ms '
             f'late{"".join(lost)}'
         )
 
@@ -169,59 +171,59 @@ class LinkageNode(ParameterNode):
         from linkage_ros.ros.run_log import RunLog
 
         heard = [HEARD[kind] for kind in HEARD if isinstance(configuration.drive, kind)]
-        return RunLog(self, self._machine, (ROBOT_DESCRIPTION, DIAGNOSTICS, *heard))
+        return RunLog(self, self._simulator, (ROBOT_DESCRIPTION, DIAGNOSTICS, *heard))
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
         callbacks = Callbacks(self._tick, self._restamp, self._fail)
         if isinstance(self._drive, FollowDrive):
-            return MeasurementTicker(self._machine, callbacks)
+            return MeasurementTicker(self._simulator, callbacks)
         if not simulated:
-            return RealTimeTicker(self._machine, callbacks)
-        ticker = SimTimeTicker(self._machine, callbacks)
+            return RealTimeTicker(self._simulator, callbacks)
+        ticker = SimTimeTicker(self._simulator, callbacks)
 
-        def hear(message: ClockMessage) -> None:
+        def advance_to(message: ClockMessage) -> None:
             seconds, rest = message.clock.sec, message.clock.nanosec
             if seconds >= 0 and rest < NS_PER_S:
-                ticker.hear(seconds * NS_PER_S + rest)
+                ticker.advance_to(seconds * NS_PER_S + rest)
             else:
                 words = f'/clock says {seconds} s and {rest} ns, which is no time: left out'
                 self.get_logger().error(words, throttle_duration_sec=1.0)
 
-        self.create_subscription(ClockMessage, '/clock', hear, _CLOCK_QOS)
+        self.create_subscription(ClockMessage, '/clock', advance_to, _CLOCK_QOS)
         return ticker
 
     def _tick(self, stamp: int) -> None:
         """One tick, in the ticker's thread."""
         motion = self._motion
         if motion is None:
-            motion = self._move(self._machine.begin(self._ticker.t0))
-        motion = self._move(motion.follow(stamp, self._drive))
-        if self._inbox and isinstance(motion, TorqueMotion):
-            for came, command in self._inbox.fetch():
+            motion = self._set_motion(self._simulator.begin(self._ticker.t0))
+        motion = self._set_motion(motion.follow(stamp, self._drive))
+        if self._joint_commands and isinstance(motion, TorqueMotion):
+            for received, command in self._joint_commands.poll():
                 if self._log is not None:
-                    self._log.write(came, JOINT_COMMANDS, command)
-            motion.command(stamp, self._inbox.commands.torque())
-        self._show(self._machine.snapshot_at(motion, stamp))
+                    self._log.write(received, JOINT_COMMANDS, command)
+            motion.command(stamp, self._joint_commands.commands.torque())
+        self._show(self._simulator.snapshot_at(motion, stamp))
 
     def _hear_measurement(self, data: bytes) -> None:
         """Takes a measurement of the crank, in the executor's thread."""
         if isinstance(self._ticker, MeasurementTicker):
-            self._ticker.hear(lambda: self._answer(data))
+            self._ticker.advance_to(lambda: self._answer(data))
 
     def _answer(self, data: bytes) -> bool:
         """Answers a measurement; returns whether it did not have to be left out."""
         if self._measured is None:
             return False
-        came, before = time.time_ns(), self._measured.left_out.copy()
+        received, before = time.time_ns(), self._measured.left_out.copy()
         if self._log is not None and len(data) <= LARGEST_COMMAND:
-            self._log.write(came, MEASURED_JOINT_STATES, data)
-        heard = self._measured.hear(data, came)
+            self._log.write(received, MEASURED_JOINT_STATES, data)
+        heard = self._measured.advance_to(data, received)
         if heard is None:
             (cause,) = self._measured.left_out - before
             words = f'a message on {MEASURED_JOINT_STATES.name} is left out: {cause}'
             self.get_logger().warning(words, throttle_duration_sec=1.0)
             return False
-        self._show(self._machine.snapshot_measured(*heard))
+        self._show(self._simulator.snapshot_measured(*heard))
         return True
 
     def _show(self, snapshot: Snapshot) -> None:
@@ -230,7 +232,7 @@ class LinkageNode(ParameterNode):
         row = snapshot.row(time.time_ns())
         messages = snapshot.layout.messages(row)
         for topic, publisher, message in zip(
-            self._machine.topics, self._publishers, messages, strict=True
+            self._simulator.topics, self._publishers, messages, strict=True
         ):
             if not topic.on_demand or publisher.get_subscription_count():
                 publisher.publish(message)
@@ -241,16 +243,16 @@ class LinkageNode(ParameterNode):
 
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes a message that belongs to no tick, and logs it."""
-        self._outputs[topic.name].publish(message)
+        self._output_publishers[topic.name].publish(message)
         if self._log is not None:
             self._log.write(time.time_ns(), topic, message)
 
     def _restamp(self, old: int, new: int) -> None:
         if self._motion is not None:
-            self._move(self._motion.restamp(old, new))
+            self._set_motion(self._motion.restamp(old, new))
         self.get_logger().warning(f'the clock was stepped by {(new - old) / NS_PER_S:+.3f} s')
 
-    def _move(self, motion: Motion) -> Motion:
+    def _set_motion(self, motion: Motion) -> Motion:
         """Goes on with a motion, and logs its segment if that is new."""
         if self._log is not None and motion.segment is not self._segment:
             self._log.write_motion(motion.segment)
@@ -263,38 +265,38 @@ class LinkageNode(ParameterNode):
     def _report(self) -> None:
         """Publishes the diagnostics, and says what went wrong since the last report."""
         counts, parts = self._ticker.counts, self._health()
-        statuses = self._watch.report(counts, self._figures(), parts, self._troubles())
-        for status in self._watch.news(statuses):
+        statuses = self._monitor.report(counts, self._values(), parts, self._warnings())
+        for status in self._monitor.changes(statuses):
             if status.level == WARN:
                 self.get_logger().warning(status.message)
             else:
                 self.get_logger().info(status.message)
         now = self.get_clock().now().nanoseconds  # 0 until simulated time is heard
-        diagnosis = encode_diagnostics(now, self._hardware, statuses)
+        diagnosis = encode_diagnostics(now, self._hardware_id, statuses)
         self._publish(DIAGNOSTICS, diagnosis)
 
     def _health(self) -> dict[str, Health]:
         parts = {'log': self._log, 'viewer': self._view}
         return {name: part.health() if part else Health('') for name, part in parts.items()}
 
-    def _troubles(self) -> list[str]:
+    def _warnings(self) -> list[str]:
         waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
         troubles = ['waiting for /clock'] if waiting else []
-        if self._inbox and self._inbox.commands.silent_within(SPAN):
+        if self._joint_commands and self._joint_commands.commands.timed_out_within(WINDOW):
             troubles.append(
-                f'no command within command_timeout: the motor drove alone in the last {SPAN} s'
+                f'no command within command_timeout: the motor drove alone in the last {WINDOW} s'
             )
         return troubles
 
-    def _figures(self) -> dict[str, str]:
+    def _values(self) -> dict[str, str]:
         if self._state is None:
             return {}
-        residual = loop_residual(self._machine.solver.structure, self._state)
+        residual = loop_residual(self._simulator.solver.structure, self._state)
         return {
             'crank speed, rad/s': f'{self._state.velocity[0]:.6g}',
             'driving torque, N m': f'{self._state.torque:.6g}',
             'loop residual, m': f'{residual:.3g}',
-            **(self._inbox.commands.figures() if self._inbox else {}),
+            **(self._joint_commands.commands.diagnostics() if self._joint_commands else {}),
             **self._left_out(),
         }
 
@@ -325,14 +327,14 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: list[str]) -> int:
     stop = cli.Stop()
     check_parameter_files(arguments, _NAME)
-    with nonblocking_stderr(), on_ros(arguments) as others:
+    with nonblocking_stderr(), ros_context(arguments) as others:
         cli.refuse_arguments(_parser(), others)
         node = LinkageNode(stop)
-        with served(node):
+        with spinning(node):
             node.start()
             stop.wait()
-            well = node.close()
-    return 0 if well else 1
+            succeeded = node.close()
+    return 0 if succeeded else 1
 
 
 def main() -> int:

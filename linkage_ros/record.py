@@ -30,7 +30,7 @@ from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import Session
 from linkage_ros.progress import progress_bar
 from linkage_ros.quantities import Quantity, leaves
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION, qualified
 
@@ -73,25 +73,25 @@ def record(
         MotionError: A torque-driven motion cannot be followed so far; what came before is kept.
         LogError: The file cannot be written.
     """
-    machine = Machine(configuration)
-    motion = machine.begin(0, AdaptiveSteps)
-    count = count_states(machine, motion, duration, revolutions)
+    simulator = Simulator(configuration)
+    motion = simulator.begin(0, AdaptiveSteps)
+    count = count_states(simulator, motion, duration, revolutions)
     turns = revolutions if count is None else None
     with LogWriter(path, configuration, overwrite=overwrite) as log:
-        log.add_states(machine.layout, ((topic, qualified(topic)) for topic in machine.topics))
+        log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
         description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
         log.write_motion(motion.segment)
-        log.write(description, 0, machine.description)
+        log.write(description, 0, simulator.description)
         written = 0
         try:
             with progress_bar(
                 total=count, wanted=progress, unit=' states', unit_scale=True
             ) as bar:
-                for rows in _rows(machine, motion, count, turns):
+                for rows in _rows(simulator, motion, count, turns):
                     if stopped():
                         break
                     log.write_rows(rows)
-                    states = len(rows) // machine.layout.size
+                    states = len(rows) // simulator.layout.size
                     written += states
                     bar.update(states)
         except MotionError as error:
@@ -103,12 +103,12 @@ def record(
 
 
 def _rows(
-    machine: Machine, motion: Motion, count: int | None, turns: int | None
+    simulator: Simulator, motion: Motion, count: int | None, turns: int | None
 ) -> Iterator[bytearray]:
     """The states of a motion, many at a time.
 
     Args:
-        machine: What moves.
+        simulator: What moves.
         motion: Its motion from t = 0.
         count: Number of states; None: they end with the last turn.
         turns: Turns of the crank, either way; None: `count` tells the end.
@@ -119,30 +119,30 @@ def _rows(
     Raises:
         MotionError: The motion cannot be followed any further.
     """
-    start, tick = machine.configuration.drive.crank_angle, 0
+    start, tick = simulator.configuration.drive.crank_angle, 0
     while tick != count:
         # A motion that ends with a turn is followed for no longer than a second beyond it.
-        most = machine.tick_at(NS_PER_S) + 1 if count is None else count - tick
-        stamps = [machine.elapsed(tick + i) for i in range(min(_BATCH, most))]
+        most = simulator.tick_at(NS_PER_S) + 1 if count is None else count - tick
+        stamps = [simulator.elapsed(tick + i) for i in range(min(_BATCH, most))]
         found = motion.at_all(stamps)
         stamps = stamps[: len(found.unwrapped)]
-        rows = machine.rows(stamps, found, machine.ahead(motion, stamps))
+        rows = simulator.rows(stamps, found, simulator.ahead(motion, stamps))
         angles = zip(stamps, found.unwrapped - start, strict=True)
         for i, (stamp, angle) in enumerate(angles if turns else ()):
             if turns and _has_turned(angle, turns, stamp):
-                yield rows[: i * machine.layout.size]
+                yield rows[: i * simulator.layout.size]
                 return
         yield rows
         tick += len(stamps)
 
 
 def count_states(
-    machine: Machine, motion: Motion, duration: float | None, revolutions: int | None
+    simulator: Simulator, motion: Motion, duration: float | None, revolutions: int | None
 ) -> int | None:
     """The number of states in a record.
 
     Args:
-        machine: Which is recorded.
+        simulator: Which is recorded.
         motion: Motion of its crank, from t = 0.
         duration: s; None: 10.
         revolutions: Turns of the crank, either way, instead of a duration.
@@ -168,7 +168,7 @@ def count_states(
                 f'the crank does not make {revolutions} revolutions within {_LONGEST:g} s: '
                 'give a --duration, fewer revolutions, or a higher rpm'
             )
-    return machine.tick_at(end - 1) + 1
+    return simulator.tick_at(end - 1) + 1
 
 
 def _has_turned(angle: float, revolutions: int, stamp: int) -> bool:

@@ -20,7 +20,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.session import VIEWERS
 from linkage_ros.playback.feed import Excerpt, excerpt_of, feed
 from linkage_ros.playback.keyboard import Keyboard
-from linkage_ros.playback.player import FASTEST, KEYS, SLOWEST, Pace, Player, Show, Sink
+from linkage_ros.playback.player import MAX_RATE, KEYS, MIN_RATE, Pace, Player, Show, Sink
 from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.quantities import Quantity
 from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
@@ -35,7 +35,7 @@ _DURATION = replace(_OFFSET, meaning='play this much from there, the end exclude
 _OPTIONS: list[tuple[tuple[str, ...], Quantity | None, dict[str, Any]]] = [
     (('log',), None, {'metavar': 'LOG.mcap', 'type': cli.path, 'help': 'the log'}),
     (('-r', '--rate'),
-     Quantity('number', 'log time over real time', low=SLOWEST, high=FASTEST),
+     Quantity('number', 'log time over real time', low=MIN_RATE, high=MAX_RATE),
      {'note': ' (default 1)', 'default': 1.0, 'metavar': 'R'}),
     (('-l', '--loop'), None,
      {'action': 'store_true',
@@ -118,7 +118,7 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _sinks(
-    stack: ExitStack, options: argparse.Namespace, of_ros: list[str], log: LogReader,
+    stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
     excerpt: Excerpt, pace: Pace,
 ) -> list[Sink]:  # fmt: skip
     publishing = None
@@ -131,7 +131,9 @@ def _sinks(
                 no_clock = ', and no --clock' if options.clock is not None else ''
                 raise ConfigurationError(words + no_clock) from error
         else:
-            publishing = republishing(_NAME, of_ros, log, excerpt.topics, pace, options.clock)
+            publishing = republishing(
+                _NAME, ros_arguments, log, excerpt.topics, pace, options.clock
+            )
     # The viewer is opened first, because its errors come at once; but topics get messages first.
     sinks: list[Sink] = []
     if options.viewer:
@@ -146,7 +148,7 @@ def _sinks(
 
 
 def _run(arguments: list[str]) -> int:
-    own, of_ros = _split(arguments)
+    own, ros_arguments = _split(arguments)
     options = _parser().parse_args(own)
     stop = cli.Stop()
     with ExitStack() as stack:
@@ -159,7 +161,7 @@ def _run(arguments: list[str]) -> int:
             )  # fmt: skip
         excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
         pace = Pace(excerpt.start, options.rate)
-        sinks = _sinks(stack, options, of_ros, log, excerpt, pace)
+        sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace)
         keyboard = stack.enter_context(Keyboard())
         freeze_heap()
         shorten_switch_interval()

@@ -23,7 +23,7 @@ from mcap.records import (
 
 from linkage_ros.log.metadata import _seal, encode_configuration, encode_motion
 from linkage_ros.parameters.configuration import load
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.topics import JOINT_STATES
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -90,7 +90,7 @@ def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), again=0, c
     names = ['linkage_ros', 'linkage_ros/motion', *(name for name, _ in metadata)]
     fields = [
         encode_configuration(configuration),
-        encode_motion(Machine(configuration).begin(0).segment),
+        encode_motion(Simulator(configuration).begin(0).segment),
     ]
     fields += [settings for _, settings in metadata]
     interface = JOINT_STATES.interface
@@ -145,7 +145,7 @@ def bombs():
     frame = zeros(1)[:-3] + struct.pack('<I', len(landmark) + 6 + 32 << 3)[:3]
     chain = (landmark[:-4] + frame) * 10_000
     motions = [
-        ('linkage_ros/motion', encode_motion(Machine(load('quadrilateral')).begin(0).segment))
+        ('linkage_ros/motion', encode_motion(Simulator(load('quadrilateral')).begin(0).segment))
     ]
     endless = ('linkage_ros/motion', _seal({
         'stamp': '0', 'phase': '1e999999999', 'speed': '0', 'rpm': '1', 'acceleration': '0',

@@ -18,7 +18,7 @@ from linkage_ros.log.metadata import _seal
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 # Where a length, a count, an offset or a time is expected.
@@ -37,24 +37,24 @@ def good_logs(folder):
 
 def _run(path, configuration, *, live):
     """Thirty states, with a change of motion in the midst of a live run that has one."""
-    machine, start = Machine(configuration), 1_795_000_000_000_000_000 if live else 0
-    motion = machine.begin(start)
+    simulator, start = Simulator(configuration), 1_795_000_000_000_000_000 if live else 0
+    motion = simulator.begin(start)
     with LogWriter(path, configuration, overwrite=True) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
+        channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.topics]
         log.write_motion(motion.segment)
         log.write(
-            log.add_topic(ROBOT_DESCRIPTION, '/robot_description'), start, machine.description
+            log.add_topic(ROBOT_DESCRIPTION, '/robot_description'), start, simulator.description
         )
         if live:
             log.write(log.add_topic(DIAGNOSTICS, '/diagnostics'), start, b'\0\1\0\0' + bytes(16))
         for tick in range(30):
-            stamp = start + machine.elapsed(tick)
+            stamp = start + simulator.elapsed(tick)
             if tick == 15 and live and isinstance(motion, SpeedMotion):
                 motion = motion.change(stamp, -20.0)
                 log.flush()
                 log.write_motion(motion.segment)
             for channel, data in zip(
-                channels, machine.snapshot_at(motion, stamp).messages, strict=True
+                channels, simulator.snapshot_at(motion, stamp).messages, strict=True
             ):
                 log.write(channel, stamp, data)
     return path.read_bytes()

@@ -20,7 +20,7 @@ from linkage_ros.playback.feed import excerpt_of, feed
 from linkage_ros.quantities import build, flatten
 from linkage_ros.record import record
 from linkage_ros.recovery.recover import recover
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import JOINT_STATES
@@ -50,7 +50,7 @@ def parameter_file(path):
 
     def run():
         configuration = load(str(path))
-        summary(configuration, Machine(configuration).solver)
+        summary(configuration, Simulator(configuration).solver)
         duration = min(0.02, 5 / configuration.session.rate_hz)
         record(configuration, path.with_suffix('.mcap'), duration=duration, overwrite=True)
 
@@ -82,7 +82,7 @@ def play(path, words=()):
     with LogReader(path) as log:
         replay._check(options, log)
         piece = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
-        codec = JointStateCodec(Machine(log.configuration).joints)
+        codec = JointStateCodec(Simulator(log.configuration).joints)
         shown = {name for name, _ in paired(log, [JOINT_STATES])}
         with feed(log, piece, loop=False) as items:
             for item in items:
@@ -122,8 +122,8 @@ class LiveNode:
 
         self.configuration = configuration
         self.node = Node('live', context=context, enable_rosout=False)
-        self._machine = Machine(configuration)
-        self.motion = self._machine.begin(0)
+        self._simulator = Simulator(configuration)
+        self.motion = self._simulator.begin(0)
         self._drive, self._stamp = configuration.drive, 0
         declare(self.node, configuration, self._set)
 
@@ -153,7 +153,7 @@ class LiveNode:
 
         def go():
             self.motion = self.motion.follow(self._stamp, self._drive)
-            self._machine.snapshot_at(self.motion, self._stamp)
+            self._simulator.snapshot_at(self.motion, self._stamp)
 
         if outcome(go):
-            self.motion, self._stamp = self._machine.begin(0), 0
+            self.motion, self._stamp = self._simulator.begin(0), 0

@@ -27,7 +27,7 @@ from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names, preset_path
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.mjcf import make_mjcf
 from linkage_ros.wire.urdf import make_urdf
@@ -43,8 +43,8 @@ def changed(preset, **values):
 
 
 def start_of(configuration):
-    machine = Machine(configuration)
-    return machine.snapshot_at(machine.begin(0), 0).state
+    simulator = Simulator(configuration)
+    return simulator.snapshot_at(simulator.begin(0), 0).state
 
 
 def exported(configuration, mechanism=None):
@@ -115,9 +115,9 @@ def test_masses_gravity_motor_loads_and_sensors_are_those_of_the_mechanism():
 
 def test_coupler_point_is_a_sensor():
     configuration = load('coupler_point')
-    machine = Machine(configuration)
+    simulator = Simulator(configuration)
     _, data = exported(configuration)
-    place = machine.solver.point(start_of(configuration), 'C').position
+    place = simulator.solver.point(start_of(configuration), 'C').position
     assert data.sensor('coupler_point').data == pytest.approx((*place, 0.0), abs=1e-15)
 
 
@@ -161,8 +161,8 @@ def run(configuration, seconds, mechanism=None):
     """
     model, data = exported(configuration, mechanism)
     mujoco.mj_resetDataKeyframe(model, data, model.key('start').id)
-    machine, drive = Machine(configuration), configuration.drive
-    solver, given = machine.solver, machine.begin(0)
+    simulator, drive = Simulator(configuration), configuration.drive
+    solver, given = simulator.solver, simulator.begin(0)
     step = round(model.opt.timestep * NS_PER_S)
     is_motor = isinstance(drive, TorqueDrive)
     rpm = drive.start_rpm if is_motor else drive.initial_rpm

@@ -26,7 +26,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.recovery.recover import recover
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import encode_float64
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN
@@ -246,7 +246,7 @@ def test_view_that_others_can_reach_is_served_with_a_warning():
 def test_a_log_that_is_cut_off_is_said_and_left_alone(tmp_path, size, end):
     path = tmp_path / 'run.mcap'
     log = LogWriter(path, configure({'rpm': 60.0}), overwrite=False)
-    motion = Machine(configure({'rpm': 60.0})).begin(0)
+    motion = Simulator(configure({'rpm': 60.0})).begin(0)
     log.flush()
     os.truncate(path, size)
     log.write_motion(motion.segment)  # which would fill the hole

@@ -29,7 +29,7 @@ from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.record import record
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.interfaces import DIAGNOSTIC_ARRAY
 
@@ -50,7 +50,7 @@ def recorded(preset, folder):
     rate = round(configuration.session.rate_hz)
     assert count == round(DURATION * rate)
     stamps = [tick * 10**9 // rate for tick in range(count)]
-    motion = Machine(configuration).begin(0, AdaptiveSteps)
+    motion = Simulator(configuration).begin(0, AdaptiveSteps)
     return Log(path, configuration, solved_messages(configuration, motion, stamps))
 
 
@@ -69,7 +69,7 @@ def live(folder):
     assert code == 0, output
     log, found = logged(path)
     configuration, (segment,) = log.configuration, log.motions
-    codec = JointStateCodec(Machine(configuration).joints)
+    codec = JointStateCodec(Simulator(configuration).joints)
     stamps = [codec.decode(message.data)[0] for message in found['/joint_states']]
     assert len(stamps) > 150
     expected = solved_messages(configuration, SpeedMotion(segment), stamps)
@@ -260,7 +260,7 @@ def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch)
     run_python(tree, 'mcap.md', names)
     rows = log.messages['/mechanism_state']
     quantities = ('positions', 'velocities', 'accelerations', 'effort')
-    joints = Machine(log.configuration).joints
+    joints = Simulator(log.configuration).joints
     assert list(names['columns']) == [(joint, word) for joint in joints for word in quantities]
     for (joint, quantity), column in names['columns'].items():
         place = joints.index(joint)

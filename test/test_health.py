@@ -11,7 +11,7 @@ from itertools import pairwise
 import pytest
 
 from linkage_ros.run import health
-from linkage_ros.run.health import Health, Watch
+from linkage_ros.run.health import Health, HealthMonitor
 from linkage_ros.run.ticker import TickCounts
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN
 
@@ -35,15 +35,15 @@ def seconds_pass(monkeypatch):
 
 def motion(missed, steps=None, **watched):
     """The level of the motion in every report, and the lines of the log, from misses a second."""
-    watch, counts = Watch('node', **watched), TickCounts()
+    monitor, counts = HealthMonitor('node', **watched), TickCounts()
     levels, lines = [], []
     for now, stepped in itertools.zip_longest(missed, steps or [], fillvalue=0):
         counts.missed += now
         counts.kept += TICKS - now
         counts.clock_steps += stepped
-        statuses = watch.report(counts, {}, {}, [])
+        statuses = monitor.report(counts, {}, {}, [])
         levels.append(statuses[0].level)
-        lines += [(status.level, status.message) for status in watch.news(statuses)]
+        lines += [(status.level, status.message) for status in monitor.changes(statuses)]
     return levels, lines
 
 
@@ -106,11 +106,11 @@ def test_a_clock_that_jumps_skips_ticks_on_a_machine_that_is_not_busy():
 
 
 def test_the_rate_is_that_of_the_last_seconds():
-    watch, counts = Watch('node'), TickCounts()
+    monitor, counts = HealthMonitor('node'), TickCounts()
     rates = []
     for kept in (50, *[200] * 10):
         counts.kept += kept
-        (status,) = watch.report(counts, {}, {}, [])
+        (status,) = monitor.report(counts, {}, {}, [])
         rates.append(status.values['rate kept, Hz'])
     assert (rates[:2], rates[-2:]) == (['50.00', '125.00'], ['185.00', '200.00'])
 
@@ -123,10 +123,10 @@ LAGS = 'the viewer lags: items were left out in the last 10 s'
 
 def viewer(*parts):
     """The lines that reports of a viewer's health are worth, report by report."""
-    watch, lines = Watch('node'), []
+    monitor, lines = HealthMonitor('node'), []
     for part in parts:
-        statuses = watch.report(TickCounts(), {}, {'viewer': part}, [])
-        lines.append([status.message for status in watch.news(statuses)])
+        statuses = monitor.report(TickCounts(), {}, {'viewer': part}, [])
+        lines.append([status.message for status in monitor.changes(statuses)])
     return lines
 
 
@@ -144,12 +144,12 @@ def test_losses_during_a_trouble_are_no_lag():
 
 def test_a_failure_is_an_error_and_said_by_what_fails():
     assert viewer(Health('x', 1, OSError('gone'))) == [[]]
-    _, status = Watch('node').report(
+    _, status = HealthMonitor('node').report(
         TickCounts(), {}, {'log': Health('x', 1, OSError('gone'))}, []
     )
     assert (status.level, status.message) == (ERROR, 'failed: gone')
 
 
 def test_a_part_that_there_is_not_is_off():
-    _, status = Watch('node').report(TickCounts(), {}, {'log': Health('')}, [])
+    _, status = HealthMonitor('node').report(TickCounts(), {}, {'log': Health('')}, [])
     assert (status.level, status.message) == (OK, 'off')

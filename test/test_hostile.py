@@ -28,7 +28,7 @@ from ros_harness import fresh_domain
 from linkage_ros.log.metadata import _seal, decode_motion, encode_motion
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 
 CASES = int(os.environ.get('LINKAGE_ROS_CASES', '100'))
@@ -154,12 +154,12 @@ def test_any_settings(settings_):
 @MORE
 @given(st.binary(max_size=300), st.integers(0, 300))
 def test_any_bytes_as_a_message(data, at):
-    machine = Machine(load('quadrilateral'))
-    good = machine.snapshot_at(machine.begin(0), 0).messages[0]
+    simulator = Simulator(load('quadrilateral'))
+    good = simulator.snapshot_at(simulator.begin(0), 0).messages[0]
     mixed = good[:at] + data + good[at + len(data) :]
     for message in (data, mixed):
         with suppress(ValueError):
-            assert len(machine.joint_states.decode(message)[1]) == 9
+            assert len(simulator.joint_states.decode(message)[1]) == 9
 
 
 @MORE
@@ -171,7 +171,7 @@ def test_any_bytes_as_a_message(data, at):
     )
 )
 def test_any_words_as_a_motion_record(fields):
-    good = encode_motion(Machine(load('quadrilateral')).begin(0).segment)
+    good = encode_motion(Simulator(load('quadrilateral')).begin(0).segment)
     good.pop('crc32')
     hostile_outcomes.outcome(lambda: decode_motion(_seal({**good, **fields})))
 

@@ -49,9 +49,9 @@ from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.record import record
 from linkage_ros.recovery import damaged_mcap, record_copy
 from linkage_ros.recovery.recover import recover
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 
-MOTION = encode_motion(Machine(load('quadrilateral')).begin(0).segment)
+MOTION = encode_motion(Simulator(load('quadrilateral')).begin(0).segment)
 STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
 
 

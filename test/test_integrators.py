@@ -244,7 +244,7 @@ def test_only_steps_up_to_a_ms_have_a_slowest_ms():
         MECHANISMS, quick=True, progress=lambda items, _: items, methods=methods
     )
     assert len(points) == 2 * (2 + 1 + 2)
-    slowest = [p for p in points if p.mode == accuracy.SLOWEST]
+    slowest = [p for p in points if p.mode == accuracy.MIN_RATE]
     assert [p.setting for p in slowest] == ['step 0.001'] * 2
     for point in points:
         assert 0 < point.us_per_state < 1e4

@@ -41,7 +41,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.record import record
 from linkage_ros.recovery.recover import recover
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import encode_float64, encode_string
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS
 
@@ -251,11 +251,11 @@ def test_the_same_record_has_the_same_bytes(tmp_path):
 @pytest.mark.parametrize('start', [0, START])
 def test_rows_are_the_very_bytes_that_the_library_would_write(tmp_path, start):
     """Chunks, indexes, counts and times, message by message; three chunks end within a state."""
-    machine, path = Machine(load('quadrilateral')), tmp_path / 'run.mcap'
-    stamps = [start + machine.elapsed(tick) for tick in range(6000)]
-    with LogWriter(path, machine.configuration, overwrite=False) as log:
-        log.add_states(machine.layout, ((topic, topic.name) for topic in machine.topics))
-        log.write_rows(machine.rows(stamps, machine.begin(start).at_all(stamps)))
+    simulator, path = Simulator(load('quadrilateral')), tmp_path / 'run.mcap'
+    stamps = [start + simulator.elapsed(tick) for tick in range(6000)]
+    with LogWriter(path, simulator.configuration, overwrite=False) as log:
+        log.add_states(simulator.layout, ((topic, topic.name) for topic in simulator.topics))
+        log.write_rows(simulator.rows(stamps, simulator.begin(start).at_all(stamps)))
     with path.open('rb') as stream, (tmp_path / 'other.mcap').open('wb') as target:
         writer = Writer(target)
         for item in StreamReader(stream).records:

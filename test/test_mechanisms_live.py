@@ -16,7 +16,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.record import record
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import JointStateCodec
 
 # At theta = pi the coupler and the rocker stretch, at theta = 0 they fold: both are passed.
@@ -37,7 +37,7 @@ def parameters(head, **motion):
 
 def states(log, messages):
     """Stamps, and the members' positions and velocities as they were published."""
-    codec = JointStateCodec(Machine(log.configuration).joints)
+    codec = JointStateCodec(Simulator(log.configuration).joints)
     rows = [codec.decode(message.data) for message in messages['/joint_states']]
     return np.array([stamp for stamp, _ in rows]), np.array([numbers for _, numbers in rows])
 
@@ -65,7 +65,7 @@ def test_spin_up_and_reversal_pass_all_change_points_in_a_record(tmp_path, head)
         parameters(head, rpm=-240.0, start_rpm=300.0, crank_acceleration=40.0, rate_hz=1000.0)
     )
     configuration = load(str(tmp_path / 'linkage.yaml'))
-    assert Machine(configuration).solver.mobility.grashof == 'change-point'
+    assert Simulator(configuration).solver.mobility.grashof == 'change-point'
     record(configuration, tmp_path / 'run.mcap', duration=2.0)
     log, messages = logged(tmp_path / 'run.mcap')
     stamps, rows = states(log, messages)
@@ -105,18 +105,18 @@ def test_the_node_passes_change_points_and_its_log_explains_every_state(tmp_path
     assert code == 0, output
     log, messages = logged(path)
     assert [segment.rpm for segment in log.motions][1:] == [-450.0]
-    machine = Machine(log.configuration)
-    names = [f'/{topic.name}' for topic in machine.topics]
+    simulator = Simulator(log.configuration)
+    names = [f'/{topic.name}' for topic in simulator.topics]
     stamps, rows = states(log, messages)
     for stamp, *published in zip(stamps, *(messages[name] for name in names), strict=True):
         segment = [segment for segment in log.motions if segment.stamp <= stamp][-1]
-        snapshot = machine.snapshot_at(SpeedMotion(segment), int(stamp))
+        snapshot = simulator.snapshot_at(SpeedMotion(segment), int(stamp))
         assert snapshot.messages == tuple(message.data for message in published)
     received = listener.received['/joint_states']
     assert unbroken(received, [message.data for message in messages['/joint_states']])
     assert rows[0, 3] > 0 > rows[-1, 3]
     words = output.partition('linkage_node]: ')[2].splitlines()[0]
-    assert summary(machine.configuration, machine.solver) in words
+    assert summary(simulator.configuration, simulator.solver) in words
     assert 'transmission angle' in words
     steady = [i for i, (a, b) in enumerate(pairwise(stamps)) if b - a == 2_000_000]
     assert len(steady) > 50  # most of 400, but for a busy machine

@@ -20,7 +20,7 @@ from test_chart import chart
 from linkage_ros import __version__
 from linkage_ros.lab.charts.accuracy import draw_accuracy, draw_integration
 from linkage_ros.lab.charts.stability import draw_stability
-from linkage_ros.lab.methods.accuracy import MEAN, NEAR, SLOWEST, Measurement
+from linkage_ros.lab.methods.accuracy import MEAN, NEAR, MIN_RATE, Measurement
 from linkage_ros.lab.methods.bench import LIMIT
 from linkage_ros.lab.methods.chain import BATCH, ONE, OWN, QUANTITIES
 from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY
@@ -102,7 +102,7 @@ def test_every_integrator_is_measured_at_every_setting(errors):
             for method in INTEGRATORS:
                 settings = [label(setting) for setting in method.settings]
                 assert list(errors[mechanism, quantity, method.name, MEAN]) == settings
-                assert (mechanism, TRAJECTORY, method.name, SLOWEST) in errors
+                assert (mechanism, TRAJECTORY, method.name, MIN_RATE) in errors
 
 
 def steady_error(errors, mechanism, quantity, method, mode):
@@ -209,10 +209,10 @@ def draw_all():
         )
         for one in committed('accuracy')
     ]
-    solved = [point for point in points if point.mode not in (MEAN, SLOWEST)]
+    solved = [point for point in points if point.mode not in (MEAN, MIN_RATE)]
     for name in dict.fromkeys(point.mechanism for point in solved):
         draw_accuracy([p for p in solved if p.mechanism == name], name, Path(name))
-    draw_integration([p for p in points if p.mode in (MEAN, SLOWEST)], 'it', Path())
+    draw_integration([p for p in points if p.mode in (MEAN, MIN_RATE)], 'it', Path())
     cells = [Cell(**record) for record in committed('stability')]
     own = {situation.name for situation in SITUATIONS}
     draw_stability(

@@ -33,7 +33,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 
 STATES = '/joint_states'
 OUTPUTS = (STATES, '/driving_torque', '/mechanism_state', '/coupler_point')
@@ -75,12 +75,12 @@ def test_every_message_arrives_in_order_with_stamps_one_period_apart(run):
 
 def test_the_log_explains_every_state_to_the_bit(run):
     log, messages, *_ = run
-    machine, (segment,) = Machine(log.configuration), log.motions
+    simulator, (segment,) = Simulator(log.configuration), log.motions
     motion = SpeedMotion(segment)
-    assert [f'/{topic.name}' for topic in machine.topics] == list(OUTPUTS)
+    assert [f'/{topic.name}' for topic in simulator.topics] == list(OUTPUTS)
     for published in zip(*(messages[topic] for topic in OUTPUTS), strict=True):
         stamp, _ = CODEC.decode(published[0].data)
-        snapshot = machine.snapshot_at(motion, stamp)
+        snapshot = simulator.snapshot_at(motion, stamp)
         assert snapshot.messages == tuple(message.data for message in published)
 
 
@@ -134,10 +134,10 @@ def test_rpm_is_set_live_and_sigterm_ends_with_a_complete_log(tmp_path):
     assert len(messages[STATES]) >= len(listener.received[STATES])
     assert [segment.rpm for segment in log.motions] == [150.0, -60.0, 0.5]
     states = decoded(message.data for message in messages[STATES])
-    machine = Machine(log.configuration)
+    simulator = Simulator(log.configuration)
     for stamp, numbers in states:
         segment = [segment for segment in log.motions if segment.stamp <= stamp][-1]
-        message = machine.snapshot_at(SpeedMotion(segment), stamp).messages[0]
+        message = simulator.snapshot_at(SpeedMotion(segment), stamp).messages[0]
         assert (stamp, numbers) == CODEC.decode(message)
 
 

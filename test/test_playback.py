@@ -18,7 +18,7 @@ from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.playback.feed import Item, excerpt_of, feed
 from linkage_ros.playback.keyboard import RIGHT
-from linkage_ros.playback.player import FASTEST, Pace, Player
+from linkage_ros.playback.player import MAX_RATE, Pace, Player
 from linkage_ros.record import record
 
 PERIOD = 5_000_000
@@ -133,7 +133,7 @@ def running(rate=1.0, start=0):
 def test_starts_paused():
     clock = Clock()
     pace = Pace(7, 1.0, clock)
-    pace.expect(S)
+    pace.set_next(S)
     clock.time += 5 * S
     assert (pace.position(), pace.paused) == (7, True)
     assert pace.left(7) == pace.left(S) == math.inf  # not even the first message
@@ -148,7 +148,7 @@ def test_deadlines_are_absolute(rate):
     begin = clock.time
     for n in range(1, 1000):
         due = 50 + n * 5 * MS
-        pace.expect(due)
+        pace.set_next(due)
         clock.time += round(pace.left(due) * S) + MS  # each wait wakes 1 ms late
         assert pace.left(due) <= 0
         assert clock.time - begin == pytest.approx(n * 5 * MS / rate + MS, abs=2)
@@ -156,26 +156,26 @@ def test_deadlines_are_absolute(rate):
 
 def test_position_waits_for_the_message():
     pace, clock = running()
-    pace.expect(5 * MS)
+    pace.set_next(5 * MS)
     clock.time += 9 * MS
     assert pace.position() == 5 * MS
-    pace.expect(10 * MS)
+    pace.set_next(10 * MS)
     assert pace.position() == 9 * MS
 
 
 def test_small_lag_is_caught_up_and_large_lag_is_not():
     for late, left in ((99, -0.094), (101, 0.005)):
         pace, clock = running()
-        pace.expect(5 * MS)
+        pace.set_next(5 * MS)
         clock.time += (5 + late) * MS
         assert pace.left(5 * MS) == pytest.approx(-late / 1000)
-        pace.expect(10 * MS)
+        pace.set_next(10 * MS)
         assert pace.left(10 * MS) == pytest.approx(left)
 
 
 def test_pausing_keeps_the_position():
     pace, clock = running(2.0)
-    pace.expect(S)
+    pace.set_next(S)
     clock.time += 100 * MS
     pace.toggle()
     clock.time += 3600 * S
@@ -187,7 +187,7 @@ def test_pausing_keeps_the_position():
 
 def test_messages_of_one_time_come_together_even_when_paused():
     pace, clock = running()
-    pace.expect(5 * MS)
+    pace.set_next(5 * MS)
     clock.time += 5 * MS
     assert pace.left(5 * MS) <= 0
     pace.toggle()
@@ -197,11 +197,11 @@ def test_messages_of_one_time_come_together_even_when_paused():
 def test_step_goes_to_the_next_message_only():
     pace, clock = running()
     pace.toggle()
-    pace.expect(5 * MS)
-    pace.go_to(5 * MS)
+    pace.set_next(5 * MS)
+    pace.jump_to(5 * MS)
     assert pace.position() == 5 * MS
     assert pace.left(5 * MS) == 0
-    pace.expect(10 * MS)
+    pace.set_next(10 * MS)
     clock.time += S
     assert (pace.position(), pace.left(10 * MS)) == (5 * MS, math.inf)
 
@@ -229,7 +229,7 @@ def test_right_arrow_steps_only_while_paused(paused):
 
 def test_rate_changes_by_tenths_and_back():
     pace, clock = running()
-    pace.expect(10 * S)
+    pace.set_next(10 * S)
     clock.time += S
     pace.change_rate(0.1)
     assert pace.rate == 1.1
@@ -240,16 +240,16 @@ def test_rate_changes_by_tenths_and_back():
     for _ in range(20):
         pace.change_rate(-0.1)
     assert (pace.rate, pace.paused) == (0.1, True)  # not 0, and it stands as before
-    fast, _ = running(FASTEST)
+    fast, _ = running(MAX_RATE)
     fast.change_rate(0.1)
-    assert fast.rate == FASTEST
+    assert fast.rate == MAX_RATE
 
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 400 * MS)), max_size=60))
 def test_position_never_goes_back(actions):
     pace, clock = running()
     expected, before = 0, 0
-    pace.expect(expected)
+    pace.set_next(expected)
     for action, nanoseconds in actions:
         clock.time += nanoseconds
         if action == 0:
@@ -259,9 +259,9 @@ def test_position_never_goes_back(actions):
         elif action == 2:
             pace.change_rate(-0.1)
         elif action == 3:
-            pace.go_to(expected)
+            pace.jump_to(expected)
         elif pace.left(expected) <= 0:
             expected += nanoseconds
-            pace.expect(expected)
+            pace.set_next(expected)
         assert before <= pace.position() <= expected
         before = pace.position()

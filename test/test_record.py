@@ -25,7 +25,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import count_states, record
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import TrajectoryCodec, encode_float64, encode_string
 from linkage_ros.wire.urdf import make_urdf
 
@@ -107,11 +107,13 @@ RUNS = {
 @pytest.mark.parametrize('start', [0, 10**12])
 def test_many_states_at_once_have_the_bits_of_each_alone(name, changes, start):
     feed = {} if name == 'wind_pump' else {'effort_command_topic': 'torque', 'lead_time': 0.01}
-    machine = Machine(configure({**load(name).parameters(), **changes, **feed, 'rate_hz': 333.3}))
-    stamps = [start + machine.elapsed(tick) for tick in range(900)]
-    together, alone = machine.begin(start), machine.begin(start)
-    rows = machine.rows(stamps, together.at_all(stamps), machine.ahead(together, stamps))
-    assert rows == b''.join(machine.snapshot_at(alone, s).row(s) for s in stamps)
+    simulator = Simulator(
+        configure({**load(name).parameters(), **changes, **feed, 'rate_hz': 333.3})
+    )
+    stamps = [start + simulator.elapsed(tick) for tick in range(900)]
+    together, alone = simulator.begin(start), simulator.begin(start)
+    rows = simulator.rows(stamps, together.at_all(stamps), simulator.ahead(together, stamps))
+    assert rows == b''.join(simulator.snapshot_at(alone, s).row(s) for s in stamps)
 
 
 @pytest.mark.parametrize('name', [n for n in preset_names() if load(n).kind.drive == 'speed'])
@@ -119,14 +121,14 @@ def test_after_a_thousand_million_turns_the_state_is_the_first_turns(name):
     """At 60 rpm turns are whole seconds: the same bits, but for the unwrapped crank angle."""
     configuration = load(name)
     drive = replace(configuration.drive, rpm=60.0, start_rpm=None, crank_angle=0.0)
-    machine = Machine(replace(configuration, drive=drive))
-    motion, codec = machine.begin(0), TrajectoryCodec(machine.joints)
+    simulator = Simulator(replace(configuration, drive=drive))
+    motion, codec = simulator.begin(0), TrajectoryCodec(simulator.joints)
     for stamp in range(0, 10**9, 37_037_037):
         first, later = (
             np.reshape(codec.decode(snapshot.messages[2])[1], (4, -1)).tolist()
             for snapshot in (
-                machine.snapshot_at(motion, stamp),
-                machine.snapshot_at(motion, stamp + 10**9 * 10**9),
+                simulator.snapshot_at(motion, stamp),
+                simulator.snapshot_at(motion, stamp + 10**9 * 10**9),
             )
         )
         assert later[0][2] == first[0][2]
@@ -146,8 +148,8 @@ def test_topics_are_the_nodes(out):
 # ---------------------------------------------------------------- how much
 
 
-def states_below(machine, duration, revolutions=None):
-    return count_states(machine, machine.begin(0), duration, revolutions)
+def states_below(simulator, duration, revolutions=None):
+    return count_states(simulator, simulator.begin(0), duration, revolutions)
 
 
 def brute_count(rate, seconds):
@@ -162,29 +164,29 @@ def brute_count(rate, seconds):
 @pytest.mark.parametrize('rate', [0.01, 0.3, 3.0, 7.7, 59.94, 200.0, 333.3, 1e5])
 @pytest.mark.parametrize('duration', [1e-9, 1e-5, 0.005, 1 / 3, 1.1, 4.35])
 def test_a_duration_holds_the_stamps_below_it(rate, duration):
-    machine = Machine(preset(rate_hz=rate))
+    simulator = Simulator(preset(rate_hz=rate))
     if rate * duration < 5_000:
-        assert states_below(machine, duration) == brute_count(rate, duration)
+        assert states_below(simulator, duration) == brute_count(rate, duration)
 
 
 @pytest.mark.parametrize('rate', [200.0, 1000.0])
 def test_a_duration_typed_as_whole_ticks_holds_so_many_states(rate):
     """At 1 kHz, 0.067 s are 67 states: the one at 0.067 s is not in [0, 0.067)."""
-    machine = Machine(preset(rate_hz=rate))
+    simulator = Simulator(preset(rate_hz=rate))
     durations = {ticks: float(Fraction(ticks) / Fraction(rate)) for ticks in range(1, 1_001)}
-    found = {ticks: states_below(machine, duration) for ticks, duration in durations.items()}
+    found = {ticks: states_below(simulator, duration) for ticks, duration in durations.items()}
     assert {ticks: count for ticks, count in found.items() if count != ticks} == {}
 
 
 @pytest.mark.parametrize('rate', [0.01, 1 / 3, 59.94, 200.0, 1e3, 99_999.9])
 def test_ticks_and_stamps_are_exact_however_late(rate):
-    machine = Machine(preset(rate_hz=rate))
+    simulator = Simulator(preset(rate_hz=rate))
     for tick in (0, 1, 2, 3, 10, 999, 10**6 + 1, 10**9 + 7, 123_456_789_012, 10**15 + 1):
-        elapsed = machine.elapsed(tick)
+        elapsed = simulator.elapsed(tick)
         assert elapsed == math.floor(tick * 10**9 / Fraction(repr(rate)))
-        assert machine.tick_at(elapsed) == tick
-        assert machine.tick_at(elapsed - 1) == tick - 1
-        assert machine.tick_at(machine.elapsed(tick + 1) - 1) == tick
+        assert simulator.tick_at(elapsed) == tick
+        assert simulator.tick_at(elapsed - 1) == tick - 1
+        assert simulator.tick_at(simulator.elapsed(tick + 1) - 1) == tick
 
 
 @pytest.mark.parametrize('duration', [1, 1.0, np.float64(1.0), np.float32(1.0)], ids=repr)
@@ -208,9 +210,9 @@ def test_ten_seconds_are_the_default(out):
     ],
 )
 def test_revolutions_hold_the_stamps_before_the_last_turn_ends(changes, revolutions, seconds):
-    machine = Machine(preset(**changes))
-    rate = machine.configuration.session.rate_hz
-    assert states_below(machine, None, revolutions) == brute_count(rate, seconds)
+    simulator = Simulator(preset(**changes))
+    rate = simulator.configuration.session.rate_hz
+    assert states_below(simulator, None, revolutions) == brute_count(rate, seconds)
 
 
 def test_revolutions_through_a_reversal_end_where_the_crank_is_a_turn_away(out):

@@ -39,7 +39,7 @@ from linkage_ros.playback import replay_view, republish
 from linkage_ros.playback.feed import excerpt_of, feed
 from linkage_ros.playback.replay_view import ReplayView
 from linkage_ros.record import record
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
 
@@ -298,8 +298,8 @@ def test_states_that_a_viewer_missed_are_reported(log, monkeypatch, capsys):
 
 def test_commands_in_a_log_are_not_shown(called, tmp_path):
     configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
-    machine = Machine(configuration)
-    motion = machine.begin(0)
+    simulator = Simulator(configuration)
+    motion = simulator.begin(0)
     command_ = JointStateCodec(('crank',)).encode(0, (0.0,), (0.0,), (1.0,))
     with LogWriter(path, configuration, overwrite=False) as log:
         states, commands = (
@@ -308,7 +308,7 @@ def test_commands_in_a_log_are_not_shown(called, tmp_path):
         log.write_motion(motion.segment)
         for stamp in range(0, 50_000_000, 5_000_000):
             log.write(commands, stamp, command_)
-            log.write(states, stamp, machine.snapshot_at(motion, stamp).messages[0])
+            log.write(states, stamp, simulator.snapshot_at(motion, stamp).messages[0])
     code, out, err = called(replay, path, '--no-ros', '--viewer', tmp_path / 'run.rrd')
     assert (code, err) == (0, '')
     assert '20 messages replayed' in out
@@ -319,8 +319,8 @@ def test_commands_in_a_log_are_not_shown(called, tmp_path):
 
 def test_memory_does_not_grow_with_the_log(tmp_path):
     configuration, path = configure({'rpm': 60.0}), tmp_path / 'long.mcap'
-    motion = Machine(configuration).begin(0)
-    data = Machine(configuration).snapshot_at(motion, 0).messages[0]
+    motion = Simulator(configuration).begin(0)
+    data = Simulator(configuration).snapshot_at(motion, 0).messages[0]
     with LogWriter(path, configuration, overwrite=True) as log:
         channel = log.add_topic(JOINT_STATES, '/joint_states')
         log.write_motion(motion.segment)
@@ -379,7 +379,7 @@ def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_p
     configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
     with LogWriter(path, configuration, overwrite=False) as log:
         channel = log.add_topic(DRIVING_TORQUE, '/driving_torque')
-        log.write_motion(Machine(configuration).begin(0).segment)
+        log.write_motion(Simulator(configuration).begin(0).segment)
         log.write(channel, 0, b'none' * 20)
     code, _, err = called(replay, path)
     assert code == 2
@@ -390,7 +390,7 @@ def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_p
 @pytest.mark.parametrize('step', [-1_000_000_000, 1_000_000_000])
 def test_clock_set_back_is_reported(called, tmp_path, step):
     path, configuration = tmp_path / 'run.mcap', configure({})
-    motion = Machine(configuration).begin(10**10)
+    motion = Simulator(configuration).begin(10**10)
     with LogWriter(path, configuration, overwrite=False) as writer:
         writer.write_motion(motion.segment)
         writer.write_motion(motion.restamp(10**10, 10**10 + step).segment)

@@ -28,8 +28,8 @@ import pytest
 from linkage_ros import ViewerError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import load
-from linkage_ros.run.health import Health, Watch
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.health import Health, HealthMonitor
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.ticker import TickCounts
 from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_sender, rerun_view
@@ -59,19 +59,19 @@ class Sample(NamedTuple):
 
 def run_of(configuration, count, rate=200, start=0):
     """The samples of a run from its beginning, and the solved states."""
-    machine = Machine(configuration)
-    motion, samples, states = machine.begin(start), [], []
+    simulator = Simulator(configuration)
+    motion, samples, states = simulator.begin(start), [], []
     for stamp in (start + tick * 10**9 // rate for tick in range(count)):
-        snapshot = machine.snapshot_at(motion, stamp)
-        numbers = machine.joint_states.decode(snapshot.messages[0])[1]
-        count = len(machine.joints)
+        snapshot = simulator.snapshot_at(motion, stamp)
+        numbers = simulator.joint_states.decode(snapshot.messages[0])[1]
+        count = len(simulator.joints)
         samples.append(Sample(stamp, *(numbers[i * count :][:count] for i in range(3))))
         states.append(snapshot.state)
     return samples, states
 
 
 def feed(view, samples, configuration=CONFIGURATION, shift=0):
-    codec = Machine(configuration).joint_states
+    codec = Simulator(configuration).joint_states
     view.consume([(shift, codec.encode(*sample)) for sample in samples])
 
 
@@ -462,7 +462,7 @@ def test_page_that_ends_early_is_an_error_in_the_diagnostics():
         wait_until(lambda: worker.error)
         worker.close(PATIENCE)
         health = Health('web', worker.dropped, worker.error, view.sender.trouble)
-        _, status = Watch('linkage_node').report(TickCounts(), {}, {'viewer': health}, [])
+        _, status = HealthMonitor('linkage_node').report(TickCounts(), {}, {'viewer': health}, [])
     assert status.level == ERROR
     assert status.message.startswith('failed: the viewer has ended (signal 9, Killed)')
     assert len(errors) == 1

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.run import ticker as ticker_module
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.ticker import CLOCK_STEP, Callbacks, RealTimeTicker
 
 MS = 1_000_000
@@ -47,7 +47,7 @@ def clock(monkeypatch):
 
 def run(clock, rate_hz, ticks, act=lambda tick: None):
     """Ticks until so many were carried out; returns stamps, restamps and the ticker."""
-    machine = Machine(configure({'rate_hz': rate_hz}))
+    simulator = Simulator(configure({'rate_hz': rate_hz}))
     stamps, restamps, starts, done = [], [], [], threading.Event()
 
     def tick(stamp):
@@ -63,7 +63,7 @@ def run(clock, rate_hz, ticks, act=lambda tick: None):
 
     errors = []
     callbacks = Callbacks(tick, restamp, lambda error: (errors.append(error), done.set()))
-    ticker = RealTimeTicker(machine, callbacks)
+    ticker = RealTimeTicker(simulator, callbacks)
     ticker.start()
     assert done.wait(20)
     ticker.stop()
@@ -86,7 +86,7 @@ def test_ticks_that_a_late_thread_cannot_keep_are_skipped_and_counted(clock):
     assert stamps[:10] == [t0 + n * MS for n in range(10)]
     assert stamps[10:] == [t0 + n * MS for n in range(16, 56)]
     assert ticker.counts.missed == 6
-    assert ticker.counts.latest == max(ticker.counts.late) == 6_300_000
+    assert ticker.counts.max_lateness == max(ticker.counts.lateness) == 6_300_000
 
 
 def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock):
@@ -125,10 +125,10 @@ def test_an_error_in_a_tick_ends_the_thread_and_is_reported(clock):
 
 
 def test_it_never_sleeps_longer_than_it_may_take_to_stop(monkeypatch):
-    machine = Machine(configure({'rate_hz': 0.01}))
+    simulator = Simulator(configure({'rate_hz': 0.01}))
     first = threading.Event()
     callbacks = Callbacks(lambda stamp: first.set(), lambda *_: None, lambda error: None)
-    ticker = RealTimeTicker(machine, callbacks)
+    ticker = RealTimeTicker(simulator, callbacks)
     ticker.start()
     assert first.wait(5)
     ticker.stop()
@@ -140,8 +140,8 @@ def test_it_never_sleeps_longer_than_it_may_take_to_stop(monkeypatch):
     tick=st.integers(0, 10**12),
 )
 def test_the_tick_at_a_time_is_the_last_one_that_has_come(rate, tick):
-    machine = Machine(configure({'rate_hz': rate}))
+    simulator = Simulator(configure({'rate_hz': rate}))
     exact = Fraction(10**9) / Fraction(repr(rate))
-    assert machine.elapsed(tick) == int(tick * exact)
-    assert machine.tick_at(machine.elapsed(tick)) == tick
-    assert machine.tick_at(machine.elapsed(tick + 1) - 1) == tick
+    assert simulator.elapsed(tick) == int(tick * exact)
+    assert simulator.tick_at(simulator.elapsed(tick)) == tick
+    assert simulator.tick_at(simulator.elapsed(tick + 1) - 1) == tick

@@ -23,7 +23,7 @@ from linkage_ros.parameters.configuration import configure, from_strings, load, 
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec, TrajectoryCodec
@@ -43,7 +43,7 @@ def changed(configuration=PUMP, **parts):
 def states(path):
     """Times, s, and rows of crank and, of a pump, slider: positions, rates, accelerations."""
     with LogReader(path) as log:
-        codec = TrajectoryCodec(Machine(log.configuration).joints)
+        codec = TrajectoryCodec(Simulator(log.configuration).joints)
         found = [
             codec.decode(message.data)
             for message in log.messages()
@@ -123,49 +123,49 @@ def test_the_last_good_command_counts_until_it_is_too_old():
     clock = Clock()
     commands = TorqueCommands(5.0, 0.5, clock)
     assert (commands.torque(), commands.timed_out) == (0.0, False)
-    assert commands.hear(['crank'], [2.0], 0.0) == ''
+    assert commands.receive(['crank'], [2.0], 0.0) == ''
     clock.now += 0.5
     assert (commands.torque(), commands.timed_out) == (2.0, False)
     clock.now += 0.001
     assert (commands.torque(), commands.timed_out) == (0.0, True)
-    assert commands.hear(['rocker', 'crank'], [9.0, -3.0], 0.0) == ''
+    assert commands.receive(['rocker', 'crank'], [9.0, -3.0], 0.0) == ''
     assert (commands.torque(), commands.timed_out) == (-3.0, False)
-    assert (commands.taken, commands.refused, commands.cut) == (2, 0, 0)
+    assert (commands.accepted, commands.refused, commands.limited) == (2, 0, 0)
 
 
 def test_commands_count_from_when_they_came_and_within_their_limit():
     clock = Clock()
     commands = TorqueCommands(5.0, 0.5, clock)
     for torque, followed in ((5.0, 5.0), (5.1, 5.0), (-1e300, -5.0)):
-        assert commands.hear(['crank'], [torque], 0.0) == ''
+        assert commands.receive(['crank'], [torque], 0.0) == ''
         assert commands.torque() == followed
-    assert (commands.taken, commands.cut) == (3, 2)
-    commands.hear(['crank'], [1.5], age=0.6)
+    assert (commands.accepted, commands.limited) == (3, 2)
+    commands.receive(['crank'], [1.5], age=0.6)
     assert commands.torque() == 0.0
-    commands.hear(['crank'], [1.5], age=0.4)
+    commands.receive(['crank'], [1.5], age=0.4)
     assert commands.torque() == 1.5
     clock.now += 0.2
-    assert (commands.torque(), commands.ended) == (0.0, 2)
-    assert commands.figures()['command timeouts'] == '2'
+    assert (commands.torque(), commands.timeouts) == (0.0, 2)
+    assert commands.diagnostics()['command timeouts'] == '2'
 
 
 def test_commands_with_gaps_are_silent_until_there_was_no_gap_for_a_while():
     clock = Clock()
     commands = TorqueCommands(5.0, 0.5, clock)
     commands.torque()
-    assert not commands.silent_within(10.0)  # none was ever sent
+    assert not commands.timed_out_within(10.0)  # none was ever sent
     for _ in range(8):
-        commands.hear(['crank'], [1.5], 0.0)
+        commands.receive(['crank'], [1.5], 0.0)
         clock.now += 0.6
         commands.torque()
-        assert commands.silent_within(10.0)
+        assert commands.timed_out_within(10.0)
     for _ in range(19):
         clock.now += 0.5
-        commands.hear(['crank'], [1.5], 0.0)
+        commands.receive(['crank'], [1.5], 0.0)
         commands.torque()
-        assert commands.silent_within(10.0)
+        assert commands.timed_out_within(10.0)
     clock.now += 0.5
-    assert not commands.silent_within(10.0)
+    assert not commands.timed_out_within(10.0)
 
 
 @pytest.mark.parametrize(
@@ -183,16 +183,16 @@ def test_commands_with_gaps_are_silent_until_there_was_no_gap_for_a_while():
 )
 def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts, words):
     commands = TorqueCommands(5.0, 0.5, Clock())
-    commands.hear(['crank'], [1.5], 0.0)
-    assert words in commands.hear(names, efforts, 0.0)
+    commands.receive(['crank'], [1.5], 0.0)
+    assert words in commands.receive(names, efforts, 0.0)
     assert commands.torque() == 1.5
-    assert commands.figures()['commands refused'] == str(commands.refused) == '1'
+    assert commands.diagnostics()['commands refused'] == str(commands.refused) == '1'
 
 
 def test_a_command_names_the_crank_with_its_prefix():
     commands = TorqueCommands(5.0, 0.5, Clock(), crank='left_crank')
-    assert commands.hear(['right_crank', 'left_crank'], [1.0, 2.0], 0.0) == ''
-    assert 'must name left_crank once' in commands.hear(['crank'], [1.0], 0.0)
+    assert commands.receive(['right_crank', 'left_crank'], [1.0, 2.0], 0.0) == ''
+    assert 'must name left_crank once' in commands.receive(['crank'], [1.0], 0.0)
     assert commands.torque() == 2.0
 
 
@@ -259,14 +259,14 @@ def live(path, configuration, plan, alter=lambda _, snapshot: snapshot.messages)
     plan: (kind, value) with kind 'motor', 'command' (N m, from the next tick on), 'step' (of the
     clock, ns), 'skip' (ticks) or 'tick'.
     """
-    machine = Machine(configuration)
-    motion, drive, command = machine.begin(START), configuration.drive, 0.0
+    simulator = Simulator(configuration)
+    motion, drive, command = simulator.begin(START), configuration.drive, 0.0
     t0, tick, number = START, 0, 0
     with LogWriter(path, configuration, overwrite=True) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
+        channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.topics]
         description = log.add_topic(ROBOT_DESCRIPTION, '/robot_description')
         log.write_motion(motion.segment)
-        log.write(description, START, machine.description)
+        log.write(description, START, simulator.description)
         for kind, value in plan:
             if kind in {'motor', 'command', 'skip'}:
                 if kind == 'motor':
@@ -274,7 +274,7 @@ def live(path, configuration, plan, alter=lambda _, snapshot: snapshot.messages)
                 command = value if kind == 'command' else command
                 tick += value if kind == 'skip' else 0
                 continue
-            stamp = t0 + machine.elapsed(tick)
+            stamp = t0 + simulator.elapsed(tick)
             if kind == 'step':
                 log.write_motion(motion.restamp(stamp, stamp + value).segment)
                 t0, stamp = t0 + value, stamp + value
@@ -283,7 +283,7 @@ def live(path, configuration, plan, alter=lambda _, snapshot: snapshot.messages)
                 log.write_motion(motion.segment)
             motion.command(stamp, command)
             number += 1
-            messages = alter(number, machine.snapshot_at(motion, stamp))
+            messages = alter(number, simulator.snapshot_at(motion, stamp))
             for channel, message in zip(channels, messages, strict=True):
                 log.write(channel, stamp + 30_000, message)
             tick += 1
@@ -316,47 +316,47 @@ def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configur
 
 def test_what_stood_still_for_long_goes_on_from_where_it_was():
     configuration = changed(session={'rate_hz': 1000.0})
-    machine, drive = Machine(configuration), configuration.drive
-    motion = machine.begin(START)
-    before, first = machine.snapshot_at(motion, START + 10**9), motion.segment
+    simulator, drive = Simulator(configuration), configuration.drive
+    motion = simulator.begin(START)
+    before, first = simulator.snapshot_at(motion, START + 10**9), motion.segment
     assert motion.follow(START + 10**9 + 251_000_000, drive).segment is first
     later = START + 10**9 + 251_000_001
     assert motion.follow(later, drive).segment is not first
-    assert machine.snapshot_at(motion, later).coordinates == before.coordinates
+    assert simulator.snapshot_at(motion, later).coordinates == before.coordinates
 
 
 def test_another_motor_torque_leaves_the_command_in_force():
-    machine = Machine(QUADRILATERAL)
-    motion = machine.begin(START)
+    simulator = Simulator(QUADRILATERAL)
+    motion = simulator.begin(START)
     motion.command(START, 3.0)
     motor = replace(QUADRILATERAL.drive.motor, torque=5.0)
     motion.follow(START, replace(QUADRILATERAL.drive, motor=motor))
-    assert machine.snapshot_at(motion, START).state.torque == pytest.approx(8.0)
+    assert simulator.snapshot_at(motion, START).state.torque == pytest.approx(8.0)
 
 
 def forge(path, claimed, real):
     """A record of one run under the configuration of another."""
-    machine, motion = Machine(real), Machine(real).begin(0, AdaptiveSteps)
+    simulator, motion = Simulator(real), Simulator(real).begin(0, AdaptiveSteps)
     with LogWriter(path, claimed, overwrite=False) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in machine.topics]
-        log.write_motion(Machine(claimed).begin(0).segment)
+        channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.topics]
+        log.write_motion(Simulator(claimed).begin(0).segment)
         for tick in range(20):
-            stamp = machine.elapsed(tick)
+            stamp = simulator.elapsed(tick)
             for channel, message in zip(
-                channels, machine.snapshot_at(motion, stamp).messages, strict=True
+                channels, simulator.snapshot_at(motion, stamp).messages, strict=True
             ):
                 log.write(channel, stamp, message)
 
 
 def test_below_a_hertz_the_plant_moves_too():
     configuration = changed(QUADRILATERAL, session={'rate_hz': 0.5})
-    machine = Machine(configuration)
-    motion = machine.begin(START)
+    simulator = Simulator(configuration)
+    motion = simulator.begin(START)
     first = motion.segment
     for tick in range(3):
-        stamp = START + machine.elapsed(tick)
+        stamp = START + simulator.elapsed(tick)
         assert motion.follow(stamp, configuration.drive).segment is first
-        state = machine.snapshot_at(motion, stamp).state
+        state = simulator.snapshot_at(motion, stamp).state
     assert abs(state.position[0]) > 1
 
 
@@ -388,27 +388,27 @@ def test_after_many_turns_the_state_is_that_of_the_angle_as_it_is_published(tmp_
 def moved(joint, row, by):
     """Changes one number of joint_states and mechanism_state alike."""
 
-    def alter(machine, snapshot):
-        stamp, numbers = TrajectoryCodec(machine.joints).decode(snapshot.messages[2])
+    def alter(simulator, snapshot):
+        stamp, numbers = TrajectoryCodec(simulator.joints).decode(snapshot.messages[2])
         rows = np.array(numbers).reshape(4, -1)
         rows[row, joint] += by
         return (
-            JointStateCodec(machine.joints).encode(stamp, rows[0], rows[1], rows[3]),
+            JointStateCodec(simulator.joints).encode(stamp, rows[0], rows[1], rows[3]),
             snapshot.messages[1],
-            TrajectoryCodec(machine.joints).encode(stamp, *rows),
+            TrajectoryCodec(simulator.joints).encode(stamp, *rows),
             *snapshot.messages[3:],
         )
 
     return alter
 
 
-def elsewhere(shift, machine, snapshot):
+def elsewhere(shift, simulator, snapshot):
     """A state that is right in itself, at another place."""
     q, u, a, unwrapped = snapshot.coordinates
     moved_to = unwrapped + shift
     state = Coordinates((within_two_turns(moved_to)[0], *q[1:]), u, a, moved_to)
-    stamp = TrajectoryCodec(machine.joints).decode(snapshot.messages[2])[0]
-    return machine.layout.messages(bytes(machine.rows([stamp], stacked([state]))))
+    stamp = TrajectoryCodec(simulator.joints).decode(snapshot.messages[2])[0]
+    return simulator.layout.messages(bytes(simulator.rows([stamp], stacked([state]))))
 
 
 @pytest.mark.parametrize(
@@ -427,10 +427,10 @@ def elsewhere(shift, machine, snapshot):
     ],
 )
 def test_a_changed_state_is_found(tmp_path, alter, words):
-    machine = Machine(PUMP)
+    simulator = Simulator(PUMP)
 
     def change(number, snapshot):
-        return alter(machine, snapshot) if number == 30 else snapshot.messages
+        return alter(simulator, snapshot) if number == 30 else snapshot.messages
 
     with LogReader(live(tmp_path / 'run.mcap', PUMP, ticks(60), change)) as log:
         report = verify(log)
@@ -452,11 +452,11 @@ def test_a_record_with_a_torque_that_no_motor_gives_is_found(tmp_path):
 
 
 def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
-    machine, motion = Machine(PUMP), Machine(PUMP).begin(0)
+    simulator, motion = Simulator(PUMP), Simulator(PUMP).begin(0)
     with LogWriter(tmp_path / 'run.mcap', PUMP, overwrite=False) as log:
-        channel = log.add_topic(machine.topics[0], '/joint_states')
+        channel = log.add_topic(simulator.topics[0], '/joint_states')
         log.write_motion(motion.segment)
-        log.write(channel, 0, machine.snapshot_at(motion, 0).messages[0])
+        log.write(channel, 0, simulator.snapshot_at(motion, 0).messages[0])
     with (
         LogReader(tmp_path / 'run.mcap') as log,
         pytest.raises(LogError, match='no accelerations'),

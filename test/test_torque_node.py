@@ -27,7 +27,7 @@ from test_node_parameters import set_parameter
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.presets import preset_path
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec
 
@@ -161,11 +161,11 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
     assert 'sequence size' not in output  # Fast CDR's line for each
     log, messages = logged(path)
     assert 0.5 * sent < len(messages['/joint_commands']) <= sent + 1
-    machine, states = Machine(log.configuration), messages[STATES]
+    simulator, states = Simulator(log.configuration), messages[STATES]
     first, last = (CODEC.decode(states[i].data)[0] for i in (0, -1))
     assert output.count('is refused') <= 2 + (last - first) / 1e9  # once a second
     # When each command woke a thread of the node, five of six ticks were missed.
-    assert len(states) > 0.5 * machine.tick_at(last - first)
+    assert len(states) > 0.5 * simulator.tick_at(last - first)
 
 
 def test_a_stretched_dyad_ends_the_node_with_a_complete_log(tmp_path):

@@ -27,7 +27,7 @@ from trajectory_msgs.msg import JointTrajectory
 from linkage_ros import Body, Coupler, FourBar, Frame
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.topics import COUPLER_POINT, JOINT_STATES, MECHANISM_STATE
 from linkage_ros.wire.urdf import make_urdf
 
@@ -37,12 +37,12 @@ STAMP = 123_456_789  # ns
 def linkage(preset, stamp=STAMP, **values):
     """A machine and its messages at a stamp."""
     parameters = {k: v for k, v in load(preset).parameters().items() if v is not None}
-    machine = Machine(configure({**parameters, **values}))
-    return machine, machine.snapshot_at(machine.begin(0), stamp)
+    simulator = Simulator(configure({**parameters, **values}))
+    return simulator, simulator.snapshot_at(simulator.begin(0), stamp)
 
 
-def message(machine, snapshot, topic, kind):
-    return deserialize_message(snapshot.messages[machine.topics.index(topic)], kind)
+def message(simulator, snapshot, topic, kind):
+    return deserialize_message(snapshot.messages[simulator.topics.index(topic)], kind)
 
 
 def moved(place, angle=0.0):
@@ -64,13 +64,13 @@ class Tree:
     def __init__(self, linkages):
         """Takes descriptions and joint states; one publisher of joint_states for all."""
         joints, self.edges, frames = {}, {}, set()
-        for machine, snapshot in linkages:
-            states = message(machine, snapshot, JOINT_STATES, JointState)
+        for simulator, snapshot in linkages:
+            states = message(simulator, snapshot, JOINT_STATES, JointState)
             for name, position in zip(states.name, states.position, strict=True):
                 assert name not in joints, f'two joints {name}'
                 joints[name] = position
-        for machine, _ in linkages:
-            text = deserialize_message(machine.description, String).data
+        for simulator, _ in linkages:
+            text = deserialize_message(simulator.description, String).data
             robot = ET.fromstring(text.encode())
             for joint in robot.iterfind('joint'):
                 child = joint.find('child').get('link')
@@ -101,13 +101,13 @@ def transform(joint, position):
     return moved(complex(x, y), yaw + position)
 
 
-def expected(machine, snapshot):
+def expected(simulator, snapshot):
     """Each moving link's pose in the link that carries the pivots, by the joint's own name."""
-    mechanism, angles = machine.configuration.mechanism, snapshot.state.position
+    mechanism, angles = simulator.configuration.mechanism, snapshot.state.position
     pin = mechanism.crank.length * cmath.exp(1j * angles[0])
     end = pin + mechanism.coupler.length * cmath.exp(1j * angles[1])
     poses = {'crank': moved(0j, angles[0]), 'coupler': moved(pin, angles[1])}
-    kind = machine.configuration.kind.mechanism
+    kind = simulator.configuration.kind.mechanism
     if kind == 'four_bar':
         pivot = mechanism.frame.length * cmath.exp(1j * mechanism.frame.angle)
         return {**poses, 'rocker': moved(pivot, angles[2])}
@@ -116,17 +116,17 @@ def expected(machine, snapshot):
     return {**poses, 'rod': moved(end, angles[2]), 'slider': moved(complex(angles[3]))}
 
 
-def assert_poses(tree, machine, snapshot):
-    session = machine.configuration.session
+def assert_poses(tree, simulator, snapshot):
+    session = simulator.configuration.session
     base = tree.pose(session.frame_id)
-    for name, pose in expected(machine, snapshot).items():
+    for name, pose in expected(simulator, snapshot).items():
         found = tree.pose(f'{session.joint_prefix}{name}_link')
         assert np.allclose(found, base @ pose, rtol=0, atol=1e-14)
-    if COUPLER_POINT in machine.topics:
-        message_ = message(machine, snapshot, COUPLER_POINT, PointStamped)
+    if COUPLER_POINT in simulator.topics:
+        message_ = message(simulator, snapshot, COUPLER_POINT, PointStamped)
         assert message_.header.frame_id == session.frame_id
         point = message_.point
-        along, across = machine.configuration.mechanism.coupler.point
+        along, across = simulator.configuration.mechanism.coupler.point
         on_coupler = tree.pose(f'{session.joint_prefix}coupler_link') @ [along, across, 0.0, 1.0]
         assert np.allclose(base @ [point.x, point.y, point.z, 1.0], on_coupler, atol=1e-14)
 
@@ -134,10 +134,10 @@ def assert_poses(tree, machine, snapshot):
 @pytest.mark.parametrize('preset', preset_names())
 @pytest.mark.parametrize('stamp', [0, STAMP, 777_777_777, 1_234_567_891])
 def test_each_link_is_where_the_mechanism_has_it(preset, stamp):
-    machine, snapshot = linkage(preset, stamp)
-    tree = Tree([(machine, snapshot)])
-    assert len(tree.edges) == len(machine.joints)
-    assert_poses(tree, machine, snapshot)
+    simulator, snapshot = linkage(preset, stamp)
+    tree = Tree([(simulator, snapshot)])
+    assert len(tree.edges) == len(simulator.joints)
+    assert_poses(tree, simulator, snapshot)
 
 
 @pytest.mark.parametrize(
@@ -155,8 +155,8 @@ def test_two_linkages_are_one_tree_with_the_right_poses(left, right):
     tree = Tree(linkages)
     assert tree.root == left.get('frame_id', 'base_link')
     assert len(tree.edges) == 6
-    for machine, snapshot in linkages:
-        assert_poses(tree, machine, snapshot)
+    for simulator, snapshot in linkages:
+        assert_poses(tree, simulator, snapshot)
 
 
 def test_the_two_linkages_of_the_docs_are_one_tree():
@@ -166,16 +166,16 @@ def test_the_two_linkages_of_the_docs_are_one_tree():
     linkages = [linkage('quadrilateral', **given) for given in names]
     tree = Tree(linkages)
     assert tree.root == 'base_link'
-    for machine, snapshot in linkages:
-        assert_poses(tree, machine, snapshot)
+    for simulator, snapshot in linkages:
+        assert_poses(tree, simulator, snapshot)
 
 
 def test_states_name_the_same_joints_and_frame_in_every_message():
-    machine, snapshot = linkage('quadrilateral', joint_prefix='left_', frame_id='tool0')
-    states = message(machine, snapshot, JOINT_STATES, JointState)
+    simulator, snapshot = linkage('quadrilateral', joint_prefix='left_', frame_id='tool0')
+    states = message(simulator, snapshot, JOINT_STATES, JointState)
     assert states.header.frame_id == 'tool0'
-    assert states.name == ['left_crank', 'left_coupler', 'left_rocker'] == list(machine.joints)
-    found = message(machine, snapshot, MECHANISM_STATE, JointTrajectory)
+    assert states.name == ['left_crank', 'left_coupler', 'left_rocker'] == list(simulator.joints)
+    found = message(simulator, snapshot, MECHANISM_STATE, JointTrajectory)
     assert (found.header.frame_id, found.joint_names) == ('tool0', states.name)
 
 
@@ -194,10 +194,10 @@ def test_names_that_make_no_tree_are_noticed(right, error, words):
 
 
 def test_wrong_poses_are_noticed():
-    machine, snapshot = linkage('quadrilateral', joint_prefix='left_')
-    later = machine.snapshot_at(machine.begin(0), STAMP + 1)
+    simulator, snapshot = linkage('quadrilateral', joint_prefix='left_')
+    later = simulator.snapshot_at(simulator.begin(0), STAMP + 1)
     with pytest.raises(AssertionError):
-        assert_poses(Tree([(machine, snapshot)]), machine, later)
+        assert_poses(Tree([(simulator, snapshot)]), simulator, later)
 
 
 # ---------------------------------------------------------------- the text

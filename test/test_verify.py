@@ -29,7 +29,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.record import record
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import (
@@ -63,22 +63,22 @@ def live(path, configuration, plan, *, prefix='/', names=None, diagnostics=True,
     rpm: set it, at the next tick. step: of the clock, ns. skip: miss so many ticks. tick: so many
     ns late.
     """
-    machine = Machine(configuration)
-    motion, rpm, t0, tick = machine.begin(START), configuration.drive.rpm, START, 0
+    simulator = Simulator(configuration)
+    motion, rpm, t0, tick = simulator.begin(START), configuration.drive.rpm, START, 0
     with LogWriter(path, configuration, overwrite=True) as log:
-        chosen = [t for t in machine.topics if topics is None or t.name in topics]
+        chosen = [t for t in simulator.topics if topics is None or t.name in topics]
         channels = [log.add_topic(t, prefix + (names or {}).get(t.name, t.name)) for t in chosen]
-        places = [machine.topics.index(topic) for topic in chosen]
+        places = [simulator.topics.index(topic) for topic in chosen]
         extra = log.add_topic(DIAGNOSTICS, '/diagnostics') if diagnostics else None
         log.write_motion(motion.segment)
         description = log.add_topic(ROBOT_DESCRIPTION, f'{prefix}robot_description')
-        log.write(description, START, machine.description)
+        log.write(description, START, simulator.description)
         for kind, value in plan:
             rpm = value if kind == 'rpm' else rpm
             tick += value if kind == 'skip' else 0
             if kind in {'rpm', 'skip'}:
                 continue
-            stamp = t0 + machine.elapsed(tick)
+            stamp = t0 + simulator.elapsed(tick)
             if kind == 'step':
                 motion = motion.restamp(stamp, stamp + value)
                 log.write_motion(motion.segment)
@@ -87,7 +87,7 @@ def live(path, configuration, plan, *, prefix='/', names=None, diagnostics=True,
             if rpm != motion.segment.rpm:
                 motion = motion.change(stamp, rpm)
                 log.write_motion(motion.segment)
-            messages = machine.snapshot_at(motion, stamp).messages
+            messages = simulator.snapshot_at(motion, stamp).messages
             now = stamp + 40_000 + tick % 7
             for channel, place in zip(channels, places, strict=True):
                 log.write(channel, now, messages[place])
@@ -119,7 +119,7 @@ def test_records_of_all_presets_are_equal_to_the_bit(tmp_path, preset):
     count = record(load(preset), tmp_path / 'run.mcap', duration=1.3)
     report = assert_equal(tmp_path / 'run.mcap', count)
     assert set(report.compared) == {
-        f'/{t.name}' for t in (*Machine(load(preset)).topics, ROBOT_DESCRIPTION)
+        f'/{t.name}' for t in (*Simulator(load(preset)).topics, ROBOT_DESCRIPTION)
     }
     assert report.others == report.absent == ()
 
@@ -367,7 +367,7 @@ def live_path(tmp_path, good):
 def where(path, number):
     """The stamp of a state as it is shown."""
     with LogReader(path) as log:
-        stamp = log.motions[0].stamp + Machine(log.configuration).elapsed(number)
+        stamp = log.motions[0].stamp + Simulator(log.configuration).elapsed(number)
     return f'{stamp // 10**9}.{stamp % 10**9:09d} s'
 
 

@@ -34,7 +34,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.view.viewer_process import find_viewer, free_address
 from linkage_ros.wire.cdr import stamp_of
@@ -99,11 +99,11 @@ def server() -> Iterator[str]:
         process.wait()
 
 
-def errors(log: LogReader, machine: Machine, stamps: set[int]) -> dict[int, float]:
+def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, float]:
     """How far the rocker's logged angle is from the exact one at some stamps, rad."""
     mp.dps = 50
-    oracle = Oracle(machine.configuration.mechanism)
-    codec, found = JointStateCodec(machine.joints), {}
+    oracle = Oracle(simulator.configuration.mechanism)
+    codec, found = JointStateCodec(simulator.joints), {}
     for message in log.messages(['/joint_states']):
         stamp, values = codec.decode(message.data)
         if stamp in stamps:
@@ -126,13 +126,13 @@ def account(path: Path, heard: Path, output: str) -> dict[str, Any]:
         report = verify(log)
         topics = Counter(message.topic for message in log.messages())
         stamps = [stamp_of(m.data) for m in log.messages(['/joint_states'])]
-        machine = Machine(log.configuration)
-        ends = errors(log, machine, {*stamps[:1000], *stamps[-1000:]})
+        simulator = Simulator(log.configuration)
+        ends = errors(log, simulator, {*stamps[:1000], *stamps[-1000:]})
     received = np.load(heard)[:, 0]
     return {
         'published': published,
         'missed': missed,
-        'ticks': machine.tick_at(stamps[-1] - log.motions[0].stamp) + 1,
+        'ticks': simulator.tick_at(stamps[-1] - log.motions[0].stamp) + 1,
         'logged': dict(topics),
         'heard': len(received),
         'heard_of_the_logged': len(set(stamps) & set(received.tolist())),

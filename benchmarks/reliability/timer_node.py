@@ -16,14 +16,14 @@ from rclpy.executors import ExternalShutdownException
 from sensor_msgs.msg import JointState
 
 from linkage_ros.parameters.configuration import load
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import joint_rows
 
 
 def main() -> None:
     """Publishes until SIGINT."""
     period = 1.0 / float(sys.argv[1])
-    machine = Machine(load('quadrilateral'))
+    simulator = Simulator(load('quadrilateral'))
     late: list[int] = []
     rclpy.init()
     node = rclpy.create_node('timer_node')
@@ -34,10 +34,10 @@ def main() -> None:
         # rclpy drops what it missed: a call is due at the last multiple of the period.
         late.append(round((stamp.nanoseconds - origin) % (period * 1e9)))
         (q,), (u,), (a,), crank = motion.at(stamp.nanoseconds)
-        state = machine.solver.state(q, u, a)
-        position, velocity, _, effort = joint_rows(machine.solver.structure.links, state, crank)
+        state = simulator.solver.state(q, u, a)
+        position, velocity, _, effort = joint_rows(simulator.solver.structure.links, state, crank)
         message = JointState(
-            name=machine.joints, position=position, velocity=velocity, effort=effort
+            name=simulator.joints, position=position, velocity=velocity, effort=effort
         )
         message.header.stamp = stamp.to_msg()
         message.header.frame_id = 'base_link'
@@ -45,7 +45,7 @@ def main() -> None:
 
     node.create_timer(period, tick)
     origin = node.get_clock().now().nanoseconds
-    motion = machine.begin(origin)
+    motion = simulator.begin(origin)
     # rclpy's own handler of SIGINT may end the context under a wait set: an RCLError.
     with suppress(KeyboardInterrupt, ExternalShutdownException, RuntimeError):
         rclpy.spin(node)

@@ -24,7 +24,7 @@ from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quanti
 DEFAULT_PRESET = 'quadrilateral'
 
 # Parameters that every node of rclpy has.
-_ROS_OWN = ('use_sim_time', 'start_type_description_service')
+_ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,9 @@ def _lacking(kind: MechanismAndDrive) -> tuple[str, ...]:
     return ('rate_hz',) if kind.drive == 'follow' else ()
 
 
-def without_ros_own(values: Mapping[str, object]) -> dict[str, object]:
+def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
     """Parameters without those that every node of rclpy has, which pass unchecked."""
-    return {name: value for name, value in values.items() if name not in _ROS_OWN}
+    return {name: value for name, value in values.items() if name not in _ROS_PARAMETERS}
 
 
 def configure(values: Mapping[str, object]) -> Configuration:
@@ -118,7 +118,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
         ConfigurationError: A name is unknown or missing, a value is bad, the links make no
             mechanism, or its crank cannot turn. One line that says what would be valid.
     """
-    given = without_ros_own(values)
+    given = without_ros_parameters(values)
     preset: Mapping[str, object] = {}
     if 'mechanism' not in given:
         preset = read_parameter_file(preset_path(DEFAULT_PRESET))

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import is_there
+from linkage_ros.files import path_exists
 from linkage_ros.quantities import shown
 
 
@@ -59,7 +59,7 @@ def find_file(source: str) -> Path:
         The file, which need not exist where source is a path.
     """
     path = Path(source)
-    is_path = source and (path.suffix or is_there(path))  # '' would be the current folder
+    is_path = source and (path.suffix or path_exists(path))  # '' would be the current folder
     return path if is_path else preset_path(source)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import is_one_file
+from linkage_ros.files import is_same_file
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.wire.codecs import ROOT_FRAME
@@ -57,8 +57,8 @@ class Session(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.viewer and not is_viewer(self.viewer):
-            raise ConfigurationError(no_viewer(self.viewer))
-        if self.log and self.viewer.endswith('.rrd') and is_one_file(self.log, self.viewer):
+            raise ConfigurationError(viewer_error(self.viewer))
+        if self.log and self.viewer.endswith('.rrd') and is_same_file(self.log, self.viewer):
             raise ConfigurationError(
                 f'log and viewer are one file, {shown(self.viewer)}: give the log another path, '
                 'that of an .mcap file'
@@ -106,6 +106,6 @@ def is_viewer(target: str) -> bool:
     return target in (SPAWN, WEB) or is_recording(target) or viewer_address(target) is not None
 
 
-def no_viewer(target: str) -> str:
+def viewer_error(target: str) -> str:
     """Error message for an invalid viewer."""
     return f'viewer = {shown(target)} is not one of: {VIEWERS}'

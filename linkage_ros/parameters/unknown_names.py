@@ -18,7 +18,7 @@ _SYNONYMS = {
     'speed': 'rpm',
     'crank_speed': 'rpm',
 }
-_ALIKE = 0.85  # least similarity of two whole names, from 0 to 1
+_MIN_SIMILARITY = 0.85  # least similarity of two whole names, from 0 to 1
 
 
 def unknown_name(name: str, owner: str, valid: Iterable[str], where: str) -> str:
@@ -54,7 +54,7 @@ def _nearest(name: str, members: dict[str, list[str]]) -> str:
     as a whole, rocker.weight is like rocker.length.
     """
     whole = [f'{group}.{word}'.lstrip('.') for group, words in members.items() for word in words]
-    for found in difflib.get_close_matches(name, whole, n=1, cutoff=_ALIKE):
+    for found in difflib.get_close_matches(name, whole, n=1, cutoff=_MIN_SIMILARITY):
         return found
     group, dot, word = name.rpartition('.')
     for likely in difflib.get_close_matches(group, members, n=1) if dot else ['']:

@@ -28,14 +28,14 @@ Show: TypeAlias = Callable[[int], None]
 _CHECK_SECONDS = 0.1  # between two checks for keys and for a request to stop
 _RATE_STEP = 0.1
 
-SLOWEST, FASTEST = 1e-3, 1e6
+MIN_RATE, MAX_RATE = 1e-3, 1e6
 
 # A replay that is late by more real time than this, ns, does not catch up: its process was
 # suspended, or its rate is too high for the machine.
 _LARGEST_LAG = NS_PER_S // 10
 
 
-class _Line(NamedTuple):
+class _Schedule(NamedTuple):
     """Position over real time: at `log` when it was `real`, `rate` from there, up to `limit`."""
 
     log: int
@@ -65,26 +65,28 @@ class Pace:
         self._now = now
         self.rate = rate  # log time over real time, while it is not paused
         # Replaced as a whole, so that a reader in another thread never sees half a change.
-        self._line = _Line(start, now(), 0.0, start)
-        self._passed = start - 1
+        self._schedule = _Schedule(start, now(), 0.0, start)
+        self._played_until = start - 1
 
     @property
     def paused(self) -> bool:
         """Whether it is paused."""
-        return self._line.rate == 0
+        return self._schedule.rate == 0
 
     def position(self) -> int:
         """Log time reached, ns."""
-        line = self._line
-        return min(line.log + round((self._now() - line.real) * line.rate), line.limit)
+        schedule = self._schedule
+        return min(
+            schedule.log + round((self._now() - schedule.real) * schedule.rate), schedule.limit
+        )
 
-    def expect(self, time: int) -> None:
+    def set_next(self, time: int) -> None:
         """Lets the position run up to the next message.
 
         Args:
             time: Its log time, ns.
         """
-        self._line = self._line._replace(limit=time)
+        self._schedule = self._schedule._replace(limit=time)
 
     def left(self, time: int) -> float:
         """Real time until the expected message is due.
@@ -95,22 +97,22 @@ class Pace:
         Returns:
             s; 0 or less: now; infinite while paused.
         """
-        line = self._line
-        if time <= self._passed:  # messages of one log time come together
+        schedule = self._schedule
+        if time <= self._played_until:  # messages of one log time come together
             return 0.0
         if self.paused:
             return math.inf
         now = self._now()
-        left = line.real + (time - line.log) / line.rate - now
+        left = schedule.real + (time - schedule.log) / schedule.rate - now
         if left < -_LARGEST_LAG:
-            self._line = line._replace(log=time, real=now)
+            self._schedule = schedule._replace(log=time, real=now)
         if left <= 0:
-            self._passed = time
+            self._played_until = time
         return left / NS_PER_S
 
     def toggle(self) -> None:
         """Pauses, or goes on."""
-        self._turn(self.rate if self.paused else 0.0)
+        self._set_rate(self.rate if self.paused else 0.0)
 
     def change_rate(self, difference: float) -> None:
         """Changes the rate, unless it would be out of bounds.
@@ -119,21 +121,21 @@ class Pace:
             difference: Difference to add.
         """
         rate = round(self.rate + difference, 6)  # 1.1 - 0.1 is 1
-        if SLOWEST <= rate <= FASTEST:
+        if MIN_RATE <= rate <= MAX_RATE:
             self.rate = rate
-            self._turn(0.0 if self.paused else rate)
+            self._set_rate(0.0 if self.paused else rate)
 
-    def go_to(self, time: int) -> None:
+    def jump_to(self, time: int) -> None:
         """Goes to the expected message at once.
 
         Args:
             time: Its log time, ns.
         """
-        self._line = self._line._replace(log=time, real=self._now())
-        self._passed = time
+        self._schedule = self._schedule._replace(log=time, real=self._now())
+        self._played_until = time
 
-    def _turn(self, rate: float) -> None:
-        self._line = _Line(self.position(), self._now(), rate, self._line.limit)
+    def _set_rate(self, rate: float) -> None:
+        self._schedule = _Schedule(self.position(), self._now(), rate, self._schedule.limit)
 
 
 class Player:
@@ -175,7 +177,7 @@ class Player:
 
     def _wait_for(self, item: Item) -> bool:
         """Waits until an item is due; returns False if the replay is to stop."""
-        self._pace.expect(item.time)
+        self._pace.set_next(item.time)
         # If every message is late, nothing waits, but keys must be read all the same.
         while (left := self._pace.left(item.time)) > 0 or time.monotonic() >= self._check_at:
             if self._stop.is_set():
@@ -185,7 +187,7 @@ class Player:
             if key == SPACE:
                 self._pace.toggle()
             elif key == RIGHT and self._pace.paused:
-                self._pace.go_to(item.time)
+                self._pace.jump_to(item.time)
             elif key in (UP, DOWN):
                 self._pace.change_rate(_RATE_STEP if key == UP else -_RATE_STEP)
             self._show(self._pace.position() + item.message.time - item.time)

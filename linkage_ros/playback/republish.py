@@ -16,13 +16,13 @@ from rclpy.publisher import Publisher
 
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.configuration import without_ros_own
+from linkage_ros.parameters.configuration import without_ros_parameters
 from linkage_ros.playback.feed import Item
 from linkage_ros.playback.player import Pace, Sink
 from linkage_ros.quantities import shown
 from linkage_ros.ros.parameters import given_values
-from linkage_ros.ros.process import USER_ERRORS, on_ros, reported_as_configuration, served
-from linkage_ros.ros.publishers import await_listeners, create_publisher
+from linkage_ros.ros.process import USER_ERRORS, ros_context, reported_as_configuration, spinning
+from linkage_ros.ros.publishers import wait_for_subscribers, create_publisher
 from linkage_ros.wire.codecs import encode_clock
 from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
 
@@ -58,18 +58,18 @@ def republishing(
         LogError: A topic has a type that linkage_ros does not write, or an invalid name.
     """
     with ExitStack() as stack:
-        stack.enter_context(on_ros(arguments))
+        stack.enter_context(ros_context(arguments))
         with reported_as_configuration():
             node = Node(name)
-        for parameter in without_ros_own(given_values(node)):
+        for parameter in without_ros_parameters(given_values(node)):
             raise ConfigurationError(
                 f'{shown(parameter)} is not a parameter of {name}: leave it out'
             )
-        stack.enter_context(served(node))
+        stack.enter_context(spinning(node))
         publishers = _publishers(node, log, set(topics))
         if clock_hz is not None:
             stack.enter_context(_clock(node, pace, clock_hz))
-        if not await_listeners(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
+        if not wait_for_subscribers(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
             node.get_logger().info('nobody listens so far; --delay S gives them time')
 
         def publish(item: Item) -> None:

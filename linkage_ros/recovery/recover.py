@@ -15,7 +15,7 @@ from mcap.records import Metadata
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import LogError
-from linkage_ros.files import is_there, is_written, open_file
+from linkage_ros.files import path_exists, is_written, open_file
 from linkage_ros.log.metadata import CONFIGURATION_RECORD
 from linkage_ros.log.untrusted_mcap import Summary, read_summary
 from linkage_ros.recovery.damaged_mcap import Losses, Stretch, walk
@@ -63,7 +63,7 @@ def recover(
     with _opened(source) as log:
         if not _has_configuration(log):
             raise LogError(f'{source} has no configuration record: it cannot be recovered')
-        if is_there(target) and target.samefile(source):
+        if path_exists(target) and target.samefile(source):
             raise LogError(f'{target} is the broken log itself: choose another name')
         with _replaced(target, overwrite=overwrite) as part:
             return _copy(log, part, progress)

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import is_there
+from linkage_ros.files import path_exists
 from linkage_ros.parameters.configuration import Configuration, parameter_leaves
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import preset_names, preset_path
@@ -162,10 +162,12 @@ def check_parameter_files(arguments: list[str], node: str) -> None:
     name = given.get('__node') or given.get('__name') or node
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
-            if path in preset_names() and not is_there(path):
+            if path in preset_names() and not path_exists(path):
                 raise ConfigurationError(
                     f'{path} is a preset, and --params-file takes a path: {preset_path(path)}'
                 )
-            if is_there(path) and not Path(path).is_file():  # rcl would read, or wait, once more
+            if (
+                path_exists(path) and not Path(path).is_file()
+            ):  # rcl would read, or wait, once more
                 raise ConfigurationError(f'{path} is no file: give the path of a parameter file')
             read_parameter_file(path, f'{given.get("__ns", "")}/{name}')

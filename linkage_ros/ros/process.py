@@ -28,9 +28,9 @@ from rclpy.utilities import remove_ros_args
 
 from linkage_ros.errors import ConfigurationError, LinkageError, one_line
 
-_AT_MOST = 65536  # bytes, the size of a pipe
-_PATIENCE = 1.0  # s, for the reader of our last lines
-_STUCK = 10.0  # s after which a node that does not end never will
+_PIPE_SIZE = 65536  # bytes, the size of a pipe
+_FLUSH_SECONDS = 1.0  # s, for the reader of our last lines
+_DESTROY_SECONDS = 10.0  # s after which a node that does not end never will
 _LAST_DOMAIN = 232  # for which there are ports
 
 # What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
@@ -46,7 +46,7 @@ USER_ERRORS = (
 
 
 @contextmanager
-def on_ros(arguments: list[str]) -> Iterator[list[str]]:
+def ros_context(arguments: list[str]) -> Iterator[list[str]]:
     """Initialises rclpy, and shuts it down; a bad command line or file is one clear error.
 
     Signals stay the caller's: rclpy's handlers would end the context under a running tick.
@@ -125,7 +125,7 @@ def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
 
 
 @contextmanager
-def served(node: Node) -> Iterator[None]:
+def spinning(node: Node) -> Iterator[None]:
     """Serves a node's callbacks in a thread of their own; destroys the node at the end.
 
     Args:
@@ -145,8 +145,8 @@ def served(node: Node) -> Iterator[None]:
         thread.join(2.0)
         # Fast DDS may never return, in C code that keeps the interpreter (eProsima/Fast-DDS#6513):
         # no thread of Python's could end the process then.
-        with Path(os.devnull).open('w') as nowhere:
-            faulthandler.dump_traceback_later(_STUCK, exit=True, file=nowhere)
+        with Path(os.devnull).open('w') as devnull:
+            faulthandler.dump_traceback_later(_DESTROY_SECONDS, exit=True, file=devnull)
             node.destroy_node()
             faulthandler.cancel_dump_traceback_later()
 
@@ -160,21 +160,21 @@ def nonblocking_stderr() -> Iterator[None]:
     """
     if sys.stderr is None:  # closed by `2>&-`: the log must not get its number, and its lines
         os.open(os.devnull, os.O_WRONLY)
-    theirs = os.dup(2)
-    if os.isatty(theirs):  # rcutils would look at our pipe
+    original = os.dup(2)
+    if os.isatty(original):  # rcutils would look at our pipe
         os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '1')
     outlet, inlet = os.pipe()
     os.set_blocking(inlet, False)
     _redirect(inlet)
-    thread = threading.Thread(target=_carry, args=(outlet, theirs), name='stderr', daemon=True)
+    thread = threading.Thread(target=_copy, args=(outlet, original), name='stderr', daemon=True)
     thread.start()
     try:
         yield
     finally:
         _redirect(os.open(os.devnull, os.O_WRONLY))  # which ends our pipe
-        thread.join(_PATIENCE)
+        thread.join(_FLUSH_SECONDS)
         if not thread.is_alive():
-            _redirect(theirs)
+            _redirect(original)
 
 
 @contextmanager
@@ -184,12 +184,12 @@ def muted_stderr() -> Iterator[None]:
     If nothing is raised, all that was written follows.
     """
     with tempfile.TemporaryFile() as held:
-        theirs = os.dup(2)
+        original = os.dup(2)
         _redirect(os.dup(held.fileno()))
         try:
             yield
         finally:
-            _redirect(theirs)
+            _redirect(original)
         held.seek(0)
         os.write(2, held.read())
 
@@ -202,10 +202,10 @@ def _redirect(number: int) -> None:
     os.close(number)
 
 
-def _carry(outlet: int, theirs: int) -> None:
+def _copy(outlet: int, original: int) -> None:
     """Copies a pipe to a file that may have to wait."""
-    while data := os.read(outlet, _AT_MOST):
+    while data := os.read(outlet, _PIPE_SIZE):
         with suppress(OSError):  # the terminal has gone, or the disk is full
             while data:
-                data = data[os.write(theirs, data) :]
+                data = data[os.write(original, data) :]
     os.close(outlet)

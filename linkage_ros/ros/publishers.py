@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from linkage_ros.wire.topics import Topic
 
 # s given to subscribers to find a node, and to be matched with it.
-_DISCOVERY, _MATCH = 0.8, 0.2
+_DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2
 
 
 def message_class(name: str) -> type:
@@ -50,8 +50,10 @@ def create_publisher(node: Node, topic: Topic) -> Publisher:
     return node.create_publisher(kind, topic.name, qos)
 
 
-def await_listeners(
-    publishers: Iterable[Publisher], patience: float = _DISCOVERY, settle: float = _MATCH
+def wait_for_subscribers(
+    publishers: Iterable[Publisher],
+    patience: float = _DISCOVERY_SECONDS,
+    settle: float = _MATCH_SECONDS,
 ) -> bool:
     """Lets subscribers that are there already find a node, so that they miss no message.
 

@@ -12,7 +12,7 @@ from linkage_ros import cli
 from linkage_ros.log.writer import LogItem, LogWriter
 from linkage_ros.motion.segments import Segment
 from linkage_ros.run.health import Health
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.worker import Worker
 from linkage_ros.wire.topics import Topic
 
@@ -28,29 +28,33 @@ _CLOSE_SECONDS = 30.0
 class RunLog:
     """Writes a log in threads of its own; any thread may write to it."""
 
-    def __init__(self, node: Node, machine: Machine, others: Iterable[Topic]) -> None:
+    def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
         """Creates the log.
 
         Args:
             node: Says how it ends.
-            machine: Makes the states.
+            simulator: Makes the states.
             others: Topics that are logged beside the machine's.
 
         Raises:
             LogError: The file cannot be created.
         """
-        session = machine.configuration.session
+        session = simulator.configuration.session
         self._node, self._path = node, session.log
-        log = LogWriter(session.log, machine.configuration, overwrite=session.log_overwrite)
-        names = ((topic, node.resolve_topic_name(topic.name)) for topic in machine.topics)
-        log.add_states(machine.layout, names)
+        log = LogWriter(session.log, simulator.configuration, overwrite=session.log_overwrite)
+        names = ((topic, node.resolve_topic_name(topic.name)) for topic in simulator.topics)
+        log.add_states(simulator.layout, names)
         self._channels = {
             topic.name: log.add_topic(topic, node.resolve_topic_name(topic.name))
             for topic in others
         }
         # A disk that is slow to keep things must not hold up the flushes.
         self._sync: Worker[None] = Worker(
-            'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._fail_to_keep
+            'sync',
+            log.disk_sync(),
+            capacity=1,
+            period=_SYNC_PERIOD,
+            on_error=self._report_sync_error,
         )
         self._worker: Worker[LogItem] = Worker(
             'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
@@ -95,7 +99,7 @@ class RunLog:
     def _fail(self, error: Exception) -> None:
         self._node.get_logger().error(f'the log ends here, the motion goes on: {error}')
 
-    def _fail_to_keep(self, error: Exception) -> None:
+    def _report_sync_error(self, error: Exception) -> None:
         if self._worker.error is None:  # else it was said that the log has ended
             words = f'the log goes on, but may not outlive a power cut: {error}'
             self._node.get_logger().error(words)

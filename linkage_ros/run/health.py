@@ -17,11 +17,11 @@ from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status
 
 # s, and reports, over which a run is judged.
-SPAN = 10
+WINDOW = 10
 # Shares of missed ticks above which the warning begins, and below which it ends. They differ, so
 # that a share near one of them does not switch the warning on and off.
-_BEGIN, _END = 0.10, 0.05
-_FAST = (
+_OVERLOADED, _RECOVERED = 0.10, 0.05
+_FAST_CRANK = (
     ', or the crank is too fast: a fast crank costs more per tick (add motor.damping or lower '
     'rate_hz)'
 )
@@ -43,7 +43,7 @@ class Health(NamedTuple):
     trouble: str = ''
 
 
-class _Seen(NamedTuple):
+class _Observation(NamedTuple):
     """What one report was made from; time in s."""
 
     time: float
@@ -51,7 +51,7 @@ class _Seen(NamedTuple):
     parts: dict[str, Health]
 
 
-class Watch:
+class HealthMonitor:
     """Judges a run by its last seconds, report by report."""
 
     def __init__(self, node: str, *, is_torque_driven: bool = False) -> None:
@@ -63,8 +63,10 @@ class Watch:
         """
         self._node = node
         self._is_torque_driven = is_torque_driven
-        self._seen = deque([_Seen(time.monotonic(), TickCounts(), {})], maxlen=SPAN + 1)
-        self._is_busy = False
+        self._observations = deque(
+            [_Observation(time.monotonic(), TickCounts(), {})], maxlen=WINDOW + 1
+        )
+        self._is_overloaded = False
         self._last: dict[str, Status] = {}
 
     def report(
@@ -85,10 +87,13 @@ class Watch:
         Returns:
             The motion's status first.
         """
-        self._seen.append(_Seen(time.monotonic(), replace(counts), parts))
-        return [self._motion(figures, troubles), *(self._part(part) for part in parts)]
+        self._observations.append(_Observation(time.monotonic(), replace(counts), parts))
+        return [
+            self._motion_status(figures, troubles),
+            *(self._output_status(part) for part in parts),
+        ]
 
-    def news(self, statuses: Sequence[Status]) -> list[Status]:
+    def changes(self, statuses: Sequence[Status]) -> list[Status]:
         """The statuses of a report that are worth a line: a new warning, or the end of one.
 
         Args:
@@ -106,31 +111,33 @@ class Watch:
         self._last = {status.name: status for status in statuses}
         return found
 
-    def _motion(self, figures: dict[str, str], troubles: Sequence[str]) -> Status:
-        first, last = self._seen[0], self._seen[-1]
+    def _motion_status(self, figures: dict[str, str], troubles: Sequence[str]) -> Status:
+        first, last = self._observations[0], self._observations[-1]
         counts, troubles = last.counts, list(troubles)
         kept, missed = counts.kept - first.counts.kept, counts.missed - first.counts.missed
         if counts.clock_steps > first.counts.clock_steps:
-            troubles.append(f'the clock was stepped in the last {SPAN} s')
+            troubles.append(f'the clock was stepped in the last {WINDOW} s')
             missed = 0  # simulated time that jumps skips ticks, however fast the machine is
         share = missed / max(1, kept + missed)
-        is_full = len(self._seen) > SPAN
-        self._is_busy = is_full and share > (_END if self._is_busy else _BEGIN)
-        if self._is_busy:
+        is_full = len(self._observations) > WINDOW
+        self._is_overloaded = is_full and share > (
+            _RECOVERED if self._is_overloaded else _OVERLOADED
+        )
+        if self._is_overloaded:
             troubles.append(
-                f'more than {100 * _BEGIN:g} % of the ticks of the last {SPAN} s were missed: '
+                f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were missed: '
                 'the machine is too busy for this rate_hz'
-                + (_FAST if self._is_torque_driven else '')
+                + (_FAST_CRANK if self._is_torque_driven else '')
             )
         rate = kept / (last.time - first.time)
-        median, p99 = np.quantile(list(counts.late) or [0], (0.5, 0.99))
+        median, p99 = np.quantile(list(counts.lateness) or [0], (0.5, 0.99))
         values = {
             'rate kept, Hz': f'{rate:.2f}',
             'states': str(counts.kept),
             'ticks missed': str(counts.missed),
             'lateness p50, ms': f'{median / NS_PER_MS:.3f}',
             'lateness p99, ms': f'{p99 / NS_PER_MS:.3f}',
-            'lateness max, ms': f'{counts.latest / NS_PER_MS:.3f}',
+            'lateness max, ms': f'{counts.max_lateness / NS_PER_MS:.3f}',
             'real-time priority': 'yes' if counts.real_time_priority else 'no',
             'clock steps': str(counts.clock_steps),
             **figures,
@@ -138,8 +145,8 @@ class Watch:
         words = '; '.join(troubles) or f'{rate:.1f} Hz kept'
         return Status(WARN if troubles else OK, f'{self._node}: motion', words, values)
 
-    def _part(self, part: str) -> Status:
-        past = [seen.parts.get(part, Health('')) for seen in self._seen]
+    def _output_status(self, part: str) -> Status:
+        past = [seen.parts.get(part, Health('')) for seen in self._observations]
         health = past[-1]
         values = {'target': health.target, 'lost': str(health.dropped)}
         level, words = OK, 'well' if health.target else 'off'
@@ -149,7 +156,7 @@ class Watch:
             level, words = WARN, health.trouble
         # Losses during a trouble belong to it.
         elif health.dropped > past[0].dropped and not any(one.trouble for one in past):
-            level, words = WARN, f'the {part} lags: items were left out in the last {SPAN} s'
+            level, words = WARN, f'the {part} lags: items were left out in the last {WINDOW} s'
         elif health.dropped:
             words = f'well, but {health.dropped} items were left out'
         return Status(level, f'{self._node}: {part}', words, values)

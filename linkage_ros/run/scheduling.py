@@ -17,9 +17,9 @@ _PR_SET_TIMERSLACK = 29  # of prctl
 _PRIORITY = 50  # as ros2_control's
 # s for which a thread may keep the interpreter while another waits: Python's own, and where ticks
 # are due.
-_PATIENT, _INSISTENT = 5e-3, 1e-5
-_FAR_TOO_LATE = 20 * NS_PER_MS
-_CALM = 2.0  # s to be patient
+_LONG_INTERVAL, _SHORT_INTERVAL = 5e-3, 1e-5
+_VERY_LATE = 20 * NS_PER_MS
+_RECOVERY_SECONDS = 2.0  # s to be patient
 
 
 def freeze_heap() -> None:
@@ -33,7 +33,7 @@ def freeze_heap() -> None:
 
 def shorten_switch_interval() -> None:
     """Lets no other thread of Python keep the interpreter; by default each may for 5 ms."""
-    sys.setswitchinterval(_INSISTENT)
+    sys.setswitchinterval(_SHORT_INTERVAL)
 
 
 def minimize_timer_slack() -> None:
@@ -70,7 +70,7 @@ class SwitchInterval:
     """
 
     def __init__(self) -> None:
-        self._patient_until = time.monotonic() + _CALM
+        self._long_until = time.monotonic() + _RECOVERY_SECONDS
 
     def follow(self, late: int) -> None:
         """To be called at each tick.
@@ -79,6 +79,6 @@ class SwitchInterval:
             late: How late it is, ns.
         """
         now = time.monotonic()
-        if late > _FAR_TOO_LATE:
-            self._patient_until = now + _CALM
-        sys.setswitchinterval(_PATIENT if now < self._patient_until else _INSISTENT)
+        if late > _VERY_LATE:
+            self._long_until = now + _RECOVERY_SECONDS
+        sys.setswitchinterval(_LONG_INTERVAL if now < self._long_until else _SHORT_INTERVAL)

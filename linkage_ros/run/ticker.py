@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.scheduling import (
     SwitchInterval,
     minimize_timer_slack,
@@ -25,16 +25,16 @@ from linkage_ros.run.scheduling import (
 )
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
-_LATELY = 10_000  # ticks whose lateness is kept
+_LATENESS_SAMPLES = 10_000  # ticks whose lateness is kept
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
 CLOCK_STEP = 50 * NS_PER_MS
 # Readings of two clocks belong together if no more ns than these are between them.
-_TOGETHER = NS_PER_MS
+_MAX_READING_GAP = NS_PER_MS
 # Longest uninterrupted sleep, s: how long a slow node may take to notice that it should stop.
-_NAP = 0.1
+_MAX_SLEEP = 0.1
 # Ticks that one message of the clock may make due; those that a longer jump skips are missed.
-_AT_ONCE = 1000
+_MAX_TICKS_PER_MESSAGE = 1000
 
 
 @dataclass
@@ -45,16 +45,16 @@ class TickCounts:
         kept: Ticks that were carried out.
         missed: Ticks that were skipped because the thread was late by a period or more.
         clock_steps: How often the clock was stepped.
-        late: How late the last ticks began, ns.
-        latest: How late the latest tick of all began, ns.
+        lateness: How late the last ticks began, ns.
+        max_lateness: How late the latest tick of all began, ns.
         real_time_priority: Whether the thread has real-time priority.
     """
 
     kept: int = 0
     missed: int = 0
     clock_steps: int = 0
-    late: deque[int] = field(default_factory=lambda: deque(maxlen=_LATELY))
-    latest: int = 0
+    lateness: deque[int] = field(default_factory=lambda: deque(maxlen=_LATENESS_SAMPLES))
+    max_lateness: int = 0
     real_time_priority: bool = False
 
 
@@ -82,17 +82,17 @@ class Ticker(ABC):
         t0: Stamp of tick 0 on the clock as it stands, ns; known from the first tick on.
     """
 
-    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
+    def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:
         """Prepares the ticks.
 
         Args:
-            machine: Knows when ticks are due.
+            simulator: Knows when ticks are due.
             callbacks: What to call.
         """
         self.counts = TickCounts()
         self.error: BaseException | None = None
         self.t0 = 0
-        self._machine, self._callbacks = machine, callbacks
+        self._simulator, self._callbacks = simulator, callbacks
 
     @abstractmethod
     def start(self) -> None:
@@ -103,20 +103,20 @@ class Ticker(ABC):
         """Ends the ticks, after the one that is being made."""
 
     def _stamp(self, tick: int) -> int:
-        return self.t0 + self._machine.elapsed(tick)
+        return self.t0 + self._simulator.elapsed(tick)
 
-    def _make(self, tick: int) -> None:
+    def _make_tick(self, tick: int) -> None:
         self._callbacks.tick(self._stamp(tick))
         self.counts.kept += 1
 
-    def _step(self, tick: int, shift: int) -> None:
+    def _step_clock(self, tick: int, shift: int) -> None:
         """Moves the next tick, and those after it, by a step of the clock, ns."""
         old = self._stamp(tick)
         self.t0 += shift
         self.counts.clock_steps += 1
         self._callbacks.restamp(old, old + shift)
 
-    def _guard(self, act: Callable[..., None], *arguments: Any) -> None:
+    def _report_failure(self, act: Callable[..., None], *arguments: Any) -> None:
         try:
             act(*arguments)
         except BaseException as error:  # noqa: BLE001, the node must learn of every error
@@ -127,12 +127,12 @@ class Ticker(ABC):
 class RealTimeTicker(Ticker):
     """Makes ticks when they are due, in its own thread."""
 
-    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
-        super().__init__(machine, callbacks)
+    def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:
+        super().__init__(simulator, callbacks)
         self._origin = self._offset = 0  # tick 0 on the monotonic clock, the wall clock ahead, ns
         self._stop = threading.Event()
         self._thread = threading.Thread(
-            target=self._guard, args=(self._run,), name='ticker', daemon=True
+            target=self._report_failure, args=(self._run,), name='ticker', daemon=True
         )
 
     def start(self) -> None:
@@ -154,30 +154,30 @@ class RealTimeTicker(Ticker):
         switch_interval = SwitchInterval()
         tick = 0
         while not self._stop.is_set():
-            due = self._await(tick, switch_interval)
+            due = self._wait_for_tick(tick, switch_interval)
             if self._stop.is_set():
                 return
             self.counts.missed += due - tick
             stepped = _clock_offset() - self._offset
             if abs(stepped) > CLOCK_STEP:
                 self._offset += stepped
-                self._step(due, stepped)
-            self._make(due)
+                self._step_clock(due, stepped)
+            self._make_tick(due)
             tick = due + 1
 
-    def _await(self, tick: int, switch_interval: SwitchInterval) -> int:
+    def _wait_for_tick(self, tick: int, switch_interval: SwitchInterval) -> int:
         """Sleeps until a tick is due; returns it, or a later one if it is too late for it."""
-        deadline = self._origin + self._machine.elapsed(tick)
+        deadline = self._origin + self._simulator.elapsed(tick)
         while (left := deadline - time.monotonic_ns()) > 0:
-            if left > NS_PER_S * _NAP:
-                if self._stop.wait(_NAP):
+            if left > NS_PER_S * _MAX_SLEEP:
+                if self._stop.wait(_MAX_SLEEP):
                     return tick
             else:
                 time.sleep(left / NS_PER_S)
-        self.counts.late.append(-left)
-        self.counts.latest = max(self.counts.latest, -left)
+        self.counts.lateness.append(-left)
+        self.counts.max_lateness = max(self.counts.max_lateness, -left)
         switch_interval.follow(-left)
-        return self._machine.tick_at(time.monotonic_ns() - self._origin)
+        return self._simulator.tick_at(time.monotonic_ns() - self._origin)
 
 
 def _clock_offset() -> int:
@@ -189,15 +189,15 @@ def _clock_offset() -> int:
         before = time.monotonic_ns()
         wall = time.time_ns()
         after = time.monotonic_ns()
-        if after - before < _TOGETHER:
+        if after - before < _MAX_READING_GAP:
             return wall - after
 
 
 class MeasurementTicker(Ticker):
     """Makes a tick for each measurement that is heard."""
 
-    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
-        super().__init__(machine, callbacks)
+    def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:
+        super().__init__(simulator, callbacks)
         self._is_running = False
 
     def start(self) -> None:
@@ -208,14 +208,14 @@ class MeasurementTicker(Ticker):
         """Lets them make none from now on."""
         self._is_running = False
 
-    def hear(self, answer: Callable[[], bool]) -> None:
+    def advance_to(self, answer: Callable[[], bool]) -> None:
         """Makes the tick of a measurement; only one thread may do so.
 
         Args:
             answer: Answers it, and returns whether it did.
         """
         if self._is_running and self.error is None:
-            self._guard(self._count, answer)
+            self._report_failure(self._count, answer)
 
     def _count(self, answer: Callable[[], bool]) -> None:
         self.counts.kept += answer()
@@ -229,8 +229,8 @@ class SimTimeTicker(Ticker):
     wall clock is.
     """
 
-    def __init__(self, machine: Machine, callbacks: Callbacks) -> None:
-        super().__init__(machine, callbacks)
+    def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:
+        super().__init__(simulator, callbacks)
         self._is_running = False
         self._now: int | None = None
         self._tick = 0
@@ -243,27 +243,27 @@ class SimTimeTicker(Ticker):
         """Ends the motion: the clock makes no tick from now on."""
         self._is_running = False
 
-    def hear(self, now: int) -> None:
+    def advance_to(self, now: int) -> None:
         """Makes the ticks that are due; only one thread may do so.
 
         Args:
             now: The time of the clock, ns.
         """
         if self._is_running and self.error is None:
-            self._guard(self._advance, now)
+            self._report_failure(self._make_due_ticks, now)
 
-    def _advance(self, now: int) -> None:
+    def _make_due_ticks(self, now: int) -> None:
         last, self._now = self._now, now
         if last is None:
             self.t0 = now
         elif now < last:
             # The next state gets the new time, and the crank continues from where it is.
-            self._step(self._tick, now - self._stamp(self._tick))
-        due = self._machine.tick_at(now - self.t0) if now >= self.t0 else -1
-        if due - self._tick >= _AT_ONCE:
+            self._step_clock(self._tick, now - self._stamp(self._tick))
+        due = self._simulator.tick_at(now - self.t0) if now >= self.t0 else -1
+        if due - self._tick >= _MAX_TICKS_PER_MESSAGE:
             self.counts.missed += due - self._tick
             self.counts.clock_steps += 1
             self._tick = due
         while self._tick <= due and self._is_running:
-            self._make(self._tick)
+            self._make_tick(self._tick)
             self._tick += 1

@@ -15,10 +15,10 @@ class TorqueCommands:
     One thread may hear commands while another asks for the torque.
 
     Attributes:
-        taken: Commands that were followed.
-        cut: Accepted commands that were cut to the limit.
+        accepted: Commands that were followed.
+        limited: Accepted commands that were cut to the limit.
         refused: Commands that were not followed.
-        ended: How often commands stopped coming for longer than the timeout.
+        timeouts: How often commands stopped coming for longer than the timeout.
     """
 
     def __init__(
@@ -33,14 +33,14 @@ class TorqueCommands:
             clock: Returns the time, s.
             crank: Name of the crank's joint.
         """
-        self.taken = self.cut = self.refused = self.ended = 0
+        self.accepted = self.limited = self.refused = self.timeouts = 0
         self._limit, self._timeout, self._clock = limit, timeout, clock
         self._crank = crank
         self._last = 0.0, math.inf  # torque, and until when it counts
-        self._counts = False
-        self._silent_at = -math.inf
+        self._is_active = False
+        self._timed_out_at = -math.inf
 
-    def hear(self, names: Sequence[str], efforts: Sequence[float], age: float) -> str:
+    def receive(self, names: Sequence[str], efforts: Sequence[float], age: float) -> str:
         """Takes a command, or refuses it.
 
         Args:
@@ -60,11 +60,11 @@ class TorqueCommands:
         torque = float(efforts[list(names).index(self._crank)])
         if not math.isfinite(torque):
             return self.refuse(f'effort {torque}: must be a finite number, N m')
-        self.taken += 1
-        self.cut += abs(torque) > self._limit
+        self.accepted += 1
+        self.limited += abs(torque) > self._limit
         torque = min(max(torque, -self._limit), self._limit)
         self._last = torque, self._clock() + self._timeout - age
-        self._counts = True
+        self._is_active = True
         return ''
 
     def refuse(self, wrong: str) -> str:
@@ -77,25 +77,25 @@ class TorqueCommands:
         """Whether commands came, and come no more."""
         return self._clock() > self._last[1]
 
-    def silent_within(self, seconds: float) -> bool:
+    def timed_out_within(self, seconds: float) -> bool:
         """Whether a tick of the last seconds had no command any more."""
-        return self._clock() - self._silent_at < seconds
+        return self._clock() - self._timed_out_at < seconds
 
     def torque(self) -> float:
         """The torque in force, N m: 0 before the first command and after the timeout."""
         (torque, end), now = self._last, self._clock()
         if now <= end:
             return torque
-        self.ended += self._counts
-        self._counts, self._silent_at = False, now
+        self.timeouts += self._is_active
+        self._is_active, self._timed_out_at = False, now
         return 0.0
 
-    def figures(self) -> dict[str, str]:
+    def diagnostics(self) -> dict[str, str]:
         """Counts of the commands, for diagnostics."""
         return {
             'command, N m': f'{0.0 if self.timed_out else self._last[0]:.6g}',
-            'commands taken': str(self.taken),
-            'commands cut to torque_limit': str(self.cut),
+            'commands taken': str(self.accepted),
+            'commands cut to torque_limit': str(self.limited),
             'commands refused': str(self.refused),
-            'command timeouts': str(self.ended),
+            'command timeouts': str(self.timeouts),
         }

@@ -7,17 +7,17 @@ from __future__ import annotations
 from linkage_ros.log.metadata import encode_motion
 from linkage_ros.motion.segments import Segment, SpeedSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.timeline import moment, seconds
 
 
-def check_motions(machine: Machine, motions: tuple[Segment, ...]) -> str:
+def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     """Compares each segment with what follows from the configuration and the segment before.
 
     Only when, and to which rpm, torque or clock, the motion changes is free.
 
     Args:
-        machine: Machine of the configuration.
+        simulator: Machine of the configuration.
         motions: The logged segments.
 
     Returns:
@@ -25,7 +25,7 @@ def check_motions(machine: Machine, motions: tuple[Segment, ...]) -> str:
     """
     for number, logged in enumerate(motions, 1):
         if number == 1:
-            due, source = machine.begin(logged.stamp).segment, 'the configuration gives'
+            due, source = simulator.begin(logged.stamp).segment, 'the configuration gives'
         else:
             past = motions[number - 2]
             begin = moment(logged)

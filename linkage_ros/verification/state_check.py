@@ -16,7 +16,7 @@ import numpy.typing as npt
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.motion.segments import Segment, SpeedSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.ticker import CLOCK_STEP
 from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.row_comparison import RowComparison
@@ -36,7 +36,7 @@ class StateCheck:
 
     def __init__(
         self,
-        machine: Machine,
+        simulator: Simulator,
         layout: RowLayout,
         comparison: RowComparison,
         timeline: Timeline,
@@ -47,7 +47,7 @@ class StateCheck:
         """Prepares a check.
 
         Args:
-            machine: Recomputes the states.
+            simulator: Recomputes the states.
             layout: Layout of the logged rows; at least one message has a stamp.
             comparison: Compares rows of this layout.
             timeline: Timeline of the log.
@@ -55,7 +55,7 @@ class StateCheck:
             recorded: Whether every tick has a state, logged at its stamp.
         """
         self.states, self.comparison = 0, comparison
-        self.timeline, self._machine, self._layout = timeline, machine, layout
+        self.timeline, self._simulator, self._layout = timeline, simulator, layout
         self._torque, self._recorded = torque, recorded
         self._stamp = [
             next(place for place in layout.places if place.name == f'header.stamp.{unit}')
@@ -124,13 +124,13 @@ class StateCheck:
             if self._motion is None or self._motion.segment is not segment:
                 self._motion = SpeedMotion(segment)
             coordinates = self._motion.at_all(stamps)
-            ahead = self._machine.ahead(self._motion, stamps)
+            ahead = self._simulator.ahead(self._motion, stamps)
         elif self._torque:
             coordinates = self._torque.coordinates(rows)
         else:
             raise LogError('has a motion under a torque, the configuration a speed')
         times = self._layout.column(rows, self._layout.times)
-        return self._machine.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
+        return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
 
     def _resume(self, row: bytes) -> str:
         """Compares a state that is not that of the next tick."""

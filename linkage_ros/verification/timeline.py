@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from linkage_ros.motion.segments import Segment
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 
 
@@ -50,14 +50,14 @@ class Timeline:
         tick: Number of its tick; -1: there was none.
     """
 
-    def __init__(self, machine: Machine, motions: tuple[Segment, ...]) -> None:
+    def __init__(self, simulator: Simulator, motions: tuple[Segment, ...]) -> None:
         """Begins with the first piece.
 
         Args:
-            machine: Knows the ticks.
+            simulator: Knows the ticks.
             motions: All segments, in order; at least one.
         """
-        self._machine = machine
+        self._simulator = simulator
         self._pieces: list[MotionPiece] = []
         anchor = motions[0].stamp
         for number, motion in enumerate(motions, 1):
@@ -95,7 +95,7 @@ class Timeline:
     def following(self, count: int) -> list[int]:
         """The stamps of the next ticks, as far as they lie in the same piece; at most so many."""
         anchor, end, first = self.piece.anchor, self.piece.end, self.tick + 1
-        stamps = [anchor + self._machine.elapsed(tick) for tick in range(first, first + count)]
+        stamps = [anchor + self._simulator.elapsed(tick) for tick in range(first, first + count)]
         return [stamp for stamp in stamps if end is None or stamp < end]
 
     def advance(self, count: int, last: int) -> None:
@@ -118,13 +118,13 @@ class Timeline:
         if self.last is not None and stamp <= self.last:
             return f'is not after the one before it, {seconds(self.last)}'
         if late := self.late(stamp):
-            rate = self._machine.configuration.session.rate_hz
+            rate = self._simulator.configuration.session.rate_hz
             return f'is no tick of rate_hz = {rate:g}: {late} ns late'
         return 'lies in no piece of motion'
 
     def _tick_of(self, piece: MotionPiece, stamp: int) -> int:
-        return self._machine.tick_at(stamp - piece.anchor)
+        return self._simulator.tick_at(stamp - piece.anchor)
 
     def _late(self, piece: MotionPiece, stamp: int) -> int:
         elapsed = stamp - piece.anchor
-        return elapsed - self._machine.elapsed(self._machine.tick_at(elapsed))
+        return elapsed - self._simulator.elapsed(self._simulator.tick_at(elapsed))

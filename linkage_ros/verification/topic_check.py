@@ -7,7 +7,7 @@ from __future__ import annotations
 from linkage_ros.log.channels import Pairing
 from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.topics import COUPLER_POINT, JOINT_COMMANDS, TOPICS
 
 
@@ -17,7 +17,7 @@ def has_states(pairings: list[Pairing]) -> bool:
 
 
 def check_topics(
-    log: LogReader, pairings: list[Pairing], descriptions: list[str], machine: Machine
+    log: LogReader, pairings: list[Pairing], descriptions: list[str], simulator: Simulator
 ) -> str:
     """Looks for a topic that cannot come from a run of the configuration.
 
@@ -25,21 +25,21 @@ def check_topics(
         log: The log.
         pairings: Channels, with the topics of the machine that they carry.
         descriptions: Names of the channels with robot descriptions.
-        machine: Machine of the configuration.
+        simulator: Machine of the configuration.
 
     Returns:
         What is wrong with it; empty if there is none.
     """
-    interfaces = {t.interface.name: t.interface for t in (*TOPICS, *machine.topics)}
+    interfaces = {t.interface.name: t.interface for t in (*TOPICS, *simulator.topics)}
     for channel in log.topics:
         known = interfaces.get(channel.type)
         if known and channel.layout != ('cdr', 'ros2msg', known.definition):
             return f'{channel.name}: its schema is not that of {channel.type}'
     carrying = {channel for channel, _ in pairings}
     known_types = {topic.interface.name for _, topic in pairings}
-    kinds = {topic.name: topic.interface.name for topic in machine.topics}
+    kinds = {topic.name: topic.interface.name for topic in simulator.topics}
     # What was commanded is logged with what came of it.
-    heard = 1 if isinstance(machine.configuration.drive, TorqueDrive) else 0
+    heard = 1 if isinstance(simulator.configuration.drive, TorqueDrive) else 0
     for channel in log.topics:
         kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
         if channel in carrying:

@@ -20,7 +20,7 @@ from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.motion.torque_driven import CATCH_UP, start
 from linkage_ros.numeric import with_turns, within_two_turns
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.rows import RowLayout
 
@@ -35,12 +35,12 @@ class TorqueCheck:
     """Recomputes the states of one torque-driven log."""
 
     def __init__(
-        self, machine: Machine, drive: TorqueDrive, layout: RowLayout, *, recorded: bool
+        self, simulator: Simulator, drive: TorqueDrive, layout: RowLayout, *, recorded: bool
     ) -> None:
         """Prepares it.
 
         Args:
-            machine: Machine of the logged configuration.
+            simulator: Machine of the logged configuration.
             drive: Its drive.
             layout: Layout of the logged rows.
             recorded: Whether nothing but the motor can have driven the mechanism.
@@ -48,11 +48,11 @@ class TorqueCheck:
         Raises:
             LogError: The rows have no accelerations.
         """
-        self._machine, self._drive, self._recorded = machine, drive, recorded
+        self._simulator, self._drive, self._recorded = simulator, drive, recorded
         self._layout = layout
         places = {place.name: place for place in layout.places}
         # The crank and a free slider.
-        joints = [machine.joints[i] for i in (0, -1)[: len(machine.solver.coordinates)]]
+        joints = [simulator.joints[i] for i in (0, -1)[: len(simulator.solver.coordinates)]]
         words = ('positions', 'velocities', 'accelerations')
         try:
             self._places = [[places[f'points[0].{w}[{j}]'] for j in joints] for w in words]
@@ -64,7 +64,7 @@ class TorqueCheck:
         self._effort = places[f'points[0].effort[{joints[0]}]']
         # Tick, coordinates, torque beyond the motor's of the state before; the first one follows
         # from the start.
-        self._before = 0, start(machine.solver.mechanism, drive), 0.0
+        self._before = 0, start(simulator.solver.mechanism, drive), 0.0
 
     def coordinates(self, rows: bytes) -> Coordinates:
         """The coordinates that mechanism_state contains, in arrays.
@@ -117,12 +117,12 @@ class TorqueCheck:
         found: Coordinates,
     ) -> str:
         """How far a state is from where the one before it leads, in words."""
-        late = self._machine.elapsed(tick) - self._machine.elapsed(past)
-        stood_still = not self._recorded and late > self._machine.elapsed(1) + CATCH_UP
+        late = self._simulator.elapsed(tick) - self._simulator.elapsed(past)
+        stood_still = not self._recorded and late > self._simulator.elapsed(1) + CATCH_UP
         elapsed = 0.0 if stood_still else late / NS_PER_S
         if elapsed > _LONGEST:
             return ''
-        solver = self._machine.solver
+        solver = self._simulator.solver
         driven = DrivenMechanism(solver, lambda _, speed: motor.at(speed) + command)
         try:
             steps = FixedSteps(driven, (*origin.q, *origin.u))

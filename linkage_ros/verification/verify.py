@@ -16,7 +16,7 @@ from linkage_ros.errors import LogError
 from linkage_ros.log.channels import Pairing, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.motion_check import check_motions
 from linkage_ros.verification.row_comparison import RowComparison
 from linkage_ros.verification.state_check import StateCheck
@@ -67,16 +67,16 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     Raises:
         LogError: The file is damaged, or has states but nothing that explains or dates them.
     """
-    machine = Machine(log.configuration)
-    pairings = paired(log, machine.topics)
+    simulator = Simulator(log.configuration)
+    pairings = paired(log, simulator.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = check_topics(log, pairings, descriptions, machine)
-    difference = difference or check_motions(machine, log.motions)
+    difference = check_topics(log, pairings, descriptions, simulator)
+    difference = difference or check_motions(simulator, log.motions)
     comparable = descriptions if log.has_same_urdf else []
-    others = _Others(comparable, machine.description)
+    others = _Others(comparable, simulator.description)
     found = _Found()
     if not difference and has_states(pairings):
-        found = _compare(log, machine, pairings, others, progress)
+        found = _compare(log, simulator, pairings, others, progress)
     elif not difference:
         for message in log.written():
             others.check(message)
@@ -89,7 +89,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         states=found.states,
         compared=tuple(name for name in names if name in known),
         others=tuple(name for name in names if name not in known),
-        absent=tuple(t.name for t in (*machine.topics, ROBOT_DESCRIPTION) if t not in carried),
+        absent=tuple(t.name for t in (*simulator.topics, ROBOT_DESCRIPTION) if t not in carried),
         missed=found.missed,
         cut=found.cut,
         ulp=found.ulp,
@@ -109,7 +109,7 @@ class _Found(NamedTuple):
 
 def _compare(
     log: LogReader,
-    machine: Machine,
+    simulator: Simulator,
     pairings: list[Pairing],
     others: _Others,
     progress: Callable[[int], object],
@@ -119,10 +119,10 @@ def _compare(
     Raises:
         LogError: The file is damaged, or nothing explains or dates its states.
     """
-    layout = machine.layout_of((channel.number, topic) for channel, topic in pairings)
+    layout = simulator.layout_of((channel.number, topic) for channel, topic in pairings)
     names = [channel.name for channel, _ in pairings]
     comparison = RowComparison(layout, names)
-    check = _check(log, machine, pairings, comparison, layout)
+    check = _check(log, simulator, pairings, comparison, layout)
     waiting = bytearray()
     tail, stray, difference = b'', None, ''
     for rows, stray in log.rows(layout, others.check):
@@ -149,7 +149,7 @@ def _compare(
 
 def _check(
     log: LogReader,
-    machine: Machine,
+    simulator: Simulator,
     pairings: list[Pairing],
     comparison: RowComparison,
     layout: RowLayout,
@@ -166,11 +166,11 @@ def _check(
     # A run on simulated time may begin at 0 as well.
     live = any(topic.type == DIAGNOSTICS.interface.name for topic in log.topics)
     recorded = not live and log.motions[0].stamp == 0
-    drive, torque = machine.configuration.drive, None
+    drive, torque = simulator.configuration.drive, None
     if isinstance(drive, TorqueDrive):
-        torque = TorqueCheck(machine, drive, layout, recorded=recorded)
-    timeline = Timeline(machine, log.motions)
-    return StateCheck(machine, layout, comparison, timeline, torque, recorded=recorded)
+        torque = TorqueCheck(simulator, drive, layout, recorded=recorded)
+    timeline = Timeline(simulator, log.motions)
+    return StateCheck(simulator, layout, comparison, timeline, torque, recorded=recorded)
 
 
 class _Others:

@@ -24,7 +24,13 @@ from linkage_ros.view.reach import reach
 _MARK, _SCALE = 0.04, 0.25
 # In marks: height of a pivot with its ground; distance of a name from its pin, and from that of a
 # slider's block, and from a pivot, beside it; height of a name.
-_FOOT, _DISTANCE, _BEYOND, _ASIDE, _NAME = 1.4, 1.5, 1.9, 2.5, 1.4
+_PIVOT_HEIGHT, _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_ASIDE, _LABEL_HEIGHT = (
+    1.4,
+    1.5,
+    1.9,
+    2.5,
+    1.4,
+)
 
 _Complex: TypeAlias = npt.NDArray[np.complex128]
 
@@ -90,17 +96,19 @@ class Drawing:
         self._mark = mark = _MARK * np.ptp(everything, axis=0).max()
         self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
         self._block: _Complex | None = None
-        self._walls: tuple[complex, ...] = ()  # directions that a slider's name must avoid
+        self._blocked_directions: tuple[
+            complex, ...
+        ] = ()  # directions that a slider's name must avoid
         if structure.links[-1].slides:
             axis = cmath.rect(1.0, structure.links[-1].angle)
             self._block = mark * axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j])
-            self._walls = axis, -axis, -1j * axis
+            self._blocked_directions = axis, -axis, -1j * axis
             self.ground += _rail(swept[:, self.pins.index(self._output_pin)], axis, mark)
         middle = swept.reshape(-1, 2).mean(axis=0)
-        self.pivot_labels = np.array([_beside(pivot, middle, mark) for pivot in self.pivots])
+        self.pivot_labels = np.array([_pivot_label(pivot, middle, mark) for pivot in self.pivots])
         everything = np.concatenate([everything, *self.ground, self.pivot_labels])
         low, high = everything.min(axis=0), everything.max(axis=0)
-        room = (_DISTANCE + _NAME) * mark  # for the names of the pins
+        room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # for the names of the pins
         self.scale_length = length = _round_below(_SCALE * (high - low).max())
         end = 0.4 * mark  # the ends of the bar are turned up
         self.scale = low - room + np.array([(0, end), (0, 0), (length, 0), (length, end)])
@@ -133,7 +141,7 @@ class Drawing:
         turned = np.exp(1j * np.where(slides, 0.0, position))
         return _plane(turned @ self._weights.T + self._fixed)
 
-    def of_links(self, position: Array) -> Array:
+    def links_from_joints(self, position: Array) -> Array:
         """Positions or rates of the links, from those of the joints.
 
         Args:
@@ -182,14 +190,16 @@ class Drawing:
 
     def _label(self, at: dict[str, _Complex], pin: str) -> _Complex:
         ways = [at[other] - at[pin] for other in self._neighbours[pin]]
-        walls = self._walls if pin == self._output_pin else ()
-        ways += [np.full_like(at[pin], wall) for wall in walls]
+        blocked = self._blocked_directions if pin == self._output_pin else ()
+        ways += [np.full_like(at[pin], wall) for wall in blocked]
         angles = np.sort(np.angle(ways), axis=0)
         gaps = np.diff(angles, axis=0, append=angles[:1] + 2 * math.pi)
         widest, column = gaps.argmax(axis=0), np.arange(gaps.shape[1])
         middle = angles[widest, column] + 0.5 * gaps[widest, column]
         # A name hangs: its middle is below its place.
-        way = (_BEYOND if walls else _DISTANCE) * np.exp(1j * middle) + 0.5j * _NAME
+        way = (_LABEL_BEYOND_BLOCK if blocked else _LABEL_DISTANCE) * np.exp(
+            1j * middle
+        ) + 0.5j * _LABEL_HEIGHT
         place: _Complex = at[pin] + self._mark * way
         return place
 
@@ -211,7 +221,7 @@ def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
     names = {point: name for name, point in structure.points.items()}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
 
-    def stop(count: int) -> tuple[str, bool]:
+    def pin_after(count: int) -> tuple[str, bool]:
         """The pin after some links, and whether it is reached backwards, from the loop's end."""
         there = names.get(Point(way[:count] + rest[count:]))
         back = Point(rest[:count] + tuple(-w for w in way[count:]), -structure.closure.fixed)
@@ -220,7 +230,7 @@ def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
     ends: dict[str, tuple[str, str]] = {}
     for j, link in enumerate(structure.links):
         if way[j]:
-            (start, is_back), (end, _) = stop(j), stop(j + 1)
+            (start, is_back), (end, _) = pin_after(j), pin_after(j + 1)
             ends[link.name] = (end, start) if is_back else (start, end)
     return ends
 
@@ -229,12 +239,12 @@ def _plane(points: _Complex) -> Array:
     return np.stack([points.real, points.imag], axis=-1)
 
 
-def _beside(pivot: Array, middle: Array, mark: float) -> Array:
+def _pivot_label(pivot: Array, middle: Array, mark: float) -> Array:
     """Where a fixed pivot's name hangs: below it, or beside it if the links are below."""
     if middle[1] >= pivot[1]:
-        return np.array([pivot[0], pivot[1] - _FOOT * mark])
-    aside = math.copysign(_ASIDE, pivot[0] - middle[0])
-    return np.array([pivot[0] + aside * mark, pivot[1] + 0.5 * _NAME * mark])
+        return np.array([pivot[0], pivot[1] - _PIVOT_HEIGHT * mark])
+    aside = math.copysign(_LABEL_ASIDE, pivot[0] - middle[0])
+    return np.array([pivot[0] + aside * mark, pivot[1] + 0.5 * _LABEL_HEIGHT * mark])
 
 
 def _pivot(pivot: Array, size: float) -> list[Array]:
@@ -242,7 +252,7 @@ def _pivot(pivot: Array, size: float) -> list[Array]:
     shapes: list[list[tuple[float, float]]] = [
         [(0, 0), (-0.6, -1), (0.6, -1), (0, 0)],
         [(-1, -1), (1, -1)],
-        *([(x, -1), (x - 0.4, -_FOOT)] for x in (-0.6, -0.2, 0.2, 0.6, 1.0)),
+        *([(x, -1), (x - 0.4, -_PIVOT_HEIGHT)] for x in (-0.6, -0.2, 0.2, 0.6, 1.0)),
     ]
     return [pivot + size * np.array(shape) for shape in shapes]
 

@@ -16,7 +16,7 @@ from linkage_ros.numeric import Array
 _STEPS_PER_TURN = 360
 _BEFORE_END = 1e-9  # of half an arc
 # Grid of crank angles and slider positions of a mechanism with a free slider.
-_ANGLES, _PLACES = 72, 121
+_ANGLES, _POSITIONS = 72, 121
 
 
 def reach(mechanism: Mechanism, crank_angle: float) -> Array:
@@ -60,7 +60,7 @@ def _area(solver: Solver, start: float) -> Array:
     of these, those at which it closes at some crank angle.
     """
     longest = sum(abs(weight) for weight in solver.structure.closure.weights)
-    places = np.linspace(-longest, longest, _PLACES)
+    places = np.linspace(-longest, longest, _POSITIONS)
     angles = np.linspace(0, 2 * math.pi, _ANGLES, endpoint=False).tolist()
     rows = [[_position(solver, angle, place) for angle in angles] for place in places.tolist()]
     closes = np.array([[bool(position) for position in row] for row in rows])
@@ -68,7 +68,7 @@ def _area(solver: Solver, start: float) -> Array:
     possible = closes.all(axis=1) if closes[middle].all() else closes.any(axis=1)
     gaps = np.flatnonzero(~possible)
     first = gaps[gaps < middle].max(initial=-1) + 1
-    last = gaps[gaps > middle].min(initial=_PLACES)
+    last = gaps[gaps > middle].min(initial=_POSITIONS)
     return np.array([position for row in rows[first:last] for position in row if position])
 
 

@@ -29,7 +29,7 @@ from linkage_ros.parameters.session import (
     VIEWERS,
     WEB,
     is_recording,
-    no_viewer,
+    viewer_error,
     viewer_address,
 )
 from linkage_ros.quantities import shown
@@ -38,7 +38,7 @@ from linkage_ros.view.viewer_process import free_address, public_host
 
 # What the columns of an archetype hold.
 _FIELDS = {rr.Scalars: 'scalars', rr.Points2D: 'positions', rr.LineStrips2D: 'strips'}
-_SERVED = '64MB'  # of the past, for windows that connect late
+_SERVED_MEMORY = '64MB'  # of the past, for windows that connect late
 _SEND_SECONDS = 2.0  # a viewer may delay a batch for so long
 _LAGGING_SECONDS = 0.05  # likewise after it has done so once
 _WRITE_SECONDS = 5.0  # likewise for a disk
@@ -62,7 +62,7 @@ class Sender:
         self,
         target: str,
         bind: str,
-        begin: Callable[[rr.RecordingStream], None],
+        send_static: Callable[[rr.RecordingStream], None],
         *,
         overwrite: bool,
     ) -> None:
@@ -71,7 +71,7 @@ class Sender:
         Args:
             target: One of VIEWERS.
             bind: Address on which data are served.
-            begin: Called with the recording at each connection: sends what never changes.
+            send_static: Called with the recording at each connection: sends what never changes.
             overwrite: Whether to replace an existing file.
 
         Raises:
@@ -85,9 +85,11 @@ class Sender:
         self.url: str | None = None
         self.exposed = False
         self.trouble = ''
-        self._target, self._begin = target, begin
+        self._target, self._send_static = target, send_static
         self._address = viewer_address(target)
-        self._missing: tuple[str, int] | None = None  # the address, while no viewer answers there
+        self._unreachable: tuple[str, int] | None = (
+            None  # the address, while no viewer answers there
+        )
         self._retry_at = 0.0
         self.is_file = not (target in (SPAWN, WEB) or self._address)
         self._file = _create_file(target, overwrite=overwrite) if self.is_file else None
@@ -95,9 +97,9 @@ class Sender:
         if target in (SPAWN, WEB):
             host, port, self.exposed = free_address(bind)
             self.url = f'rerun+http://{public_host(host) if target == WEB else host}:{port}/proxy'
-            self._connect(GrpcServerSink(host, port, server_memory_limit=_SERVED))
+            self._connect(GrpcServerSink(host, port, server_memory_limit=_SERVED_MEMORY))
         elif self._address:
-            self._find(self._address, _ANSWER_SECONDS)
+            self._try_to_connect(self._address, _ANSWER_SECONDS)
         else:
             self._connect(FileSink(target, write_footer=False))
 
@@ -107,9 +109,9 @@ class Sender:
         Raises:
             ViewerError: The disk takes no more.
         """
-        if self._missing and time.monotonic() >= self._retry_at:
-            self._find(self._missing, 0.0)
-        if self._missing:
+        if self._unreachable and time.monotonic() >= self._retry_at:
+            self._try_to_connect(self._unreachable, 0.0)
+        if self._unreachable:
             return False
         timeout = _WRITE_SECONDS if self.is_file else _SEND_SECONDS
         try:
@@ -123,7 +125,7 @@ class Sender:
                 f'the viewer at {where} does not read: states are left out until it does'
             )
             if self._address and ('severed' in str(error) or 'disconnected' in str(error)):
-                self._find(self._address, 0.0)
+                self._try_to_connect(self._address, 0.0)
         return not self.trouble
 
     def send(self, rows: Rows, *, wall_clock: bool) -> None:
@@ -148,10 +150,10 @@ class Sender:
         if self._file:
             self._file.close()
 
-    def _find(self, address: tuple[str, int], timeout: float) -> None:
+    def _try_to_connect(self, address: tuple[str, int], timeout: float) -> None:
         """Connects to the viewer elsewhere if it answers in time."""
-        self._missing = None if _answers(address, timeout) else address
-        if self._missing:
+        self._unreachable = None if _is_reachable(address, timeout) else address
+        if self._unreachable:
             self._retry_at = time.monotonic() + _RETRY_SECONDS
             self.trouble = (
                 f'no viewer answers at {self._target}: states are left out until one does'
@@ -165,7 +167,7 @@ class Sender:
             self._stream.set_sinks(sink)
         except RuntimeError as error:
             raise ViewerError(f'{self._target} cannot be opened: {error}') from error
-        self._begin(self._stream)
+        self._send_static(self._stream)
 
     def _disconnect(self) -> None:
         with contextlib.suppress(RuntimeError):
@@ -173,7 +175,7 @@ class Sender:
         self._stream.disconnect()
 
 
-def _answers(address: tuple[str, int], timeout: float) -> bool:
+def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
     """Waits until something accepts connections at an address.
 
     Args:
@@ -201,7 +203,7 @@ def _create_file(target: str, *, overwrite: bool) -> BinaryIO:
     """
     path = Path(target)
     if not is_recording(target) or path.is_dir():
-        raise ViewerError(no_viewer(target))
+        raise ViewerError(viewer_error(target))
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
     except BlockingIOError:

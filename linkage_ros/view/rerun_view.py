@@ -14,7 +14,7 @@ import rerun as rr
 from linkage_ros.errors import ViewerError
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.session import SPAWN, WEB
-from linkage_ros.run.machine import Machine
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.view.rerun_layout import fixed_components, layout
 from linkage_ros.view.rerun_sender import Sender
 from linkage_ros.view.scene import JOINT_FIELDS, Scene
@@ -79,12 +79,12 @@ class View:
         self.dropped = 0
         self._target = target
         self._configuration, self._scene = configuration, Scene(configuration)
-        self._codec = Machine(configuration).joint_states
+        self._codec = Simulator(configuration).joint_states
         self._wall_clock: bool | None = None
         if target == SPAWN:
             require_screen()
         binary = find_viewer() if target in (SPAWN, WEB) else None
-        self.sender = Sender(target, bind, self._begin, overwrite=overwrite)
+        self.sender = Sender(target, bind, self._send_static, overwrite=overwrite)
         self.period = _FILE_PERIOD if self.sender.is_file else _PERIOD
         self._process: ViewerProcess | None = None
         url = self.sender.url
@@ -115,7 +115,7 @@ class View:
     def close(self) -> None:
         """Sends what is left and disconnects: within 3 s, even from a viewer that hangs."""
         if self._process:
-            self._process.release()
+            self._process.close()
             self._process = None
         self.sender.close()
 
@@ -125,7 +125,7 @@ class View:
         if self.sender.is_file:
             Path(self._target).unlink(missing_ok=True)
 
-    def _begin(self, stream: rr.RecordingStream) -> None:
+    def _send_static(self, stream: rr.RecordingStream) -> None:
         drawing = self._scene.drawing
         stream.send_blueprint(layout(self._configuration, drawing))
         for entity, components in fixed_components(drawing).items():

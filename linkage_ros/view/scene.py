@@ -142,10 +142,10 @@ class Scene:
         """
         for field, row in zip(JOINT_FIELDS, (position, velocity, effort), strict=True):
             yield Rows(f'{JOINT_STATES}/{field}', rr.Scalars, stamps, row)
-        links, count = self.drawing.of_links(position), len(self.drawing.turning)
+        links, count = self.drawing.links_from_joints(position), len(self.drawing.turning)
         directions = self._directions.follow(links[:, 1:count])
         yield Rows(DIRECTIONS, rr.Scalars, stamps, directions)
-        rates = self.drawing.of_links(velocity)[:, :count]
+        rates = self.drawing.links_from_joints(velocity)[:, :count]
         yield Rows(RATES, rr.Scalars, stamps, rates)
         if self._energies:
             yield Rows(ENERGY, rr.Scalars, stamps, self._energies.at(position, velocity))

@@ -21,7 +21,7 @@ from linkage_ros.quantities import shown
 _MEMORY = '1GB'  # beyond which a window drops its oldest data
 _TIMEOUT = 1.0  # s for a page's server to end
 # Exit codes of a window that the user has closed, or ended with a signal.
-_CLOSED = (0, *(-number for number in (
+_CLOSED_BY_USER = (0, *(-number for number in (
     signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGKILL,
 )))  # fmt: skip
 
@@ -65,7 +65,7 @@ class ViewerProcess:
             ViewerError: It has failed, or a page's server has ended.
         """
         code = self.process.poll()
-        if code is None or (self._outlives and code in _CLOSED):
+        if code is None or (self._outlives and code in _CLOSED_BY_USER):
             return
         if code > 0:
             self._errors.seek(0)
@@ -75,7 +75,7 @@ class ViewerProcess:
         how = f'signal {-code}, {signal.strsignal(-code)}' if code else 'exit code 0'
         raise ViewerError(f'the viewer has ended ({how}): start the run again to have another')
 
-    def release(self) -> None:
+    def close(self) -> None:
         """Ends it, unless it outlives this process."""
         if not self._outlives:
             self.process.terminate()

@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.lab.methods.accuracy import MEAN, SLOWEST, Measurement
+from linkage_ros.lab.methods.accuracy import MEAN, MIN_RATE, Measurement
 from linkage_ros.lab.methods.bench import LIMIT
 from linkage_ros.lab.methods.chain import BATCH, ONE, QUANTITIES
 from linkage_ros.lab.methods.motion_bench import ENERGY, TRAJECTORY
@@ -135,7 +135,7 @@ def draw_integration(points: Sequence[Measurement], title: str, path: Path) -> N
     """
     columns = (
         (TRAJECTORY, MEAN, 'trajectory'), (ENERGY, MEAN, 'energy'),
-        (TRAJECTORY, SLOWEST, 'trajectory, slowest ms'),
+        (TRAJECTORY, MIN_RATE, 'trajectory, slowest ms'),
     )  # fmt: skip
     rows = [
         [

@@ -38,7 +38,7 @@ from linkage_ros.model.slider_crank import SliderCrank
 
 NEAR = 'near a change point'
 # Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
-MEAN, SLOWEST = 'motion', 'motion, slowest ms'
+MEAN, MIN_RATE = 'motion', 'motion, slowest ms'
 _QUICK_STEPS = 360
 _TICK = 1e-3  # s
 
@@ -187,7 +187,7 @@ def _motion_points(
     yield timed(moved, TRAJECTORY, MEAN, partial(_mean_time, method, setting, moved))
     if setting.get('step', 0) <= _TICK:
         run = partial(_slowest_time, method, setting, moved, ticks)
-        yield timed(moved, TRAJECTORY, SLOWEST, run)
+        yield timed(moved, TRAJECTORY, MIN_RATE, run)
     yield timed(kept, ENERGY, MEAN, partial(_mean_time, method, setting, kept))
 
 

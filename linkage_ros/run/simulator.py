@@ -76,11 +76,11 @@ class Snapshot(NamedTuple):
 
     @property
     def messages(self) -> tuple[bytes, ...]:
-        """CDR bytes, one message for each of `Machine.topics`."""
+        """CDR bytes, one message for each of `Simulator.topics`."""
         return self.layout.messages(self.row(0))
 
 
-class Machine:
+class Simulator:
     """Makes the states and messages of one configuration.
 
     Attributes:

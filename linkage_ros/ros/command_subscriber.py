@@ -24,7 +24,7 @@ _DEPTH = 100
 _QOS = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-class _NeverServed(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
+class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
     """Keeps a subscription from the executor.
 
     Its thread would be woken by each command, and thousands a second took the interpreter from
@@ -36,7 +36,7 @@ class _NeverServed(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has n
         return False
 
 
-class CommandInbox:
+class CommandSubscriber:
     """The commands on a node's joint_commands.
 
     Attributes:
@@ -55,10 +55,10 @@ class CommandInbox:
         self._logger = node.get_logger()
         self._subscription = node.create_subscription(
             JointState, JOINT_COMMANDS.name, lambda _: None, _QOS, raw=True,
-            callback_group=_NeverServed(),
+            callback_group=_PolledGroup(),
         )  # fmt: skip
 
-    def fetch(self) -> list[tuple[int, bytes]]:
+    def poll(self) -> list[tuple[int, bytes]]:
         """Takes what has come since the last call, good or bad, but for what is too large.
 
         Returns:
@@ -72,17 +72,17 @@ class CommandInbox:
                 data, info = taken
                 fetched.append((info['received_timestamp'] or time.time_ns(), data))
         now, wrong = time.time_ns(), ''
-        for came, data in fetched:
-            wrong = self._hear(data, max(0, now - came) / NS_PER_S) or wrong
+        for received, data in fetched:
+            wrong = self._receive(data, max(0, now - received) / NS_PER_S) or wrong
         if wrong:
             words = f'a command on {JOINT_COMMANDS.name} is refused: {wrong}'
             self._logger.warning(words, throttle_duration_sec=1.0)
         # Megabytes would be a log's largest chunk, and nobody's command.
-        return [(came, data) for came, data in fetched if len(data) <= LARGEST_COMMAND]
+        return [(received, data) for received, data in fetched if len(data) <= LARGEST_COMMAND]
 
-    def _hear(self, data: bytes, age: float) -> str:
+    def _receive(self, data: bytes, age: float) -> str:
         try:
             command = decode_joint_state(data)
         except ValueError as error:
             return self.commands.refuse(str(error))
-        return self.commands.hear(command.names, command.efforts, age)
+        return self.commands.receive(command.names, command.efforts, age)
