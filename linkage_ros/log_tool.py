@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -100,7 +101,8 @@ def verdict(log: LogReader, report: Report) -> Iterator[str]:
         yield f'{log.path}: DIFFERS: {report.difference}'
         yield f'  equal before it: {report.states} states'
     else:
-        yield f'{log.path}: {report.states} states, every one equal to the bit'
+        equal = f'within {math.ceil(report.ulp)} ulp' if report.ulp else 'to the bit'
+        yield f'{log.path}: {report.states} states, every one equal {equal}'
         yield f'  compared: {", ".join(report.compared) or "nothing"}'
     if report.others:
         yield f'  not recomputable, so not compared: {", ".join(report.others)}'
@@ -165,7 +167,7 @@ def _print(lines: Iterable[str]) -> None:
 
 _VERIFY = (
     'recompute every state from the logged configuration and motions; exit code 0: all are equal '
-    'to the bit, 1: one differs, 2: the log cannot be read'
+    'to the bit or within 4 ulp, 1: one differs, 2: the log cannot be read'
 )
 # Name, function, log, example and purpose.
 _COMMANDS = (

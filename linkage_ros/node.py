@@ -78,19 +78,22 @@ class LinkageNode(ParameterNode):
         self._stop = stop
         self._simulator = Simulator(configuration)
         self._ahead = CrankTrajectory.of(self._simulator)
-        self._topics = (
-            *self._simulator.topics, ROBOT_DESCRIPTION, DIAGNOSTICS,
-            *([self._ahead.topic] if self._ahead else []),
+        self._other_topics = (
+            ROBOT_DESCRIPTION, DIAGNOSTICS, *([self._ahead.topic] if self._ahead else []),
         )  # fmt: skip
         self._hardware_id = configuration.kind.mechanism
         self._drive: Drive = configuration.drive  # with what was set since the start
         with reported_as_configuration():  # a topic may have the name of another
             self._output_publishers = {
-                topic.name: create_publisher(self, topic) for topic in self._topics
+                topic.name: create_publisher(self, topic)
+                for topic in (*self._simulator.topics, *self._other_topics)
             }
+        self._state_publishers = [
+            self._output_publishers[topic.name] for topic in self._simulator.topics
+        ]
         self._view = self._open_view(configuration) if configuration.session.viewer else None
         try:
-            self._log = self._open_log(configuration) if configuration.session.log else None
+            self._log = self._open_log() if configuration.session.log else None
         except (LogError, ImportError):
             if self._view is not None:
                 self._view.discard()
@@ -108,9 +111,7 @@ class LinkageNode(ParameterNode):
             self._measured = MeasuredCrank(self._simulator)
             self._measurements = MeasurementSubscriber(self, self._measured, self._ticker)
         self.get_logger().info(preset_note(given) + summary(configuration, self._simulator.solver))
-        wait_for_subscribers(
-            [self._output_publishers[topic.name] for topic in self._simulator.topics]
-        )
+        wait_for_subscribers(self._state_publishers)
         freeze_heap()
         name = self.get_fully_qualified_name().lstrip('/')
         self._monitor = HealthMonitor(name, is_torque_driven=bool(self._joint_commands))
@@ -121,7 +122,7 @@ class LinkageNode(ParameterNode):
     def start(self) -> None:
         """Starts turning."""
         # Before the first tick, which with use_sim_time may be a long time away.
-        self._publish((ROBOT_DESCRIPTION, self._simulator.description))
+        self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
 
     def close(self) -> bool:
@@ -160,10 +161,10 @@ class LinkageNode(ParameterNode):
 
         return LiveView(self, configuration)
 
-    def _open_log(self, configuration: Configuration) -> RunLog:
+    def _open_log(self) -> RunLog:
         from linkage_ros.ros.run_log import RunLog
 
-        return RunLog(self, configuration, self._topics)
+        return RunLog(self, self._simulator, self._other_topics)
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
         callbacks = Callbacks(self._tick, self._restamp, self._fail)
@@ -188,7 +189,7 @@ class LinkageNode(ParameterNode):
             motion.command(stamp, self._joint_commands.commands.torque())
         self._show(self._simulator.snapshot_at(motion, stamp))
         if self._ahead and (message := self._ahead.message_at(motion, stamp)):
-            self._publish((self._ahead.topic, message))
+            self._publish(self._ahead.topic, message)
 
     def _answer(self, received: int, data: bytes) -> bool:
         """Answers a measurement, in the executor's thread; returns whether it counts."""
@@ -202,19 +203,23 @@ class LinkageNode(ParameterNode):
     def _show(self, snapshot: Snapshot) -> None:
         """Publishes, logs and shows a state."""
         self._state = snapshot.state
-        self._publish(*zip(self._simulator.topics, snapshot.messages, strict=True))
-        if self._view is not None:
-            self._view.offer(snapshot.messages[0])
-
-    def _publish(self, *messages: tuple[Topic, bytes]) -> None:
-        """Publishes messages, and logs them."""
-        now = time.time_ns()
-        for topic, message in messages:
-            publisher = self._output_publishers[topic.name]
+        row = snapshot.row(time.time_ns())
+        messages = snapshot.layout.messages(row)
+        for topic, publisher, message in zip(
+            self._simulator.topics, self._state_publishers, messages, strict=True
+        ):
             if not topic.on_demand or publisher.get_subscription_count():
                 publisher.publish(message)
         if self._log is not None:
-            self._log.write(now, messages)
+            self._log.write_row(row)
+        if self._view is not None:
+            self._view.offer(messages[0])
+
+    def _publish(self, topic: Topic, message: bytes) -> None:
+        """Publishes a message that belongs to no tick, and logs it."""
+        self._output_publishers[topic.name].publish(message)
+        if self._log is not None:
+            self._log.write(time.time_ns(), topic, message)
 
     def _restamp(self, old: int, new: int) -> None:
         if self._motion is not None:
@@ -242,7 +247,7 @@ class LinkageNode(ParameterNode):
                 self.get_logger().info(status.message)
         now = self.get_clock().now().nanoseconds  # 0 until simulated time is heard
         diagnosis = encode_diagnostics(now, self._hardware_id, statuses)
-        self._publish((DIAGNOSTICS, diagnosis))
+        self._publish(DIAGNOSTICS, diagnosis)
 
     def _health(self) -> dict[str, Health]:
         parts = {'log': self._log, 'viewer': self._view}

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +29,8 @@ def by_element(function: Callable[..., float]) -> Callable[..., Array]:
 
     def apply(*values: Real) -> Array:
         rows = (x.tolist() if isinstance(x, np.ndarray) else itertools.repeat(x) for x in values)
-        return np.array(list(map(function, *rows)))
+        size = next(x.size for x in values if isinstance(x, np.ndarray))
+        return np.fromiter(map(function, *rows), float, size)
 
     return apply
 
@@ -86,12 +88,22 @@ def within_two_turns(angle: float) -> tuple[float, int]:
         The angle, nearer to 0 than two turns and rounded once, and the number of pairs.
     """
     pairs = int(angle / (2 * _TWO_PI[0]))
-    return (float(Fraction(angle) - pairs * 2 * _TURN) if pairs else angle), pairs
+    return with_turns(angle, -pairs), pairs
 
 
 def with_turns(angle: float, pairs: int) -> float:
     """An angle with pairs of turns added to it, rounded once: undoes `within_two_turns`."""
-    return float(Fraction(angle) + pairs * 2 * _TURN) if pairs else angle
+    return math.fsum((angle, *_parts_of(pairs))) if pairs else angle
+
+
+@functools.lru_cache(maxsize=64)
+def _parts_of(pairs: int) -> tuple[float, ...]:
+    """Numbers whose exact sum is that of pairs of turns, rad."""
+    parts, rest = [], pairs * 2 * _TURN
+    while rest:
+        parts.append(float(rest))
+        rest -= Fraction(parts[-1])
+    return tuple(parts)
 
 
 def without_turns(angle: Real, first: float) -> Real:

@@ -20,11 +20,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from linkage_ros.ros.publishers import message_class
 from linkage_ros.wire.codecs import (
     JointStateCodec,
-    PointCodec,
     TrajectoryCodec,
     encode_float64,
-    encode_float64_array,
     encode_string,
+    float64_array,
+    point,
 )
 from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
 from linkage_ros.wire.interfaces import (
@@ -37,6 +37,7 @@ from linkage_ros.wire.interfaces import (
     POINT_STAMPED,
     STRING,
 )
+from linkage_ros.wire.template import Template
 from linkage_ros.wire.topics import TOPICS
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -182,12 +183,6 @@ def test_decode_refuses_other_messages(data):
         JointStateCodec(JOINTS).decode(data)
 
 
-@pytest.mark.parametrize('rows', [((1.0,) * 2, (1.0,) * 3, (1.0,) * 3), ((1.0,) * 4,) * 3])
-def test_a_row_of_another_length_is_refused(rows):
-    with pytest.raises(struct.error, match='pack_into expected 12 items'):
-        JointStateCodec(JOINTS).encode(0, *rows)
-
-
 # ---------------------------------------------------------------- the other types
 
 
@@ -195,7 +190,8 @@ def test_a_row_of_another_length_is_refused(rows):
 def test_both_decoders_read_back_every_float(value, decodings):
     for message in decodings(encode_float64(value), FLOAT64):
         assert same_bits([message.data], [value])
-    for message in decodings(encode_float64_array(value), FLOAT64_MULTI_ARRAY):
+    array = Template(float64_array('x'), ['x']).pack(value + 0.0)
+    for message in decodings(array, FLOAT64_MULTI_ARRAY):
         assert same_bits(list(message.data), [value])
         assert (list(message.layout.dim), message.layout.data_offset) == ([], 0)
 
@@ -208,8 +204,10 @@ def test_both_decoders_read_back_every_text(text, decodings):
 
 
 def test_points_are_read_back(decodings):
+    template = Template(point('base_link'), ('sec', 'nanosec', 'x', 'y'))
     for stamp in STAMPS:
-        for message in decodings(PointCodec().encode(stamp, 0.1, -5e-324), POINT_STAMPED):
+        data = template.pack(*divmod(stamp, 10**9), 0.1, -5e-324)
+        for message in decodings(data, POINT_STAMPED):
             assert_header(message, stamp)
             assert (message.point.x, message.point.y, message.point.z) == (0.1, -5e-324, 0.0)
 

@@ -238,10 +238,11 @@ def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypat
     lines = block(DOCUMENT, 'iter_metadata')
     assert len(lines.splitlines()) <= 5
     run_python(lines, 'mcap.md')
-    about, motion = capsys.readouterr().out.splitlines()
+    about, motion, end = capsys.readouterr().out.splitlines()
     assert about.startswith('linkage_ros {')
     assert f"'crank.length': '{log.configuration.mechanism.crank.length}'" in about
     assert motion.startswith('linkage_ros/motion {')
+    assert end.startswith("linkage_ros/end {'messages': '")
     drive = log.configuration.drive
     is_speed = log.configuration.kind.drive == 'speed'
     expected = f"'rpm': '{drive.rpm}'" if is_speed else f"'torque': '{drive.motor.torque}'"

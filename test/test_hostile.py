@@ -13,6 +13,7 @@ import os
 import random
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import hostile
@@ -28,9 +29,7 @@ from linkage_ros.log.metadata import _seal, decode_motion, encode_motion
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.topics import JOINT_STATES
 
 CASES = int(os.environ.get('LINKAGE_ROS_CASES', '100'))
 MORE = settings(max_examples=max(15, CASES // 20))
@@ -158,8 +157,9 @@ def test_any_bytes_as_a_message(data, at):
     simulator = Simulator(load('quadrilateral'))
     good = simulator.snapshot_at(simulator.begin(0), 0).messages[0]
     mixed = good[:at] + data + good[at + len(data) :]
-    for logged in {data, mixed} - {good}:
-        assert len(differing(JOINT_STATES.interface, logged, good)) < 300
+    for message in (data, mixed):
+        with suppress(ValueError):
+            assert len(simulator.joint_states.decode(message)[1]) == 9
 
 
 @MORE

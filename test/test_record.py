@@ -26,7 +26,7 @@ from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.record import count_states, record
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.codecs import encode_float64, encode_string
+from linkage_ros.wire.codecs import TrajectoryCodec, encode_float64, encode_string
 from linkage_ros.wire.urdf import make_urdf
 
 STATES = '/joint_states'
@@ -88,16 +88,44 @@ def test_the_states_are_the_solvers_to_the_bit(out, changes):
         assert torque.data == encode_float64(drive)
 
 
+RUNS = {
+    'quadrilateral': {},
+    'compressor': {
+        'start_rpm': -90.0,
+        'crank_acceleration': 30.0,
+        'friction.pin': 0.1,
+        'friction.pin_radius': 0.01,
+        'friction.guide': 0.1,
+    },
+    'slider_crank': {'rpm': -1e5, 'crank_angle': -7.0},
+    'coupler_point': {'rpm': 0.0},
+    'wind_pump': {},
+}
+
+
+@pytest.mark.parametrize(('name', 'changes'), RUNS.items())
+@pytest.mark.parametrize('start', [0, 10**12])
+def test_many_states_at_once_have_the_bits_of_each_alone(name, changes, start):
+    feed = {} if name == 'wind_pump' else {'effort_command_topic': 'torque', 'lead_time': 0.01}
+    simulator = Simulator(
+        configure({**load(name).parameters(), **changes, **feed, 'rate_hz': 333.3})
+    )
+    stamps = [start + simulator.elapsed(tick) for tick in range(900)]
+    together, alone = simulator.begin(start), simulator.begin(start)
+    rows = simulator.rows(stamps, together.at_all(stamps), simulator.ahead(together, stamps))
+    assert rows == b''.join(simulator.snapshot_at(alone, s).row(s) for s in stamps)
+
+
 @pytest.mark.parametrize('name', [n for n in preset_names() if load(n).kind.drive == 'speed'])
 def test_after_a_thousand_million_turns_the_state_is_the_first_turns(name):
     """At 60 rpm turns are whole seconds: the same bits, but for the unwrapped crank angle."""
     configuration = load(name)
     drive = replace(configuration.drive, rpm=60.0, start_rpm=None, crank_angle=0.0)
     simulator = Simulator(replace(configuration, drive=drive))
-    motion = simulator.begin(0)
+    motion, codec = simulator.begin(0), TrajectoryCodec(simulator.joints)
     for stamp in range(0, 10**9, 37_037_037):
         first, later = (
-            np.reshape(simulator.mechanism_state.decode(snapshot.messages[2])[1], (4, -1)).tolist()
+            np.reshape(codec.decode(snapshot.messages[2])[1], (4, -1)).tolist()
             for snapshot in (
                 simulator.snapshot_at(motion, stamp),
                 simulator.snapshot_at(motion, stamp + 10**9 * 10**9),

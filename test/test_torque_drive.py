@@ -16,7 +16,7 @@ from linkage_ros import record as recorder
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
-from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
@@ -408,7 +408,7 @@ def elsewhere(shift, simulator, snapshot):
     moved_to = unwrapped + shift
     state = Coordinates((within_two_turns(moved_to)[0], *q[1:]), u, a, moved_to)
     stamp = TrajectoryCodec(simulator.joints).decode(snapshot.messages[2])[0]
-    return simulator.snapshot_of(stamp, state).messages
+    return simulator.layout.messages(bytes(simulator.rows([stamp], stacked([state]))))
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ class Solver:
         """The program of `state` as Python text."""
         return self._moving.source
 
-    def state(self, q: Any, u: Any = 0.0, a: Any = 0.0) -> State:
+    def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
         """Solves positions, rates, accelerations and the driving torque.
 
         Args:
@@ -121,6 +121,7 @@ class Solver:
             u: Their rates, rad/s and m/s.
             a: Their accelerations, rad/s^2 and m/s^2. The slider of a wind pump, which nothing
                 drives, has the one that `accelerations` gives.
+            by_math: Whether arrays have the bits that their floats would have, one by one.
 
         Returns:
             Floats for floats; otherwise arrays of the broadcast shape.
@@ -135,20 +136,24 @@ class Solver:
             return fast
         changes = self._row('a', a)
         if self._friction is not None:
-            return self._settle(*self._row('q', q), *self._row('u', u), *changes).state
+            row = (*self._row('q', q), *self._row('u', u), *changes)
+            return self._settle(*row, by_math=by_math).state
         if all(type(change) is float and not change for change in changes):
-            state: State = self._run(self._steady, *self._row('q', q), *self._row('u', u))
+            program, changes = self._steady, ()
         else:
-            state = self._run(self._moving, *self._row('q', q), *self._row('u', u), *changes)
+            program = self._moving
+        row = (*self._row('q', q), *self._row('u', u), *changes)
+        state: State = self._run(program, *row, by_math=by_math)
         return state
 
-    def accelerations(self, q: Any, u: Any, torque: Any) -> Any:
+    def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
         """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
 
         Args:
             q: Coordinates.
             u: Their rates.
             torque: On the crank, N m, counter-clockwise positive.
+            by_math: As for `state`.
 
         Returns:
             rad/s^2, of a wind pump also m/s^2; a tuple for a tuple and for more than one
@@ -167,7 +172,8 @@ class Solver:
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
             )
-        found = self._run(self._forward, *self._row('q', q), *self._row('u', u), torque)
+        row = (*self._row('q', q), *self._row('u', u), torque)
+        found = self._run(self._forward, *row, by_math=by_math)
         return found if self._count > 1 or isinstance(q, tuple) else found[0]
 
     def forward(self, y: Sequence[float], torque: float) -> tuple[float, ...]:
@@ -232,13 +238,14 @@ class Solver:
         rows: tuple[tuple[Real, ...], ...] = self._run(self._matrix, *self._row('q', q))
         return rows
 
-    def point(self, state: State, name: str) -> PointMotion:
+    def point(self, state: State, name: str, *, by_math: bool = False) -> PointMotion:
         """Follows a point of the mechanism.
 
         Args:
             state: From `state`; floats or arrays.
             name: 'A0', 'A', 'B', 'C' (the coupler point, where there is one), the four-bar's 'B0'
                 or the wind pump's 'D'.
+            by_math: As for `state`.
 
         Returns:
             Its position, velocity and acceleration in the axes of base_link.
@@ -255,7 +262,8 @@ class Solver:
             )
             refuse = Opaque(functools.partial(_refuse, tuple(itertools.chain(*names))))
             self._points[name] = Program(_point_motion, (Track.of(points[name]), refuse), names)
-        motion: PointMotion = self._run(self._points[name], *itertools.chain(*self._rows(state)))
+        row = itertools.chain(*self._rows(state))
+        motion: PointMotion = self._run(self._points[name], *row, by_math=by_math)
         return motion
 
     def reactions(self, state: State) -> Reactions:
@@ -357,7 +365,7 @@ class Solver:
         constants = self._model, self._joints, coefficients
         return Program(friction_round, constants, (*self._names.values(), *pushes))
 
-    def _settle(self, *given: Any) -> Round:
+    def _settle(self, *given: Any, by_math: bool = False) -> Round:
         """The motion under friction."""
 
         def refuse(where_not: Any) -> NoReturn:
@@ -370,7 +378,8 @@ class Solver:
                 arcs=self.mobility.arcs if self.mobility else (),
             )
 
-        return settle(functools.partial(self._run, self._round, *given), len(self.links), refuse)
+        run = functools.partial(self._run, self._round, *given, by_math=by_math)
+        return settle(run, len(self.links), refuse)
 
     def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
         """The values of all coordinates.
@@ -403,14 +412,16 @@ class Solver:
             )
         return rows
 
-    def _run(self, program: Program, *given: Any) -> Any:
+    def _run(self, program: Program, *given: Any, by_math: bool = False) -> Any:
         """The program on floats or arrays."""
         if all(type(value) is float for value in given):
             return program.scalar(*given)
         values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
         if not shape:
             return program.scalar(*values)
-        return compiled_arrays(program, *values) if self._compiled else program.arrays(*values)
+        if self._compiled and not by_math:
+            return compiled_arrays(program, *values)
+        return program.arrays(*values, by_math=by_math)
 
     def _refuse_change_point(self, *q: float) -> NoReturn:
         """Refuses to give forces.

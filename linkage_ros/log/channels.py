@@ -7,10 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TypeAlias
 
-from linkage_ros.log.reader import LogReader
+from linkage_ros.log.reader import LoggedTopic, LogReader
 from linkage_ros.wire.topics import Topic
 
-Pairing: TypeAlias = tuple[str, Topic]  # a channel's name, and its topic
+Pairing: TypeAlias = tuple[LoggedTopic, Topic]  # a channel of a log, and the machine's topic in it
 
 
 def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
@@ -32,5 +32,5 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
         fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
         if fitting:
             free.remove(fitting[0])
-            pairs.append((fitting[0].name, topic))
+            pairs.append((fitting[0], topic))
     return pairs

@@ -21,8 +21,10 @@ from linkage_ros.parameters.configuration import Configuration, from_strings, to
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
+END_RECORD = 'linkage_ros/end'
 
 _CHECKSUM = 'crc32'
+_LARGEST_FRACTION = 10**30  # turns; or turns per minute
 _LONGEST_FIELD = 1000  # characters; the longest fraction of a motion has 150
 
 
@@ -96,6 +98,30 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
         raise LogError(f'a motion record is damaged ({type(error).__name__})') from error
 
 
+def encode_end(messages: int) -> dict[str, str]:
+    """The last record of a log: how many messages were logged."""
+    return _seal({'messages': str(messages)})
+
+
+def decode_end(record: Mapping[str, str]) -> int:
+    """The number of messages in a record.
+
+    Args:
+        record: From `encode_end`.
+
+    Returns:
+        The number.
+
+    Raises:
+        LogError: The record is damaged.
+    """
+    fields = _unseal(record, 'end')
+    try:
+        return int(fields['messages'])
+    except (KeyError, ValueError) as error:
+        raise LogError(f'an end record is damaged ({type(error).__name__})') from error
+
+
 def _time(text: str) -> int:
     """A stamp, which has 64 bits.
 
@@ -120,8 +146,15 @@ def _finite(text: str) -> float:
 
 
 def _fraction(text: str) -> Fraction:
-    """What str made of a fraction; Fraction itself would compute 1e999999999 to the last digit."""
-    return Fraction(*map(int, text.split('/')))
+    """What str made of a fraction; Fraction itself would compute 1e999999999 to the last digit.
+
+    Raises:
+        ValueError: No crank turns so far or so fast.
+    """
+    fraction = Fraction(*map(int, text.split('/')))
+    if abs(fraction) > _LARGEST_FRACTION:
+        raise ValueError('too large')
+    return fraction
 
 
 def _checksum(fields: Mapping[str, str]) -> str:

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import os
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -17,14 +18,18 @@ from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import ConfigurationError, LogError, printable
 from linkage_ros.files import open_file
-from linkage_ros.log import untrusted_mcap
+from linkage_ros.log import untrusted_chunks, untrusted_mcap
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
+    END_RECORD,
     MOTION_RECORD,
     decode_configuration,
+    decode_end,
     decode_motion,
 )
+from linkage_ros.log.untrusted_chunks import message_of
 from linkage_ros.units import TIME_END
+from linkage_ros.wire.rows import RowLayout, message_record
 
 _MAGIC_SIZE = len(MCAP0_MAGIC)
 _NO_SCHEMA = Schema(0, b'', '', '')
@@ -54,6 +59,7 @@ class LoggedTopic(NamedTuple):
     """A channel of a log.
 
     Attributes:
+        number: Of the channel.
         name: Fully qualified.
         type: Type of its messages, such as 'std_msgs/msg/Float64'.
         messages: Their number.
@@ -61,6 +67,7 @@ class LoggedTopic(NamedTuple):
         layout: Encodings of message and schema, and the schema's text.
     """
 
+    number: int
     name: str
     type: str
     messages: int
@@ -78,6 +85,7 @@ class LogReader(AbstractContextManager['LogReader']):
         has_same_urdf: Whether its robot_description can be recomputed: older versions named links
             as joints.
         motions: The segments of motion, in order.
+        lost: Messages that were logged but are not in the file; 0 where no end record tells.
         topics: The channels.
         start: Time of the first message, ns.
         end: Time of the last message, ns.
@@ -122,6 +130,8 @@ class LogReader(AbstractContextManager['LogReader']):
         self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
         statistics = summary.statistics
+        ends = [decode_end(r.metadata) for r in records if r.name == END_RECORD]
+        self.lost = ends[0] - summary.statistics.message_count if ends else 0
         self.topics = tuple(
             _topic(channel, summary.schemas, statistics) for channel in summary.channels.values()
         )
@@ -179,16 +189,16 @@ class LogReader(AbstractContextManager['LogReader']):
         names = None if topics is None else set(topics)
         summary = self._summary
         wanted = {
-            number: channel
+            number
             for number, channel in summary.channels.items()
             if names is None or channel.topic in names
         }
         last = TIME_END if end is None else end
         with _damage_reported(self.path):
             for message in untrusted_mcap.in_order(
-                self._stream, summary, set(wanted), start or 0, last
+                self._stream, summary, wanted, start or 0, last
             ):
-                yield _logged(wanted[message.channel_id], message)
+                yield self._message(message)
 
     def written(self) -> Iterator[LoggedMessage]:
         """Reads all messages in the order of writing, whatever their log times.
@@ -199,24 +209,97 @@ class LogReader(AbstractContextManager['LogReader']):
         Raises:
             LogError: The file is damaged.
         """
+        for message in self._data(None):
+            if isinstance(message, Message):
+                yield self._message(message)
+
+    def rows(
+        self, layout: RowLayout, other: Callable[[LoggedMessage], object]
+    ) -> Iterator[tuple[bytes, LoggedMessage | None]]:
+        """Reads states in the order of writing.
+
+        Args:
+            layout: Layout of their messages, in the log's channels.
+            other: Is given the messages of other channels.
+
+        Yields:
+            Whole rows, sequence numbers left out, and None; at the end, the beginning of a last
+            row, and the message that does not fit there, None if the log ends.
+
+        Raises:
+            LogError: The file is damaged.
+        """
+        begun = b''  # of a row whose messages do not lie in one piece
+        for item in self._data(layout):
+            if isinstance(item, bytes) and not begun:
+                yield item, None
+                continue
+            # Rows may lie behind one that is not complete.
+            message = item if isinstance(item, Message) else message_of(layout.first(item))
+            if message.channel_id not in layout.channels:
+                other(self._message(message))
+                continue
+            times = message.log_time, message.publish_time
+            row = begun + message_record(message.channel_id, times, message.data)
+            if not layout.begins(row):
+                yield begun, self._message(message)
+                return
+            begun = b'' if len(row) == layout.size else row
+            if not begun:
+                yield row, None
+        if begun:
+            yield begun, None
+
+    def _data(self, layout: RowLayout | None) -> Iterator[bytes | Message]:
+        """Reads the data section in the order of writing.
+
+        Args:
+            layout: Layout of rows; None: there are only messages.
+
+        Yields:
+            Whole rows, and other messages.
+
+        Raises:
+            LogError: The file is damaged.
+        """
         # By channel: a file that was merged from others may have several of one topic.
-        counts = self._summary.statistics.channel_message_counts
-        expected = {number: counts.get(number, 0) for number in self._summary.channels}
-        found = dict.fromkeys(expected, 0)
+        expected, found = self._summary.statistics.channel_message_counts, Counter[int]()
         with _damage_reported(self.path), open_file(self.path) as stream:
-            channels: dict[int, Channel] = {}
-            for record in untrusted_mcap.read_data(stream):
-                if isinstance(record, Message):
-                    number = record.channel_id
-                    found[number] = count = found.get(number, 0) + 1
-                    if count > expected.get(number, 0):
-                        break
-                    yield _logged(channels[number], record)
-                elif isinstance(record, Channel):
-                    channels[record.id] = record
+            allowance = untrusted_mcap.allowance_of(stream)
+            for data in untrusted_mcap.read_data(stream):
+                at = 0
+                while at < len(data):
+                    if layout and (count := layout.count(data, at)):
+                        rows = data[at : at + count * layout.size]
+                        allowance.take_messages(count * len(layout.channels), len(rows))
+                        found.update(dict.fromkeys(layout.channels, count))
+                        yield rows
+                        at += len(rows)
+                        continue
+                    record, at = untrusted_chunks.next_record(data, at, allowance)
+                    if isinstance(record, Channel):
+                        self._check_channel(record)
+                    elif isinstance(record, Message):
+                        found[record.channel_id] += 1
+                        if record.channel_id not in self._summary.channels:
+                            raise LogError('it is damaged: a message is of an unknown channel')
+                        yield record
             # A damaged opcode hides its record: no checksum covers it.
-            if found != expected:
+            if +found != +Counter(expected):
                 raise LogError('it is damaged: its messages are not as many as its summary says')
+
+    def _check_channel(self, channel: Channel) -> None:
+        """Passes if the summary repeats a channel.
+
+        Raises:
+            LogError: It has another one of that number.
+        """
+        if self._summary.channels.get(channel.id) != channel:
+            raise LogError('it is damaged: its channels are not those of its summary')
+
+    def _message(self, message: Message) -> LoggedMessage:
+        channel = self._summary.channels[message.channel_id]
+        return LoggedMessage(channel.topic, message.log_time, message.data, message.publish_time)
 
     def close(self) -> None:
         """Closes the file."""
@@ -226,14 +309,11 @@ class LogReader(AbstractContextManager['LogReader']):
         self.close()
 
 
-def _logged(channel: Channel, message: Message) -> LoggedMessage:
-    return LoggedMessage(channel.topic, message.log_time, message.data, message.publish_time)
-
-
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
     schema = schemas[channel.schema_id] if channel.schema_id else _NO_SCHEMA
     text = schema.data.decode(errors='replace')
     return LoggedTopic(
+        channel.id,
         channel.topic,
         schema.name,
         statistics.channel_message_counts.get(channel.id, 0),

@@ -23,6 +23,7 @@ from linkage_ros.errors import LogError
 # Bytes of a record, and of what a chunk unpacks to. Our chunks have 1 MiB, other tools' a few.
 LARGEST = 1 << 24
 HEAD = struct.Struct('<BQ')  # opcode and length of a record
+IN_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 _MESSAGE = struct.Struct('<HIQQ')  # channel, sequence, log and publish time
 # What a file unpacks to costs time: a message as much as 5000 bytes, a byte of a channel as 250,
 # because 8 may be a field. A file may cost 1 GiB and 1000 for each of its bytes: five bytes for a
@@ -53,8 +54,15 @@ class Allowance:
         Raises:
             LogError: It is more than the file may unpack to.
         """
-        times = _CHANNEL_COST if opcode == Opcode.CHANNEL else 1
-        self._left -= _MESSAGE_COST + times * length
+        self.take_messages(1, (_CHANNEL_COST if opcode == Opcode.CHANNEL else 1) * length)
+
+    def take_messages(self, count: int, length: int) -> None:
+        """Counts messages of some bytes in all.
+
+        Raises:
+            LogError: They are more than the file may unpack to.
+        """
+        self._left -= count * _MESSAGE_COST + length
         if self._left < 0:
             self.check()
 
@@ -103,37 +111,49 @@ def unpack(chunk: Chunk) -> bytes:
     return data
 
 
-def unpacked_records(data: bytes, allowance: Allowance) -> Iterator[Schema | Channel | Message]:
-    """The records of an unpacked chunk: nothing else may be in one, nor is it passed over.
+def next_record(
+    data: bytes, at: int, allowance: Allowance
+) -> tuple[Schema | Channel | Message, int]:
+    """The record at a place in an unpacked chunk, and its end: nothing else may be in one.
 
     Raises:
         LogError: There is something else, or more than the file may unpack to.
     """
+    opcode, length = HEAD.unpack_from(data, at)
+    body = at + HEAD.size
+    end = body + length
+    if end > len(data):
+        raise LogError('it is damaged: a record is longer than its chunk')
+    allowance.take(opcode, length)
+    if opcode not in IN_CHUNKS:
+        raise LogError('it is damaged: a chunk has something other than messages')
+    return parsed(opcode, data[body:end]), end
+
+
+def unpacked_records(data: bytes, allowance: Allowance) -> Iterator[Schema | Channel | Message]:
+    """The records of an unpacked chunk.
+
+    Raises:
+        LogError: As `next_record` does.
+    """
     at = 0
     while at < len(data):
-        opcode, length = HEAD.unpack_from(data, at)
-        at += HEAD.size
-        if at + length > len(data):
-            raise LogError('it is damaged: a record is longer than its chunk')
-        allowance.take(opcode, length)
-        if (record := parsed(opcode, data[at : at + length])) is None:
-            raise LogError('it is damaged: a chunk has something other than messages')
+        record, at = next_record(data, at, allowance)
         yield record
-        at += length
 
 
-def parsed(opcode: int, body: bytes) -> Schema | Channel | Message | None:
-    """A record that a chunk may hold; None where it is of another kind."""
+def parsed(opcode: int, body: bytes) -> Schema | Channel | Message:
+    """A record that a chunk may hold."""
     if opcode == Opcode.MESSAGE:
-        number, sequence, log_time, publish_time = _MESSAGE.unpack_from(body)
-        return Message(number, log_time, body[_MESSAGE.size :], publish_time, sequence)
-    if opcode == Opcode.SCHEMA:
-        schema: Schema = Schema.read(stream(body))
-        return schema
-    if opcode == Opcode.CHANNEL:
-        channel: Channel = Channel.read(stream(body))
-        return channel
-    return None
+        return message_of(body)
+    record: Schema | Channel = (Schema if opcode == Opcode.SCHEMA else Channel).read(stream(body))
+    return record
+
+
+def message_of(body: bytes) -> Message:
+    """A message record."""
+    number, sequence, log_time, publish_time = _MESSAGE.unpack_from(body)
+    return Message(number, log_time, body[_MESSAGE.size :], publish_time, sequence)
 
 
 def stream(body: bytes) -> ReadDataStream:

@@ -9,6 +9,7 @@ taken by its own length, which is bounded, and parsed within that.
 from __future__ import annotations
 
 import heapq
+import operator
 import os
 import zlib
 from collections.abc import Iterator
@@ -33,13 +34,14 @@ from mcap.writer import MCAP0_MAGIC
 from linkage_ros.errors import LogError
 from linkage_ros.log.untrusted_chunks import (
     HEAD,
+    IN_CHUNKS,
     LARGEST,
     Allowance,
-    parsed,
     stream,
     unpack,
     unpacked_records,
 )
+from linkage_ros.units import TIME_END
 
 # Bytes of messages that wait for their turn at a time, where chunks overlap; each takes as many
 # more in Python. A simulator that was reset a hundred times needs a third of it.
@@ -165,7 +167,7 @@ def in_order(
     heapq.heapify(queue)
     if not summary.chunks:  # another tool has unpacked the file: all of it is one chunk
         queue.append((0, 0, -1, None))
-    waiting, allowance = 0, _allowance(file)
+    waiting, allowance = 0, allowance_of(file)
     while queue:
         _, at, _, item = heapq.heappop(queue)
         if item is not None:
@@ -173,50 +175,59 @@ def in_order(
             yield item
             continue
         file.seek(at)
-        for number, record in enumerate(_read_chunk(file, allowance) if at else read_data(file)):
+        data = (_read_chunk(file),) if at else read_data(file)
+        records = (record for part in data for record in unpacked_records(part, allowance))
+        found: list[tuple[int, int, int, Message]] = []
+        for number, record in enumerate(records):
             if (
                 isinstance(record, Message)
                 and record.channel_id in channels
                 and first <= record.log_time < last
             ):
-                heapq.heappush(queue, (record.log_time, at, number, record))
+                found.append((record.log_time, at, number, record))
                 waiting += len(record.data) + _OVERHEAD
                 if waiting > _MOST_WAITING:
                     raise LogError('too much of it is of the same times: it cannot be sorted')
+        found.sort(key=operator.itemgetter(0))
+        following = queue[0][0] if queue else TIME_END
+        for entry in found:
+            if entry[0] < following:  # as most are: no other chunk has some of these times
+                waiting -= len(entry[3].data) + _OVERHEAD
+                yield entry[3]
+            else:
+                heapq.heappush(queue, entry)
 
 
-def _allowance(file: BinaryIO) -> Allowance:
-    """For a pass through a file; its position is moved to the beginning."""
-    size = file.seek(0, os.SEEK_END)
-    file.seek(0)
-    return Allowance(size)
+def allowance_of(file: BinaryIO) -> Allowance:
+    """For a pass through a file; its position is moved."""
+    return Allowance(file.seek(0, os.SEEK_END))
 
 
-def _read_chunk(file: BinaryIO, allowance: Allowance) -> Iterator[Schema | Channel | Message]:
+def _read_chunk(file: BinaryIO) -> bytes:
     """What is in the chunk at the file's position.
 
     Raises:
-        LogError: There is no chunk, a damaged one, or one too many.
+        LogError: There is no chunk, or a damaged one.
     """
     opcode, body = _record(file)
     if opcode != Opcode.CHUNK:
         raise LogError('it is damaged: its index tells of a chunk where there is none')
-    yield from unpacked_records(unpack(Chunk.read(stream(body))), allowance)
+    return unpack(Chunk.read(stream(body)))
 
 
-def read_data(file: BinaryIO) -> Iterator[Schema | Channel | Message]:
+def read_data(file: BinaryIO) -> Iterator[bytes]:
     """Reads the data section from its beginning, chunks unpacked, and compares its checksum.
 
     Args:
         file: The file; its position is moved.
 
     Yields:
-        Schemas, channels and messages, in the order of writing.
+        Whole records of schemas, channels and messages, in the order of writing.
 
     Raises:
-        LogError: It is damaged, or unpacks to too much.
+        LogError: It is damaged.
     """
-    allowance = _allowance(file)
+    file.seek(0)
     if (magic := file.read(len(MCAP0_MAGIC))) != MCAP0_MAGIC:
         raise LogError('it does not begin as MCAP files do')
     checksum = zlib.crc32(magic)
@@ -230,11 +241,12 @@ def read_data(file: BinaryIO) -> Iterator[Schema | Channel | Message]:
             if DataEnd.read(stream(body)).data_section_crc not in {0, checksum}:
                 raise LogError('it is damaged: the checksum of its data is wrong')
             return
+        head = HEAD.pack(opcode, length)
         if opcode == Opcode.CHUNK:
-            yield from unpacked_records(unpack(Chunk.read(stream(body))), allowance)
-        elif (record := parsed(opcode, body)) is not None:
-            yield record
-        checksum = zlib.crc32(body, zlib.crc32(HEAD.pack(opcode, length), checksum))
+            yield unpack(Chunk.read(stream(body)))
+        elif opcode in IN_CHUNKS:
+            yield head + body
+        checksum = zlib.crc32(body, zlib.crc32(head, checksum))
 
 
 def _record(file: BinaryIO) -> tuple[int, bytes]:

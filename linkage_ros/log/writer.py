@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TypeAlias
@@ -13,24 +13,28 @@ from typing import TypeAlias
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import LogError
+from linkage_ros.log.chunks import Chunks
 from linkage_ros.log.disk_sync import DiskSync
 from linkage_ros.log.log_file import LogFile
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
+    END_RECORD,
     MOTION_RECORD,
     encode_configuration,
+    encode_end,
     encode_motion,
 )
 from linkage_ros.motion.segments import Segment
 from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.wire.rows import RowLayout
 from linkage_ros.wire.topics import Topic
 
 # s. What a killed run loses is at most this and the worker's period, and what a busy machine adds
 # to both; 0.3 s are promised. Each flush costs 0.8 kB of memory, for mcap's index of chunks.
 FLUSH_PERIOD = 0.15
 
-# Arguments of `LogWriter.write`, or a segment of motion.
-LogItem: TypeAlias = tuple[int, int, bytes] | Segment
+# A row, the arguments of `LogWriter.write`, or a segment of motion.
+LogItem: TypeAlias = bytes | tuple[int, int, bytes] | Segment
 
 _CHUNK_SIZE = 1 << 20
 _FOREVER = '{sec: 9223372036, nsec: 854775807}'
@@ -67,6 +71,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self._writer = Writer(
             self._file.stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD
         )
+        self._chunks = Chunks(self._writer, _CHUNK_SIZE)
         self._schemas: dict[str, int] = {}
         self._next_flush = 0.0  # on the monotonic clock, s
         try:
@@ -99,6 +104,17 @@ class LogWriter(AbstractContextManager['LogWriter']):
         schema = self._schemas[interface.name]
         return self._writer.register_channel(name, 'cdr', schema, metadata)
 
+    def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
+        """Declares the channels of rows: the first ones of a log.
+
+        Args:
+            layout: Layout of the rows.
+            topics: What is published, and its fully qualified names.
+        """
+        self._layout = layout
+        for topic, name in topics:
+            self.add_topic(topic, name)
+
     def write(self, channel: int, stamp: int, data: bytes) -> None:
         """Appends a message.
 
@@ -110,10 +126,21 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        try:  # `reported` would add a quarter to each
-            self._writer.add_message(channel, stamp, data, stamp)
-        except OSError as error:
-            self._file.fail(error)
+        with self._file.reported():
+            self._chunks.add(channel, stamp, data)
+
+    def write_rows(self, rows: bytearray) -> None:
+        """Appends the messages of states.
+
+        Args:
+            rows: In the layout of `add_states`.
+
+        Raises:
+            LogError: The file cannot be written.
+        """
+        if rows:
+            with self._file.reported():
+                self._chunks.add_rows(self._layout, rows)
 
     def write_motion(self, segment: Segment) -> None:
         """Appends a segment of motion."""
@@ -124,13 +151,20 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends what has come, and flushes what is older than the flush period.
 
         Args:
-            items: Arguments of `write`, and segments of motion.
+            items: Rows, arguments of `write`, and segments of motion.
         """
+        rows = bytearray()  # next to each other: it takes far less time than one by one
         for item in items:
+            if isinstance(item, bytes):
+                rows += item
+                continue
+            self.write_rows(rows)
+            rows.clear()
             if isinstance(item, tuple):
                 self.write(*item)
             else:
                 self.write_motion(item)
+        self.write_rows(rows)
         if time.monotonic() >= self._next_flush:
             self.flush()
 
@@ -160,6 +194,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         try:
             self._file.check_size()
             with self._file.reported():
+                self._writer.flush()  # or the last chunk would lie behind the record
+                self._writer.add_metadata(
+                    END_RECORD, encode_end(self._chunks.statistics.message_count)
+                )
                 self._writer.finish()
                 self._file.stream.flush()
             if self._file.is_removed():

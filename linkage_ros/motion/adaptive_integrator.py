@@ -9,6 +9,8 @@ with a continuous solution of order 7 between its steps.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -90,6 +92,22 @@ class AdaptiveSteps:
         elif time > self.time:
             phase, pairs = wound(tuple(self._between(time).tolist()))
             self.time, self.phase, self.pairs = time, phase, self._pairs_between + pairs
+
+    def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
+        """Follows the motion to rising times, s: phase and pairs of whole turns at each."""
+        done = 0
+        while done < len(times):
+            self.advance(times[done])
+            yield self.phase, self.pairs
+            done += 1
+            # Other times within the same step are a matter of one evaluation.
+            end = bisect_right(times, self._steps.t, done) if self._fixed is None else done
+            if end > done:
+                for values in self._between(np.array(times[done:end])).T.tolist():
+                    self.phase, pairs = wound(tuple(values))
+                    self.time, self.pairs = times[done], self._pairs_between + pairs
+                    yield self.phase, self.pairs
+                    done += 1
 
     def _follow(self, fixed: FixedSteps, time: float) -> None:
         """Goes on in equal steps, and ends them where the edge is left behind."""

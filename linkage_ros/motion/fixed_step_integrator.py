@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TypeAlias
 
 from linkage_ros.dynamics.program import Program
@@ -62,6 +62,9 @@ class Steps(Protocol):
     def advance(self, time: float) -> None:
         """Follows the motion to a time, s."""
 
+    def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
+        """Follows the motion to rising times, s: phase and pairs of whole turns at each."""
+
 
 # Makes the integrator of a motion, from its values at t = 0.
 Integrate: TypeAlias = Callable[[DrivenMechanism, Values], Steps]
@@ -107,6 +110,12 @@ class FixedSteps:
     def changed(self) -> None:
         """Notes that the torque is another from now on."""
         self._slope = None
+
+    def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
+        """See `Steps`."""
+        for time in times:
+            self.advance(time)
+            yield self.phase, self.pairs
 
     def advance(self, time: float) -> None:
         """Follows the motion to a time.

@@ -4,14 +4,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.errors import LinkageError
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
+from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate, Values
 from linkage_ros.motion.segments import TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real, with_turns, within_two_turns
@@ -54,6 +58,7 @@ class TorqueMotion:
         begin = start(solver.mechanism, drive)
         y = begin.unwrapped, *begin.q[1:], *begin.u
         self._steps = integrate(DrivenMechanism(solver, self._torque), y)
+        self._end: LinkageError | None = None
         self._begun = 0.0  # time of the integrator at the start of the segment, s
 
     def at(self, stamp: int) -> Coordinates:
@@ -69,6 +74,8 @@ class TorqueMotion:
         Raises:
             MotionError: The motion cannot be followed that far.
         """
+        if self._end:
+            raise self._end
         self._advance(stamp)
         y, count = self._steps.phase, len(self._solver.coordinates)
         unwrapped = with_turns(y[0], self._steps.pairs)
@@ -76,6 +83,35 @@ class TorqueMotion:
         q, u = (angle, *y[1:count]), y[count:]
         torque = self._torque(self._steps.time, u[0])
         return Coordinates(q, u, self._solver.forward((*q, *u), torque), unwrapped)
+
+    def at_all(self, stamps: Sequence[int]) -> Coordinates:
+        """The coordinates at many stamps, bit for bit as `at` has them.
+
+        Args:
+            stamps: Not before the last one, rising, ns.
+
+        Returns:
+            Arrays; shorter than the stamps where the motion cannot be followed to all of them.
+
+        Raises:
+            MotionError: It cannot be followed to the first one.
+        """
+        times = [self._time(stamp) for stamp in stamps]
+        found: list[tuple[Values, int]] = []
+        try:
+            found.extend(self._steps.phases(times))
+        except LinkageError as error:
+            self._end = error
+        if self._end and not found:
+            raise self._end
+        self._last, count = stamps[len(found) - 1], len(self._solver.coordinates)
+        crank = [with_turns(phase[0], pairs) for phase, pairs in found]
+        angles = [within_two_turns(angle)[0] for angle in crank]
+        _, *y = np.array([phase for phase, _ in found]).T
+        q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
+        torque = self._torque(self._steps.time, u[0])
+        a = self._solver.accelerations(q, u, torque, by_math=True)
+        return Coordinates(q, u, a, np.array(crank))
 
     def command(self, stamp: int, torque: float) -> None:
         """Sets the torque that is added to the motor's from a stamp on.
@@ -139,7 +175,11 @@ class TorqueMotion:
 
     def _advance(self, stamp: int) -> None:
         self._last = stamp
-        self._steps.advance(self._begun + (stamp - self.segment.stamp) / NS_PER_S)
+        self._steps.advance(self._time(stamp))
+
+    def _time(self, stamp: int) -> float:
+        """The integrator's time at a stamp, s."""
+        return self._begun + (stamp - self.segment.stamp) / NS_PER_S
 
     def _torque(self, _: float, speed: float) -> Real:
         return self._motor.at(speed) + self._command

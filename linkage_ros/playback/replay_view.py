@@ -34,7 +34,7 @@ class ReplayView:
         """
         self._name, self._alone = name, alone
         # Commands have the same type.
-        self._topics = {name for name, _ in paired(log, [JOINT_STATES])}
+        self._topics = {channel.name for channel, _ in paired(log, [JOINT_STATES])}
         self._view = View(log.configuration, target)
         if self._view.sender.trouble:
             raise ViewerError(

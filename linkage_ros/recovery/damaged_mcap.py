@@ -183,8 +183,7 @@ def _read(
         if opcode == Opcode.CHUNK:
             return _unpacked(unpack(Chunk.read(source)), allowance)
         if opcode == Opcode.MESSAGE:
-            message = parsed(opcode, body)
-            return [message] if message else None
+            return [parsed(opcode, body)]
         kind = _KEPT.get(opcode)
         found: list[McapRecord] = [kind.read(source)] if kind else []
         # A damaged length would swallow what lies behind the record.

@@ -4,19 +4,27 @@
 
 from __future__ import annotations
 
+import numpy as np
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 from mcap.writer import Writer
 
 from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.log.chunks import Chunks
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
+    END_RECORD,
     MOTION_RECORD,
     decode_configuration,
+    decode_end,
     decode_motion,
 )
+from linkage_ros.log.untrusted_chunks import LARGEST
 from linkage_ros.log.untrusted_mcap import Summary
 from linkage_ros.recovery.damaged_mcap import Losses
+from linkage_ros.wire.rows import message_record
 
+# No chunk of ours is as large: the chunks stay as they were.
+CHUNK_SIZE = 1 << 23
 _MOST_CHANNELS = 2**16 - 1  # their numbers have 16 bits, and the writer begins with 1
 
 
@@ -27,6 +35,8 @@ def is_undamaged(record: Metadata) -> bool:
             decode_configuration(record.metadata)
         elif record.name == MOTION_RECORD:
             decode_motion(record.metadata)
+        elif record.name == END_RECORD:
+            decode_end(record.metadata)
     except ConfigurationError:
         return True  # written by another version: undamaged, though this one cannot use it
     except LogError:
@@ -38,9 +48,7 @@ class RecordCopy:
     """Writes records to a new file; its own numbers stand for schemas and channels there.
 
     Attributes:
-        messages: Written so far.
-        start: First log time, ns.
-        end: Last log time, ns.
+        chunks: Of the new file.
     """
 
     def __init__(self, writer: Writer, losses: Losses, spare: Summary | None) -> None:
@@ -51,7 +59,10 @@ class RecordCopy:
             losses: Is told what cannot be copied.
             spare: What a complete file repeats at its end, for messages whose first chunk is lost.
         """
-        self.messages = self.start = self.end = 0
+        self.chunks = Chunks(writer, CHUNK_SIZE)
+        self._waiting = bytearray()
+        # Of each channel the log times, ns, and the places of the messages that wait.
+        self._index: dict[int, tuple[list[int], list[int]]] = {}
         self._writer, self._losses = writer, losses
         self._spare = spare.channels if spare else {}
         self._sources = spare.schemas if spare else {}
@@ -67,7 +78,9 @@ class RecordCopy:
             self._begun = True
         if isinstance(record, Message):
             self._add_message(record)
-        elif isinstance(record, Schema):
+            return
+        self.write_messages()
+        if isinstance(record, Schema):
             self._sources[record.id] = record
             self._schema(record.id)
         elif isinstance(record, Channel):
@@ -102,18 +115,30 @@ class RecordCopy:
         if channel is None:
             self._losses.messages += 1
             return
-        time = message.log_time
-        self._writer.add_message(
-            channel, time, message.data, message.publish_time, message.sequence
-        )
-        self.start = min(self.start, time) if self.messages else time
-        self.end = max(self.end, time)
-        self.messages += 1
+        log_times, places = self._index.setdefault(channel, ([], []))
+        log_times.append(message.log_time)
+        places.append(len(self._waiting))
+        times = message.log_time, message.publish_time
+        self._waiting += message_record(channel, times, message.data, message.sequence)
+        if len(self._waiting) > LARGEST:
+            self.write_messages()
+
+    def write_messages(self) -> None:
+        """Writes the messages that wait for others: one by one takes far longer."""
+        index = {
+            channel: (np.array(log_times, np.uint64), np.array(places))
+            for channel, (log_times, places) in self._index.items()
+        }
+        self.chunks.add_records(self._waiting, index)
+        self._waiting.clear()
+        self._index.clear()
 
     def _add_metadata(self, record: Metadata) -> None:
         is_configuration = record.name == CONFIGURATION_RECORD
         if is_configuration and self._is_configured:
             return  # a log has one, at its beginning
+        if record.name == END_RECORD and self._losses != Losses():
+            return  # the log that is saved is not the one that was ended
         if is_undamaged(record):
             self._is_configured |= is_configuration
             self._writer.add_metadata(record.name, record.metadata)

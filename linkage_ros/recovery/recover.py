@@ -19,11 +19,8 @@ from linkage_ros.files import is_written, open_file, path_exists
 from linkage_ros.log.metadata import CONFIGURATION_RECORD
 from linkage_ros.log.untrusted_mcap import Summary, read_summary
 from linkage_ros.recovery.damaged_mcap import Losses, Stretch, walk
-from linkage_ros.recovery.record_copy import RecordCopy, is_undamaged
+from linkage_ros.recovery.record_copy import CHUNK_SIZE, RecordCopy, is_undamaged
 from linkage_ros.units import NS_PER_S
-
-# No chunk of ours is as large: the chunks stay as they were.
-_CHUNK_SIZE = 1 << 23
 
 
 class Recovered(NamedTuple):
@@ -166,14 +163,18 @@ def _spare(source: _Source) -> Summary | None:
 def _copy(source: _Source, path: Path, progress: Callable[[int], object]) -> Recovered:
     losses, before = Losses(), 0
     with path.open('wb') as stream:
-        writer = Writer(stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD)
+        writer = Writer(stream, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD)
         copy = RecordCopy(writer, losses, _spare(source))
         for end, records, is_chunk in _stretches(source, losses):
             for record in records:
                 copy.add(record)
             if is_chunk:
+                copy.write_messages()
                 writer.flush()
             progress(end - before)
             before = end
+        copy.write_messages()
         writer.finish()
-    return Recovered(copy.messages, (copy.end - copy.start) / NS_PER_S, losses)
+    found = copy.chunks.statistics
+    duration = (found.message_end_time - found.message_start_time) / NS_PER_S
+    return Recovered(found.message_count, duration, losses)

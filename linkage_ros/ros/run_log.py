@@ -12,14 +12,14 @@ from linkage_ros import cli
 from linkage_ros.log.writer import LogItem, LogWriter
 from linkage_ros.motion.drives import Drive, FollowDrive, TorqueDrive
 from linkage_ros.motion.segments import Segment
-from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.run.health import Health
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.worker import Worker
 from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
 from linkage_ros.wire.untrusted_command import LARGEST_COMMAND
 
-# Items that wait for a stalled disk: half a minute's at 1 kHz with four topics.
-_CAPACITY = 120_000
+# Items that wait for a stalled disk: half a minute's at 1 kHz.
+_CAPACITY = 30_000
 # s between batches. With the log's flush period this bounds what a killed run loses.
 _PERIOD = 0.02
 # s between orders to bring them to the disk itself, which bounds what a power cut costs.
@@ -30,24 +30,27 @@ _CLOSE_SECONDS = 30.0
 class RunLog:
     """Writes a log in threads of its own; any thread may write to it."""
 
-    def __init__(self, node: Node, configuration: Configuration, topics: Iterable[Topic]) -> None:
+    def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
         """Creates the log.
 
         Args:
             node: Says how it ends.
-            configuration: Configuration of the run.
-            topics: Those that it publishes; what it hears is logged too.
+            simulator: Makes the states.
+            others: What it publishes beside the states; what it hears is logged too.
 
         Raises:
             LogError: The file cannot be created.
         """
-        session = configuration.session
-        self._node, self._path, self._drive = node, session.log, configuration.drive
+        session = simulator.configuration.session
+        self._node, self._path = node, session.log
+        self._heard = heard_topics(simulator.configuration.drive)
         self._segment: Segment | None = None
-        log = LogWriter(session.log, configuration, overwrite=session.log_overwrite)
+        log = LogWriter(session.log, simulator.configuration, overwrite=session.log_overwrite)
+        names = ((topic, node.resolve_topic_name(topic.name)) for topic in simulator.topics)
+        log.add_states(simulator.layout, names)
         self._channels = {
             topic.name: log.add_topic(topic, node.resolve_topic_name(topic.name))
-            for topic in (*topics, *heard_topics(configuration.drive))
+            for topic in (*others, *self._heard)
         }
         # A disk that is slow to keep things must not hold up the flushes.
         self._sync: Worker[None] = Worker(
@@ -61,15 +64,19 @@ class RunLog:
             'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
         )
 
-    def write(self, stamp: int, messages: Iterable[tuple[Topic, bytes]]) -> None:
-        """Logs messages next to each other.
+    def write_row(self, row: bytes) -> None:
+        """Logs the messages of a state, in the layout of the simulator."""
+        self._worker.offer(row)
+
+    def write(self, stamp: int, topic: Topic, message: bytes) -> None:
+        """Logs a message.
 
         Args:
-            stamp: When they were published or received, ns.
-            messages: CDR bytes, each with one of the topics given.
+            stamp: When it was published or received, ns.
+            topic: One of the others.
+            message: CDR bytes.
         """
-        items = [(self._channels[topic.name], stamp, data) for topic, data in messages]
-        self._worker.offer(*items)
+        self._worker.offer((self._channels[topic.name], stamp, message))
 
     def write_heard(self, received: int, data: bytes) -> None:
         """Logs a message that the run heard: a command, or a measurement.
@@ -78,9 +85,9 @@ class RunLog:
             received: When it came, ns.
             data: CDR bytes; megabytes are left out, they would be a log's largest chunk.
         """
-        (topic,) = heard_topics(self._drive)
+        (topic,) = self._heard
         if len(data) <= LARGEST_COMMAND:
-            self.write(received, [(topic, data)])
+            self.write(received, topic, data)
 
     def write_motion(self, segment: Segment) -> None:
         """Logs a segment of motion, unless it is the last one."""

@@ -1,15 +1,20 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulates a configuration: from a stamp to the bytes of its messages.
+"""A configured mechanism at work: from a stamp to the bytes of its messages.
 
-The node and the recorder use the same simulator, which is why equal configurations and elapsed
+The node and the recorder use the same machine, which is why equal configurations and elapsed
 times give equal bits in both.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
@@ -17,22 +22,27 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
-from linkage_ros.motion.follow import ahead
+from linkage_ros.motion.follow import ahead as later
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
+from linkage_ros.numeric import Real
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.drives import FeedForward
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.codecs import (
+    STAMP_SOURCES,
     JointStateCodec,
-    PointCodec,
-    TrajectoryCodec,
     TrajectoryPoint,
-    encode_float64,
-    encode_float64_array,
     encode_string,
+    float64,
+    float64_array,
     joint_rows,
+    joint_sources,
+    joint_state,
+    point,
+    trajectory,
 )
+from linkage_ros.wire.rows import RowLayout
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DRIVING_TORQUE,
@@ -50,12 +60,25 @@ class Snapshot(NamedTuple):
     Attributes:
         coordinates: Coordinates of the mechanism.
         state: Its state there.
-        messages: CDR bytes, one message for each of `Simulator.topics`.
+        stamp: ns.
+        numbers: What the messages contain beside their stamps.
+        layout: Of the messages.
     """
 
     coordinates: Coordinates
     state: State
-    messages: tuple[bytes, ...]
+    stamp: int
+    numbers: list[float]
+    layout: RowLayout
+
+    def row(self, time: int) -> bytes:
+        """The records of its messages for a log, published and logged at a time, ns."""
+        return self.layout.pack(time, *divmod(self.stamp, NS_PER_S), *self.numbers)
+
+    @property
+    def messages(self) -> tuple[bytes, ...]:
+        """CDR bytes, one message for each of `Simulator.topics`."""
+        return self.layout.messages(self.row(0))
 
 
 class Simulator:
@@ -66,8 +89,8 @@ class Simulator:
         solver: Solver of its mechanism.
         joints: Names, in the order of the messages.
         joint_states: Codec of the messages on that topic.
-        mechanism_state: Likewise.
         topics: What each state has a message on.
+        layout: Of these messages, in channels numbered from 1.
         description: robot_description message, CDR bytes.
     """
 
@@ -80,18 +103,25 @@ class Simulator:
         self._links = self.solver.structure.links
         self.joints = joint_names(self._links, prefix)
         self.joint_states = JointStateCodec(self.joints, frame_id)
-        self.mechanism_state = TrajectoryCodec(self.joints, frame_id)
         self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
+        self._sources = ['time', *STAMP_SOURCES, *joint_sources(self.joints)]
+        self._parts = {
+            JOINT_STATES: joint_state(self.joints, frame_id),
+            DRIVING_TORQUE: float64(f'effort {self.joints[0]}'),
+            MECHANISM_STATE: trajectory(self.joints, frame_id),
+        }
         self._has_coupler_point = 'C' in self.solver.structure.points
-        self.topics: tuple[Topic, ...] = (JOINT_STATES, DRIVING_TORQUE, MECHANISM_STATE)
         if self._has_coupler_point:
-            self.topics += (COUPLER_POINT,)
-        self._point = PointCodec(frame_id)
+            self._parts[COUPLER_POINT] = point(frame_id)
+            self._sources += ['x', 'y']
         self._lead: int | None = None  # ns
         drive = configuration.drive
         if isinstance(drive, FeedForward) and drive.effort_command_topic:
-            self.topics += (effort_commands(drive.effort_command_topic),)
+            self._parts[effort_commands(drive.effort_command_topic)] = float64_array('ahead')
+            self._sources.append('ahead')
             self._lead = round(drive.lead_time * NS_PER_S)
+        self.topics = tuple(self._parts)
+        self.layout = self.layout_of(zip(itertools.count(1), self.topics))
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
@@ -129,6 +159,18 @@ class Simulator:
         # `elapsed` rounds down, so that the next tick may already be due.
         return tick + 1 if self.elapsed(tick + 1) <= elapsed else tick
 
+    def layout_of(self, channels: Iterable[tuple[int, Topic]]) -> RowLayout:
+        """The layout of a state's messages in a log.
+
+        Args:
+            channels: Numbers of the channels, with their topics, in the order of the log.
+
+        Returns:
+            The layout.
+        """
+        messages = [(number, self._parts[topic]) for number, topic in channels]
+        return RowLayout(messages, self._sources)
+
     def snapshot_at(self, motion: Motion, stamp: int) -> Snapshot:
         """Solves the state at a stamp.
 
@@ -139,10 +181,10 @@ class Simulator:
         Returns:
             The state and its messages.
         """
-        snapshot = self.snapshot_of(stamp, motion.at(stamp))
+        coordinates = motion.at(stamp)
         if self._lead is None:
-            return snapshot
-        return self._with_command(snapshot, motion.at(stamp + self._lead))
+            return self._snapshot(stamp, coordinates)
+        return self._snapshot(stamp, coordinates, motion.at(stamp + self._lead))
 
     def snapshot_measured(self, stamp: int, coordinates: Coordinates) -> Snapshot:
         """Solves the state of a measured crank.
@@ -154,37 +196,46 @@ class Simulator:
         Returns:
             The state and its messages.
         """
-        snapshot = self.snapshot_of(stamp, coordinates)
         if self._lead is None:
-            return snapshot
-        return self._with_command(snapshot, ahead(coordinates, self._lead / NS_PER_S))
+            return self._snapshot(stamp, coordinates)
+        return self._snapshot(stamp, coordinates, later(coordinates, self._lead / NS_PER_S))
 
-    def _with_command(self, snapshot: Snapshot, later: Coordinates) -> Snapshot:
-        command = encode_float64_array(self._solve(later).torque)
-        return snapshot._replace(messages=(*snapshot.messages, command))
+    def _snapshot(
+        self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None = None
+    ) -> Snapshot:
+        state, numbers = self._numbers(coordinates)
+        if ahead is not None:
+            numbers.append(self._numbers(ahead)[0].torque + 0.0)
+        return Snapshot(coordinates, state, stamp, numbers, self.layout)
 
-    def snapshot_of(self, stamp: int, coordinates: Coordinates) -> Snapshot:
-        """Solves the state at coordinates.
+    def rows(
+        self,
+        stamps: Sequence[int],
+        coordinates: Coordinates,
+        ahead: Coordinates | None = None,
+        *,
+        times: npt.NDArray[np.uint64] | None = None,
+        layout: RowLayout | None = None,
+    ) -> bytearray:
+        """Solves many states.
 
         Args:
-            stamp: ns.
-            coordinates: Coordinates at that stamp.
+            stamps: ns.
+            coordinates: Coordinates there, in arrays.
+            ahead: Those that the feed-forward torque belongs to, where there is one.
+            times: When they were logged, ns; None: at their stamps.
+            layout: Layout of the rows; None: `layout`.
 
         Returns:
-            The state and its messages.
+            The records of their messages, equal to the bit to those of the snapshots.
         """
-        state = self._solve(coordinates)
-        rows = joint_rows(self._links, state, coordinates.unwrapped)
-        position, velocity, _, effort = rows
-        messages: tuple[bytes, ...] = (
-            self.joint_states.encode(stamp, position, velocity, effort),
-            encode_float64(state.torque),
-            self.mechanism_state.encode(stamp, *rows),
-        )
-        if self._has_coupler_point:
-            place = self.solver.point(state, 'C').position
-            messages += (self._point.encode(stamp, *place),)
-        return Snapshot(coordinates, state, messages)
+        _, numbers = self._numbers(coordinates, by_math=True)
+        if ahead is not None:
+            numbers.append(self._numbers(ahead, by_math=True)[0].torque + 0.0)
+        nanoseconds = np.array(stamps)
+        stamped = np.divmod(nanoseconds, NS_PER_S)
+        logged = nanoseconds if times is None else times
+        return (layout or self.layout).fill(len(stamps), (logged, *stamped, *numbers))
 
     def crank_at(self, motion: Motion, stamp: int) -> TrajectoryPoint:
         """The crank at a stamp, as a point of a trajectory.
@@ -197,11 +248,26 @@ class Simulator:
             Its motion and torque.
         """
         coordinates = motion.at(stamp)
-        torque = self._solve(coordinates).torque
+        state, _ = self._numbers(coordinates)
         return TrajectoryPoint(
-            coordinates.unwrapped, coordinates.u[0], coordinates.a[0], float(torque)
+            coordinates.unwrapped, coordinates.u[0], coordinates.a[0], float(state.torque)
         )
 
-    def _solve(self, coordinates: Coordinates) -> State:
-        q, u, a, _ = coordinates
-        return self.solver.state(q, u, a) if len(q) > 1 else self.solver.state(q[0], u[0], a[0])
+    def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
+        """The coordinates that the feed-forward torque of stamps belongs to, if there is one."""
+        lead = self._lead
+        return None if lead is None else motion.at_all([stamp + lead for stamp in stamps])
+
+    def _numbers(
+        self, coordinates: Coordinates, *, by_math: bool = False
+    ) -> tuple[State, list[Real]]:
+        """The state at coordinates, and what its messages contain; a zero there has no sign."""
+        q, u, a, unwrapped = coordinates
+        if len(q) == 1:
+            state = self.solver.state(q[0], u[0], a[0], by_math=by_math)
+        else:
+            state = self.solver.state(q, u, a, by_math=by_math)
+        rows = joint_rows(self._links, state, unwrapped, np.rint if by_math else round)
+        if self._has_coupler_point:
+            rows.append([*self.solver.point(state, 'C', by_math=by_math).position])
+        return state, [number + 0.0 for row in rows for number in row]

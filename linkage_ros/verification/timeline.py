@@ -47,6 +47,7 @@ class Timeline:
         piece: The piece that the last stamp lies in.
         missed: Ticks so far that have no state.
         last: The last stamp, ns; None: there was none.
+        tick: Number of its tick; -1: there was none.
     """
 
     def __init__(self, simulator: Simulator, motions: tuple[Segment, ...]) -> None:
@@ -67,7 +68,7 @@ class Timeline:
             self._pieces.append(MotionPiece(motion, number, anchor, end))
         self.piece, self.missed = self._pieces[0], 0
         self.last: int | None = None
-        self._tick = -1
+        self.tick = -1
 
     def late(self, stamp: int) -> int:
         """How far a stamp is behind the last tick at or before it, ns; 0 on a tick."""
@@ -88,23 +89,29 @@ class Timeline:
         for piece in self._pieces[self.piece.number - 1 :]:
             if stamp < piece.segment.stamp or (piece.end is not None and stamp >= piece.end):
                 continue
-            if not self._late(piece, stamp) and self._tick_of(piece, stamp) > self._tick:
+            if not self._late(piece, stamp) and self._tick_of(piece, stamp) > self.tick:
                 yield piece
 
-    def take(self, piece: MotionPiece, stamp: int) -> int:
+    def following(self, count: int) -> list[int]:
+        """The stamps of the next ticks, as far as they lie in the same piece; at most so many."""
+        anchor, end, first = self.piece.anchor, self.piece.end, self.tick + 1
+        stamps = [anchor + self._simulator.elapsed(tick) for tick in range(first, first + count)]
+        return [stamp for stamp in stamps if end is None or stamp < end]
+
+    def advance(self, count: int, last: int) -> None:
+        """Goes on by so many ticks, to a stamp, ns."""
+        self.tick, self.last = self.tick + count, last
+
+    def take(self, piece: MotionPiece, stamp: int) -> None:
         """Goes on to a stamp.
 
         Args:
             piece: From `pieces_at`.
             stamp: The next one, ns.
-
-        Returns:
-            The number of its tick.
         """
         tick = self._tick_of(piece, stamp)
-        self.missed += tick - self._tick - 1
-        self.piece, self._tick, self.last = piece, tick, stamp
-        return tick
+        self.missed += tick - self.tick - 1
+        self.piece, self.tick, self.last = piece, tick, stamp
 
     def why_none(self, stamp: int) -> str:
         """What is wrong with a stamp that lies in no piece."""

@@ -13,10 +13,9 @@ from linkage_ros.wire.interfaces import JOINT_TRAJECTORY
 from linkage_ros.wire.topics import COUPLER_POINT, JOINT_COMMANDS, TOPICS
 
 
-def has_states(log: LogReader, pairings: list[Pairing]) -> bool:
-    """Whether a log has a message of the simulator."""
-    names = {name for name, _ in pairings}
-    return any(topic.messages for topic in log.topics if topic.name in names)
+def has_states(pairings: list[Pairing]) -> bool:
+    """Whether a channel has a message."""
+    return any(channel.messages for channel, _ in pairings)
 
 
 def check_topics(
@@ -26,9 +25,9 @@ def check_topics(
 
     Args:
         log: The log.
-        pairings: Channels, with the topics of the simulator that they carry.
+        pairings: Channels, with the topics of the machine that they carry.
         descriptions: Names of the channels with robot descriptions.
-        simulator: Simulator of the configuration.
+        simulator: Machine of the configuration.
 
     Returns:
         What is wrong with it; empty if there is none.
@@ -38,12 +37,13 @@ def check_topics(
         known = interfaces.get(channel.type)
         if known and channel.layout != ('cdr', 'ros2msg', known.definition):
             return f'{channel.name}: its schema is not that of {channel.type}'
-    carrying, known_types = dict(pairings), {t.interface.name for _, t in pairings}
+    carrying = {channel for channel, _ in pairings}
+    known_types = {topic.interface.name for _, topic in pairings}
     kinds = {topic.name: topic.interface.name for topic in simulator.topics}
     more = _logged_besides(simulator.configuration.drive)
     for channel in log.topics:
         kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
-        if channel.name in carrying:
+        if channel in carrying:
             continue
         if channel.type in more:
             more.remove(channel.type)
@@ -57,7 +57,7 @@ def check_topics(
         return f'{points[0]} is logged, but the configuration has no coupler.point'
     counts = {topic.name: topic.messages for topic in log.topics}
     empty = [name for name in descriptions if not counts[name]]
-    return f'{empty[0]} has no message' if empty and has_states(log, pairings) else ''
+    return f'{empty[0]} has no message' if empty and has_states(pairings) else ''
 
 
 def _logged_besides(drive: Drive) -> list[str]:

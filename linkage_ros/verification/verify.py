@@ -2,26 +2,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recomputes every state of a log from its configuration and its segments of motion.
 
-To be equal means to have equal bytes. Topics are told apart by their types, because their names
+To be equal means to have equal bytes, or numbers that are within 4 ulp of the largest one: sines
+of other machines may differ. Topics are told apart by their types, because their names
 may be remapped. What the log has beside them is named, not compared.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.channels import Pairing, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.message_difference import differing
 from linkage_ros.verification.motion_check import check_motions
-from linkage_ros.verification.state_comparison import StateComparison
+from linkage_ros.verification.row_comparison import RowComparison
+from linkage_ros.verification.state_check import StateCheck
 from linkage_ros.verification.timeline import Timeline, seconds
 from linkage_ros.verification.topic_check import check_topics, has_states
+from linkage_ros.verification.torque_check import TorqueCheck
+from linkage_ros.wire.rows import RowLayout
 from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
+
+_BATCH = 1024  # states that are compared at a time
+_CONTEXT = 12  # bytes shown on either side of the first that differs
 
 
 class Report(NamedTuple):
@@ -34,6 +40,7 @@ class Report(NamedTuple):
         absent: Relative names of the mechanism's topics that the log does not have.
         missed: Ticks without a state.
         cut: Names of the topics that the very last state lacks: it was cut off while written.
+        ulp: Largest difference, in ulp of the largest value of its field; 0: all bits are equal.
         difference: The first one; empty if there is none.
     """
 
@@ -43,6 +50,7 @@ class Report(NamedTuple):
     absent: tuple[str, ...]
     missed: int
     cut: tuple[str, ...]
+    ulp: float
     difference: str
 
 
@@ -64,61 +72,134 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
     difference = check_topics(log, pairings, descriptions, simulator)
     difference = difference or check_motions(simulator, log.motions)
-    wrong: list[str] = []
     comparable = descriptions if log.has_same_urdf else []
-    messages = _described(log, comparable, simulator.description, wrong)
-    states, missed = 0, 0
-    cut: tuple[str, ...] = ()
-    if not difference and has_states(log, pairings):
-        timeline = _timeline(log, simulator, pairings)
-        comparison = StateComparison(simulator, pairings, timeline, recorded=_is_record(log))
-        difference = comparison.run(messages, progress)
-        states, cut, missed = comparison.states, comparison.cut, timeline.missed
+    others = _Others(comparable, simulator.description)
+    found = _Found()
+    if not difference and has_states(pairings):
+        found = _compare(log, simulator, pairings, others, progress)
     elif not difference:
-        deque(messages, maxlen=0)
+        for message in log.written():
+            others.check(message)
+    if log.lost > 0 and not difference + others.wrong + found.difference:
+        difference = f'{log.lost} messages that were logged are not there: the end is cut off'
     names = [topic.name for topic in log.topics]
-    known = {*(name for name, _ in pairings), *comparable}
+    known = {*(channel.name for channel, _ in pairings), *comparable}
     carried = [*(topic for _, topic in pairings), *[ROBOT_DESCRIPTION][: len(descriptions)]]
     return Report(
-        states=states,
+        states=found.states,
         compared=tuple(name for name in names if name in known),
         others=tuple(name for name in names if name not in known),
         absent=tuple(t.name for t in (*simulator.topics, ROBOT_DESCRIPTION) if t not in carried),
-        missed=missed,
-        cut=cut,
-        difference=wrong[0] if wrong else difference,
+        missed=found.missed,
+        cut=found.cut,
+        ulp=found.ulp,
+        difference=others.wrong or difference or found.difference,
     )
 
 
-def _is_record(log: LogReader) -> bool:
-    """Whether every tick has to be there; a run on simulated time may begin at 0 as well."""
-    live = any(topic.type == DIAGNOSTICS.interface.name for topic in log.topics)
-    return not live and bool(log.motions) and log.motions[0].stamp == 0
+class _Found(NamedTuple):
+    """What came of the states: see `Report`."""
+
+    states: int = 0
+    missed: int = 0
+    cut: tuple[str, ...] = ()
+    ulp: float = 0.0
+    difference: str = ''
 
 
-def _timeline(log: LogReader, simulator: Simulator, pairings: list[Pairing]) -> Timeline:
+def _compare(
+    log: LogReader,
+    simulator: Simulator,
+    pairings: list[Pairing],
+    others: _Others,
+    progress: Callable[[int], object],
+) -> _Found:
+    """Compares the states of a log.
+
+    Raises:
+        LogError: The file is damaged, or nothing explains or dates its states.
+    """
+    layout = simulator.layout_of((channel.number, topic) for channel, topic in pairings)
+    names = [channel.name for channel, _ in pairings]
+    comparison = RowComparison(layout, names)
+    check = _check(log, simulator, pairings, comparison, layout)
+    waiting = bytearray()
+    tail, stray, difference = b'', None, ''
+    for rows, stray in log.rows(layout, others.check):
+        if stray or len(rows) % layout.size:
+            tail = rows
+            break
+        waiting += rows
+        if len(waiting) >= _BATCH * layout.size:
+            before, difference = check.states, check.add(bytes(waiting))
+            progress(check.states - before)
+            waiting.clear()
+        if difference or others.wrong:
+            break
+    difference = difference or check.add(bytes(waiting))
+    if stray and not difference:
+        difference = (
+            f'{stray.topic}: the message logged at {seconds(stray.time)} is not the next one of '
+            f'state {check.states + 1}: one is lost, altered, there twice or out of order'
+        )
+    there = len([start for start in layout.starts if start < len(tail)])
+    cut = tuple(names[there:]) if tail and not stray else ()
+    return _Found(check.states, check.timeline.missed, cut, comparison.ulp, difference)
+
+
+def _check(
+    log: LogReader,
+    simulator: Simulator,
+    pairings: list[Pairing],
+    comparison: RowComparison,
+    layout: RowLayout,
+) -> StateCheck:
+    """What compares the states of a log.
+
+    Raises:
+        LogError: Nothing explains or dates them.
+    """
     if not any(topic.interface.is_stamped for _, topic in pairings):
         raise LogError(f'{log.path} cannot be verified: none of its topics has stamps')
     if not log.motions:
         raise LogError(f'{log.path} cannot be verified: it has states but no motion record')
-    return Timeline(simulator, log.motions)
+    # A run on simulated time may begin at 0 as well.
+    live = any(topic.type == DIAGNOSTICS.interface.name for topic in log.topics)
+    recorded = not live and log.motions[0].stamp == 0
+    drive, torque = simulator.configuration.drive, None
+    if isinstance(drive, TorqueDrive):
+        torque = TorqueCheck(simulator, drive, layout, recorded=recorded)
+    timeline = Timeline(simulator, log.motions)
+    return StateCheck(simulator, layout, comparison, timeline, torque, recorded=recorded)
 
 
-def _described(
-    log: LogReader, descriptions: list[str], description: bytes, wrong: list[str]
-) -> Iterator[LoggedMessage]:
-    """The messages of a log, to the first with a wrong publish time or description.
+class _Others:
+    """Checks the messages that belong to no state.
 
-    What is wrong with it goes to `wrong`.
+    Attributes:
+        wrong: What is wrong with the first wrong one; empty: nothing so far.
     """
-    for message in log.written():
+
+    def __init__(self, descriptions: list[str], description: bytes) -> None:
+        self.wrong = ''
+        self._descriptions, self._description = descriptions, description
+
+    def check(self, message: LoggedMessage) -> None:
+        """Checks a message: its publish time, and the robot's description."""
+        if self.wrong:
+            return
         if message.published != message.time:
             published, time = seconds(message.published), seconds(message.time)
-            wrong.append(f'{message.topic}: publish time {published}, log time {time}')
-            return
-        if message.topic not in descriptions:
-            yield message
-        elif message.data != description:
-            words = differing(ROBOT_DESCRIPTION.interface, message.data, description)
-            wrong.append(f'{message.topic}: {words}')
-            return
+            self.wrong = f'{message.topic}: publish time {published}, log time {time}'
+        elif message.topic in self._descriptions and message.data != self._description:
+            self.wrong = f'{message.topic}: data = {_texts(message.data, self._description)}'
+
+
+def _texts(logged: bytes, recomputed: bytes) -> str:
+    """Where the text of a message differs."""
+    pairs = enumerate(zip(logged, recomputed, strict=False))
+    shorter = min(len(logged), len(recomputed))
+    at = next((place for place, (a, b) in pairs if a != b), shorter)
+    parts = (text[max(8, at - _CONTEXT) : at + _CONTEXT] for text in (logged, recomputed))
+    a, b = (part.decode(errors='backslashreplace') for part in parts)
+    return f'{a!r} logged, {b!r} recomputed, at byte {at}'

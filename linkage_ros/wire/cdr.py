@@ -71,14 +71,6 @@ class CdrReader:
         """
         self._data, self._at = data[len(ENCAPSULATION) :], at
 
-    def number(self, code: str) -> float:
-        """A number of the type that a letter stands for in `struct`."""
-        size = struct.calcsize(code)
-        self._at += -self._at % size
-        number: float = struct.unpack_from(f'<{code}', self._data, self._at)[0]
-        self._at += size
-        return number
-
     def count(self) -> int:
         """A length.
 

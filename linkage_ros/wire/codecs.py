@@ -1,39 +1,47 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""States as the very bytes of ROS messages: CDR, little endian, every padding byte zero.
+"""The messages of a state as templates: CDR, little endian, every padding byte zero.
 
-The bytes are what is published, logged and replayed. Fast DDS would leave whatever was on the
-heap in the padding, so that equal states gave unequal files; and filling a template is several
-times faster than serialising a message object.
+The bytes are what is published, logged and replayed.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from linkage_ros.dynamics.state import State
+from linkage_ros.formulas import where
 from linkage_ros.model.structure import Link
-from linkage_ros.numeric import wrap
+from linkage_ros.numeric import Real, wrap
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, header, stamp_of, string
+from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, header, string
+from linkage_ros.wire.template import Field, Part, Template
 
 ROOT_FRAME = 'base_link'
+STAMP_SOURCES = ('sec', 'nanosec')
+QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
+
+_SECONDS, _REST = (
+    Field(f'header.stamp.{unit}', code, unit) for unit, code in (('sec', 'i'), ('nanosec', 'I'))
+)
 
 
-# Adding 0.0 turns -0.0 into 0.0: a zero in a message has no sign.
-_UNSIGNED_ZERO = (0.0).__add__
-
-
-def joint_rows(links: Sequence[Link], state: State, unwrapped: float) -> list[list[float]]:
+def joint_rows(
+    links: Sequence[Link],
+    state: State,
+    unwrapped: Real,
+    to_whole: Callable[[Real], Real] = round,
+) -> list[list[Real]]:
     """A state as messages hold it: a number for each joint of the URDF's open tree.
 
     Args:
         links: The tree; its first joint is the crank's.
-        state: The state.
+        state: The state, of floats or of arrays.
         unwrapped: The whole angle of the crank, rad.
+        to_whole: Rounds to the nearest whole number, as `np.rint` does of arrays.
 
     Returns:
         Positions, rad or m: the crank's unwrapped, other angles in (-pi, pi] from the link before;
@@ -43,59 +51,107 @@ def joint_rows(links: Sequence[Link], state: State, unwrapped: float) -> list[li
     for i, link in reversed(list(enumerate(links))):  # those that hang on a link before it
         if link.parent is not None:
             for row in rows:
-                row[i] -= row[link.parent]
-            position[i] = wrap(position[i])
-        if position[i] <= -math.pi and not link.slides:
-            position[i] = math.pi
+                row[i] = row[i] - row[link.parent]  # an array stays as it is
+            position[i] = wrap(position[i], to_whole)
+        if not link.slides:
+            position[i] = where(position[i] <= -math.pi, math.pi, position[i])
     position[0] = unwrapped
     return [*rows, [state.torque, *(0.0 for _ in links[1:])]]
 
 
-class _RowsCodec:
-    """Messages that hold rows, a number for each of a fixed set of joints.
+def joint_sources(names: Sequence[str], quantities: Iterable[str] = QUANTITIES) -> list[str]:
+    """The numbers that messages of joints take, such as 'velocity coupler'."""
+    return [f'{quantity} {name}' for quantity in quantities for name in names]
+
+
+def _joint_arrays(
+    body: bytes, names: Sequence[str], arrays: Iterable[tuple[str, str]]
+) -> Iterable[Part]:
+    """The rest of a message behind its stamp: constant bytes, then a sequence for each quantity.
+
+    Args:
+        body: Its bytes so far, without encapsulation, on a multiple of 4.
+        names: The joints.
+        arrays: Names of the sequences, and the quantities in them.
+
+    Yields:
+        Parts of a template.
+    """
+    start: list[Part] = [ENCAPSULATION, _SECONDS, _REST, body[STAMP.size :]]
+    yield from start
+    gap = -(len(body) + 4) % 8
+    for array, quantity in arrays:
+        yield struct.pack('<I', len(names)) + bytes(gap)
+        yield from (Field(f'{array}[{name}]', 'd', f'{quantity} {name}') for name in names)
+        gap = 4  # behind doubles and a length
+
+
+def _names(field: bytes, names: Sequence[str]) -> bytes:
+    body = align(field, 4) + struct.pack('<I', len(names))
+    for name in names:
+        body = align(string(body, name), 4)
+    return body
+
+
+def joint_state(names: Sequence[str], frame_id: str) -> list[Part]:
+    """A JointState message of joints."""
+    arrays = [(quantity, quantity) for quantity in QUANTITIES if quantity != 'acceleration']
+    return list(_joint_arrays(_names(header(frame_id), names), names, arrays))
+
+
+def trajectory(names: Sequence[str], frame_id: str) -> list[Part]:
+    """A JointTrajectory message of joints and one point, whose time_from_start is 0."""
+    words = ('positions', 'velocities', 'accelerations', 'effort')
+    arrays = [(f'points[0].{word}', q) for word, q in zip(words, QUANTITIES, strict=True)]
+    body = _names(header(frame_id), names) + struct.pack('<I', 1)
+    return [*_joint_arrays(body, names, arrays), bytes(8)]
+
+
+def point(frame_id: str) -> list[Part]:
+    """A PointStamped message; its z is 0."""
+    body = align(header(frame_id), 8)[STAMP.size :]
+    fields = Field('point.x', 'd', 'x'), Field('point.y', 'd', 'y')
+    return [ENCAPSULATION, _SECONDS, _REST, body, *fields, bytes(8)]
+
+
+def float64(source: str) -> list[Part]:
+    """A std_msgs/Float64 message."""
+    return [ENCAPSULATION, Field('data', 'd', source)]
+
+
+def float64_array(source: str) -> list[Part]:
+    """A std_msgs/Float64MultiArray message of one number, without layout."""
+    return [ENCAPSULATION + struct.pack('<III4x', 0, 0, 1), Field('data[0]', 'd', source)]
+
+
+class JointStateCodec:
+    """JointState messages of a fixed set of joints.
 
     Attributes:
         names: The joints.
     """
 
-    def __init__(self, names: Sequence[str], frame_id: str, rows: int, *, points: bool) -> None:
+    quantities: Sequence[str] = ('position', 'velocity', 'effort')
+    parts = staticmethod(joint_state)
+
+    def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
         self.names = tuple(names)
-        self._rows = rows
-        count = len(self.names)
-        body = align(header(frame_id), 4) + struct.pack('<I', count)
-        for name in names:
-            body = align(string(body, name), 4)
-        if points:
-            body += struct.pack('<I', 1)  # a sequence of one point, which holds the rows
-        # Each row is a length, padding to 8 bytes, the numbers. All but the first length fall on
-        # multiples of 8. A point ends with a duration, which is 0.
-        first_gap = -(len(body) + 4) % 8
-        other_rows = f'I4x{count}d' * (rows - 1)
-        self._numbers = struct.Struct(
-            f'<I{first_gap}x{count}d{other_rows}{"8x" if points else ""}'
-        )
-        self._head = len(ENCAPSULATION) + len(body)
-        self._buffer = bytearray(ENCAPSULATION + body + b'\0' * self._numbers.size)
+        sources = (*STAMP_SOURCES, *joint_sources(names, self.quantities))
+        self._template = Template(self.parts(names, frame_id), sources)
 
     def encode(self, stamp: int, *rows: Sequence[float]) -> bytes:
         """One message.
 
         Args:
             stamp: ns.
-            *rows: In the order of the message: positions, rad or m, velocities, accelerations
-                in a trajectory alone, efforts, N m or N; one number for each joint.
+            *rows: Positions, rad or m, velocities, efforts, N m or N; one number for each joint.
+                Those of a trajectory have accelerations before the efforts.
 
         Returns:
             Its CDR bytes.
         """
-        count = len(self.names)
-        numbers: list[float] = []
-        for row in rows:
-            numbers.append(count)
-            numbers += map(_UNSIGNED_ZERO, row)
-        STAMP.pack_into(self._buffer, 4, *divmod(stamp, NS_PER_S))
-        self._numbers.pack_into(self._buffer, self._head, *numbers)
-        return bytes(self._buffer)
+        numbers = (number + 0.0 for row in rows for number in row)  # a zero there has no sign
+        return self._template.pack(*divmod(stamp, NS_PER_S), *numbers)
 
     def decode(self, data: bytes) -> tuple[int, tuple[float, ...]]:
         """Reads a message of the same joints.
@@ -109,32 +165,44 @@ class _RowsCodec:
         Raises:
             ValueError: The bytes are no such message.
         """
-        fixed = len(data) == len(self._buffer) and all(
-            data[part] == self._buffer[part] for part in (slice(4), slice(12, self._head))
-        )
-        numbers = self._numbers.unpack_from(data, self._head) if fixed else ()
-        count = len(self.names)
-        if numbers[:: count + 1] != (count,) * self._rows:
-            raise ValueError(f'no message of the joints {", ".join(self.names)}')
-        rows = (
-            numbers[start + 1 : start + 1 + count]
-            for start in range(0, self._rows * (count + 1), count + 1)
-        )
-        return stamp_of(data), tuple(value for row in rows for value in row)
+        try:
+            whole, rest, *numbers = self._template.read(data)
+        except ValueError:
+            raise ValueError(f'no message of the joints {", ".join(self.names)}') from None
+        return int(whole) * NS_PER_S + int(rest), tuple(numbers)
 
 
-class JointStateCodec(_RowsCodec):
-    """JointState messages: positions, velocities and efforts of a fixed set of joints."""
+class TrajectoryCodec(JointStateCodec):
+    """JointTrajectory messages of one point."""
 
-    def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
-        super().__init__(names, frame_id, 3, points=False)
+    quantities = QUANTITIES
+    parts = staticmethod(trajectory)
 
 
-class TrajectoryCodec(_RowsCodec):
-    """JointTrajectory messages of one point: the same with accelerations before the efforts."""
+def encode_float64(value: float) -> bytes:
+    """A std_msgs/Float64 message as CDR bytes."""
+    return ENCAPSULATION + struct.pack('<d', value + 0.0)
 
-    def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
-        super().__init__(names, frame_id, 4, points=True)
+
+def encode_string(text: str) -> bytes:
+    """A std_msgs/String message as CDR bytes.
+
+    It is filled up to a multiple of 4 bytes, as DDS would do on the way: subscribers get the
+    bytes that are logged.
+    """
+    return align(ENCAPSULATION + string(b'', text), 4)
+
+
+def encode_clock(stamp: int) -> bytes:
+    """A rosgraph_msgs/Clock message as CDR bytes.
+
+    Args:
+        stamp: ns.
+
+    Returns:
+        The bytes.
+    """
+    return ENCAPSULATION + STAMP.pack(*divmod(stamp, NS_PER_S))
 
 
 class TrajectoryPoint(NamedTuple):
@@ -188,59 +256,3 @@ class CrankTrajectoryCodec:
             )  # fmt: skip
             pack = self._other.pack
         return b''.join(parts)
-
-
-class PointCodec:
-    """PointStamped messages."""
-
-    def __init__(self, frame_id: str = ROOT_FRAME) -> None:
-        head = align(header(frame_id), 8)
-        self._head = len(ENCAPSULATION) + len(head)
-        self._numbers = struct.Struct('<3d')
-        self._buffer = bytearray(ENCAPSULATION + head + b'\0' * self._numbers.size)
-
-    def encode(self, stamp: int, x: float, y: float) -> bytes:
-        """One message.
-
-        Args:
-            stamp: ns.
-            x: m.
-            y: m; z is 0.
-
-        Returns:
-            Its CDR bytes.
-        """
-        STAMP.pack_into(self._buffer, 4, *divmod(stamp, NS_PER_S))
-        self._numbers.pack_into(self._buffer, self._head, x + 0.0, y + 0.0, 0.0)
-        return bytes(self._buffer)
-
-
-def encode_float64(value: float) -> bytes:
-    """A std_msgs/Float64 message as CDR bytes."""
-    return ENCAPSULATION + struct.pack('<d', value + 0.0)
-
-
-def encode_float64_array(value: float) -> bytes:
-    """A std_msgs/Float64MultiArray message of one number, without layout, as CDR bytes."""
-    return ENCAPSULATION + struct.pack('<III4xd', 0, 0, 1, value + 0.0)
-
-
-def encode_string(text: str) -> bytes:
-    """A std_msgs/String message as CDR bytes.
-
-    It is filled up to a multiple of 4 bytes, as DDS would do on the way: subscribers get the
-    bytes that are logged.
-    """
-    return align(ENCAPSULATION + string(b'', text), 4)
-
-
-def encode_clock(stamp: int) -> bytes:
-    """A rosgraph_msgs/Clock message as CDR bytes.
-
-    Args:
-        stamp: ns.
-
-    Returns:
-        The bytes.
-    """
-    return ENCAPSULATION + STAMP.pack(*divmod(stamp, NS_PER_S))
