@@ -139,6 +139,12 @@ def test_a_torque_driven_run_settles_at_the_cycle_of_its_motor():
     assert np.ptp(last) / cycle.speed == pytest.approx(cycle.fluctuation, rel=1e-3)
 
 
+def test_a_motor_too_weak_to_start_carries_a_cycle_that_is_fast_enough():
+    """At 0.5 rad/s the weights, of up to 1.45 N m, stop a crank that gets 0.3 N m."""
+    mechanism, motor = load('quadrilateral').mechanism, Motor(0.3, 0.02)
+    assert motor_cycle(mechanism, motor, 0.5, 0.5).speed == pytest.approx(15.0, rel=0.01)
+
+
 @pytest.mark.parametrize('motor', [Motor(0.5, 0.01), Motor(-20.0, 0.1), Motor(50.0)])
 def test_a_motor_that_does_not_carry_the_cycle(motor):
     """Too weak, against the motion, and without a loss that would end its gain."""
