@@ -29,7 +29,8 @@ def good_logs(folder):
     """Small logs of each kind of mechanism and drive, live ones and records: their bytes."""
     changed = {**load('quadrilateral').parameters(), 'crank_acceleration': 7.1, 'rate_hz': 50.0}
     torque = {**load('quadrilateral').parameters(), 'drive': 'torque', 'motor.torque': 1.0}
-    for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time'):
+    for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time',
+                 'trajectory_command_topic', 'trajectory_horizon'):  # fmt: skip
         torque.pop(name)
     runs = [configure(changed), configure(torque), load('compressor'), load('wind_pump')]
     return [_run(folder / f'{n}.mcap', run, live=n < 2) for n, run in enumerate(runs)]

@@ -36,6 +36,7 @@ from pages import (
     run_python,
 )
 from ros_harness import Listener, environment, fresh_domain, wait_for
+from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
 from linkage_ros.controller import Settings
@@ -89,7 +90,8 @@ def check_executable(words, *, is_block):
 
 
 def check_parameters(name, words):
-    """Checks --params-file with a file of the page, and -p NAME:=VALUE."""
+    """Checks --params-file with a file of the page, -p NAME:=VALUE and -r FROM:=TO."""
+    words = [word for i, word in enumerate(words) if '-r' not in (word, *words[max(0, i - 1) : i])]
     given = dict(word.split(':=', 1) for word in words if ':=' in word)
     flags = [word for word in words if ':=' not in word]
     values = {key: yaml.safe_load(value) for key, value in given.items()}
@@ -231,12 +233,20 @@ def quick(words):
 def run_node(words, folder):
     """Runs a node until its joint states arrive, and ends it by Ctrl-C."""
     domain = fresh_domain()
-    topic = '/joint_states'
+    is_following = 'drive:=follow' in words
+    topic = '/linkage/joint_states' if is_following else '/joint_states'
     with (
         Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as listener,
         forked('node', *words, folder=folder, variables=environment(domain)) as process,
     ):
-        wait_for(lambda: len(listener.received[topic]) > 20 or not process.is_alive())
+        robot = listener.node.create_publisher(JointState, '/joint_states', 10)
+
+        def has_answered():
+            if is_following:
+                robot.publish(JointState(name=['crank'], position=[0.5]))
+            return len(listener.received[topic]) > 20 or not process.is_alive()
+
+        wait_for(has_answered)
         os.kill(process.pid, signal.SIGINT)
         process.join(60)
         return process.exitcode, (folder / 'printed').read_text()

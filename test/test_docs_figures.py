@@ -15,7 +15,6 @@ from pages import ROOT, read
 
 from linkage_ros.log import writer
 from linkage_ros.log.untrusted_chunks import LARGEST
-from linkage_ros.recovery import recover
 from linkage_ros.wire.topics import JOINT_COMMANDS, TOPICS, qualified
 
 DOCS = ROOT / 'docs'
@@ -169,8 +168,8 @@ def test_what_mcap_says_of_channels_and_sizes_is_the_code_s():
     page = read('docs/mcap.md')
     for topic in (*TOPICS, JOINT_COMMANDS):
         assert f'| `{qualified(topic)}` | ' in page
-    sizes = [str(size >> 20) for size in (LARGEST, writer._CHUNK_SIZE, recover._CHUNK_SIZE)]
-    words = 'of {} MiB at most. Ours have chunks of {} MiB, those that `recover` writes {} MiB.'
+    sizes = [str(size >> 20) for size in (LARGEST, writer._CHUNK_SIZE)]
+    words = 'of {} MiB at most. Ours have chunks of {} MiB.'
     check_quote('docs/mcap.md', words, *sizes)
 
 

@@ -222,7 +222,8 @@ def test_a_motion_record_that_cannot_be_one_is_damaged(stored, out, field):
 def test_a_motion_that_takes_millions_of_steps_is_refused(out):
     """Nothing in the file is out of its range, but a record of it took hours."""
     torque = {**load('quadrilateral').parameters(), 'drive': 'torque', 'motor.torque': 1.0}
-    for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time'):
+    for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time',
+                 'trajectory_command_topic', 'trajectory_horizon'):  # fmt: skip
         torque.pop(name)
     extreme = configure({**torque, 'start_rpm': 1e6, 'rate_hz': 10.0})
     begin = time.process_time()

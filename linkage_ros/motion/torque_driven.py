@@ -96,6 +96,8 @@ class TorqueMotion:
         Raises:
             MotionError: It cannot be followed to the first one.
         """
+        if self._end:
+            raise self._end
         times = [self._time(stamp) for stamp in stamps]
         found: list[tuple[Values, int]] = []
         try:

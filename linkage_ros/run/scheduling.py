@@ -71,6 +71,7 @@ class SwitchInterval:
 
     def __init__(self) -> None:
         self._long_until = time.monotonic() + _RECOVERY_SECONDS
+        sys.setswitchinterval(_LONG_INTERVAL)
 
     def follow(self, late: int) -> None:
         """To be called at each tick.
