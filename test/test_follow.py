@@ -27,11 +27,13 @@ from ros_harness import (
 )
 from sensor_msgs.msg import JointState
 
+from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, Measurement, ahead
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.measured_crank import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, MeasuredCrank
 from linkage_ros.run.simulator import Simulator
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec
 
 TURN = 2 * math.pi
@@ -212,11 +214,11 @@ def answered(tmp_path_factory):
         code, output = stop(process)
         assert code == 0, output
         diagnosis = deserialize_message(listener.received['/diagnostics'][-1], DiagnosticArray)
-    return sent, listener.received[ANSWERS], logged(path)[1], output, diagnosis
+    return sent, listener.received[ANSWERS], logged(path)[1], output, diagnosis, path
 
 
 def test_each_accepted_measurement_is_answered_once_with_its_stamp(answered):
-    sent, received, messages, output, diagnosis = answered
+    sent, received, messages, output, diagnosis, _ = answered
     found = [CODEC.decode(data) for data in received]
     assert [stamp for stamp, _ in found] == [stamp for stamp, *_ in sent]
     assert [values[0] for _, values in found] == [position for _, position, _ in sent]
@@ -244,3 +246,24 @@ def test_passive_joints_and_torque_are_those_of_fifty_digits(answered):
         assert rocker == pytest.approx(float(state.position[2]), abs=1e-12)
         expected = [float(state.velocity[1]) - speed, float(state.velocity[2])]
         assert np.allclose(rates, expected, rtol=0, atol=1e-12 * speed)
+
+
+def test_the_log_is_verified_by_following_its_measurements_again(answered, tmp_path):
+    *_, path = answered
+    with LogReader(path) as log:
+        report = verify(log)
+    assert (report.difference, report.states, report.ulp) == ('', 300, 0.0)
+    assert ANSWERS in report.compared
+    assert MEASURED in report.others
+
+
+@pytest.mark.parametrize(('bandwidth', 'words'), [(21.0, ' answer of .*recomputed: off by')])
+def test_a_filter_of_another_bandwidth_gives_other_states(answered, monkeypatch, bandwidth, words):
+    *_, path = answered
+    monkeypatch.setattr(FollowMotion, '__init__', slipped(FollowMotion.__init__, bandwidth))
+    with LogReader(path) as log:
+        assert re.search(words, verify(log).difference)
+
+
+def slipped(begin, bandwidth):
+    return lambda motion, drive: begin(motion, FollowDrive(bandwidth))

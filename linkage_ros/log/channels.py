@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from typing import TypeAlias
 
 from linkage_ros.log.reader import LoggedTopic, LogReader
-from linkage_ros.wire.topics import Topic
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.wire.topics import MEASURED_JOINT_STATES, Topic
 
 Pairing: TypeAlias = tuple[LoggedTopic, Topic]  # a channel of a log, and the machine's topic in it
 
@@ -27,6 +28,8 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
         One for each topic that is there.
     """
     free, pairs = list(log.topics), []
+    if isinstance(log.configuration.drive, FollowDrive):
+        free = [channel for channel in free if channel != measured_channel(log)]
     for topic in topics:
         fitting = [channel for channel in free if channel.type == topic.interface.name]
         fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
@@ -34,3 +37,10 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
             free.remove(fitting[0])
             pairs.append((fitting[0], topic))
     return pairs
+
+
+def measured_channel(log: LogReader) -> LoggedTopic | None:
+    """The channel with the measurements of a crank: a run declares it after its own topics."""
+    kind = MEASURED_JOINT_STATES.interface.name
+    channels = [channel for channel in log.topics if channel.type == kind]
+    return max(channels, key=lambda channel: channel.number) if len(channels) > 1 else None

@@ -196,9 +196,11 @@ class Simulator:
         Returns:
             The state and its messages.
         """
-        if self._lead is None:
-            return self._snapshot(stamp, coordinates)
-        return self._snapshot(stamp, coordinates, later(coordinates, self._lead / NS_PER_S))
+        return self._snapshot(stamp, coordinates, self.later(coordinates))
+
+    def later(self, coordinates: Coordinates) -> Coordinates | None:
+        """Where a measured crank will be when its feed-forward torque counts, if there is one."""
+        return None if self._lead is None else later(coordinates, self._lead / NS_PER_S)
 
     def _snapshot(
         self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None = None

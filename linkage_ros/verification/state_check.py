@@ -66,6 +66,15 @@ class StateCheck:
         self._fell, self._latest = '', 0
         self._piece_before = timeline.piece
 
+    @property
+    def missed(self) -> int:
+        """Ticks without a state so far."""
+        return self.timeline.missed
+
+    def end(self) -> str:
+        """Nothing is left to compare."""
+        return ''
+
     def add(self, rows: bytes) -> str:
         """Compares the next states.
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from linkage_ros.log.channels import Pairing
 from linkage_ros.log.reader import LogReader
-from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.motion.drives import Drive, FollowDrive, TorqueDrive
 from linkage_ros.parameters.drives import SpeedFeedForward
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.interfaces import JOINT_TRAJECTORY
@@ -61,8 +61,8 @@ def check_topics(
 
 
 def _logged_besides(drive: Drive) -> list[str]:
-    """Types of what is logged with the states: commands to a plant, a trajectory ahead of time."""
-    if isinstance(drive, TorqueDrive):
+    """Types of what is logged with the states: what a run hears, a trajectory ahead of time."""
+    if isinstance(drive, (TorqueDrive, FollowDrive)):
         return [JOINT_COMMANDS.interface.name]
     if isinstance(drive, SpeedFeedForward) and drive.trajectory_command_topic:
         return [JOINT_TRAJECTORY.name]

@@ -13,10 +13,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from linkage_ros.errors import LogError
-from linkage_ros.log.channels import Pairing, paired
+from linkage_ros.log.channels import Pairing, measured_channel, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.run.simulator import Simulator
+from linkage_ros.verification.follow_check import FollowCheck
 from linkage_ros.verification.motion_check import check_motions
 from linkage_ros.verification.row_comparison import RowComparison
 from linkage_ros.verification.state_check import StateCheck
@@ -122,10 +123,20 @@ def _compare(
     layout = simulator.layout_of((channel.number, topic) for channel, topic in pairings)
     names = [channel.name for channel, _ in pairings]
     comparison = RowComparison(layout, names)
-    check = _check(log, simulator, pairings, comparison, layout)
+    check: StateCheck | FollowCheck
+    hear = others.check
+    measured = measured_channel(log)
+    if measured is not None and isinstance(simulator.configuration.drive, FollowDrive):
+        check = following = FollowCheck(simulator, layout, comparison, measured.name)
+
+        def hear(message: LoggedMessage) -> None:
+            others.check(message)
+            following.hear(message)
+    else:
+        check = _check(log, simulator, pairings, comparison, layout)
     waiting = bytearray()
     tail, stray, difference = b'', None, ''
-    for rows, stray in log.rows(layout, others.check):
+    for rows, stray in log.rows(layout, hear):
         if stray or len(rows) % layout.size:
             tail = rows
             break
@@ -136,7 +147,7 @@ def _compare(
             waiting.clear()
         if difference or others.wrong:
             break
-    difference = difference or check.add(bytes(waiting))
+    difference = difference or check.add(bytes(waiting)) or check.end()
     if stray and not difference:
         difference = (
             f'{stray.topic}: the message logged at {seconds(stray.time)} is not the next one of '
@@ -144,7 +155,7 @@ def _compare(
         )
     there = len([start for start in layout.starts if start < len(tail)])
     cut = tuple(names[there:]) if tail and not stray else ()
-    return _Found(check.states, check.timeline.missed, cut, comparison.ulp, difference)
+    return _Found(check.states, check.missed, cut, comparison.ulp, difference)
 
 
 def _check(

@@ -1,0 +1,90 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The states of a log of a measured crank beside the answers that its measurements ask for."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from linkage_ros.errors import LinkageError
+from linkage_ros.log.reader import LoggedMessage
+from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.run.measured_crank import MeasuredCrank
+from linkage_ros.run.simulator import Simulator
+from linkage_ros.verification.row_comparison import RowComparison
+from linkage_ros.verification.timeline import seconds
+from linkage_ros.wire.rows import RowLayout
+
+
+class FollowCheck:
+    """Compares the states of one log; the filter follows the logged measurements again.
+
+    Attributes:
+        states: Found equal so far.
+        missed: Ticks without a state: there are no ticks.
+    """
+
+    def __init__(
+        self, simulator: Simulator, layout: RowLayout, comparison: RowComparison, topic: str
+    ) -> None:
+        """Prepares a check.
+
+        Args:
+            simulator: Recomputes the states.
+            layout: Layout of the logged rows.
+            comparison: Compares rows of this layout.
+            topic: Name of the channel with the measurements.
+        """
+        self.states, self.missed = 0, 0
+        self._simulator, self._layout, self._comparison = simulator, layout, comparison
+        self._topic, self._crank = topic, MeasuredCrank(simulator)
+        self._asked: deque[tuple[int, Coordinates]] = deque()
+
+    def hear(self, message: LoggedMessage) -> None:
+        """Takes a message that is no state, in the order of writing."""
+        if message.topic == self._topic:
+            heard = self._crank.hear(message.data, message.time)
+            if heard is not None:
+                self._asked.append(heard)
+
+    def add(self, rows: bytes) -> str:
+        """Compares the next states.
+
+        Args:
+            rows: Their bytes.
+
+        Returns:
+            The first difference; empty if there is none.
+        """
+        size = self._layout.size
+        for start in range(0, len(rows), size):
+            row = rows[start : start + size]
+            if not self._asked:
+                return f'state {self.states + 1} answers no measurement on {self._topic}'
+            stamp, coordinates = self._asked.popleft()
+            try:
+                made = self._make(stamp, coordinates, row)
+            except LinkageError as error:
+                return f'state {self.states + 1}, the answer of {seconds(stamp)}: {error}'
+            if not self._comparison.equal(row, made):
+                words = self._comparison.difference(row, made)
+                return f'state {self.states + 1}, the answer of {seconds(stamp)}: {words}'
+            self.states += 1
+        return ''
+
+    def end(self) -> str:
+        """Says whether measurements are left that nothing answers; empty if there are none."""
+        if not self._asked:
+            return ''
+        stamp, _ = self._asked[0]
+        return f'the measurement of {seconds(stamp)} on {self._topic} has no answer'
+
+    def _make(self, stamp: int, coordinates: Coordinates, row: bytes) -> bytearray:
+        (q,), (u,), (a,), unwrapped = coordinates
+        columns = [np.array([x]) for x in (q, u, a, unwrapped)]
+        arrays = Coordinates((columns[0],), (columns[1],), (columns[2],), columns[3])
+        times = self._layout.column(row, self._layout.times)
+        ahead = self._simulator.later(arrays)
+        return self._simulator.rows([stamp], arrays, ahead, times=times, layout=self._layout)
