@@ -8,11 +8,11 @@ import argparse
 import atexit
 import io
 import os
+import queue
 import select
 import signal
 import sys
 import textwrap
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -145,16 +145,18 @@ def _described(
     }
 
 
-class Stop(threading.Event):
+class Stop:
     """Asks a program to end in order: set by a signal, waited for by the main thread.
 
     The signals are SIGINT, SIGTERM, and SIGHUP unless it is ignored, as behind nohup. Python
     handles them in the main thread, and at once only where that thread waits in Python; so
-    whatever works does so in other threads, or naps here.
+    whatever works does so in other threads, or naps here. A threading.Event would lock itself up
+    where a signal comes just as the wait for it begins; this queue may be filled at any time.
     """
 
     def __init__(self) -> None:
-        super().__init__()
+        self._asked: queue.SimpleQueue[None] = queue.SimpleQueue()
+        self._is_set = False
         self._signals = [signal.SIGINT, signal.SIGTERM]
         if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
             self._signals.append(signal.SIGHUP)
@@ -167,6 +169,29 @@ class Stop(threading.Event):
         for number in self._signals:  # of a flood, one would interrupt the other for ever
             signal.signal(number, signal.SIG_IGN)
         self.set()
+
+    def set(self) -> None:
+        """Asks for the end."""
+        self._is_set = True
+        self._asked.put(None)
+
+    def is_set(self) -> bool:
+        """Whether the end was asked for."""
+        return self._is_set
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Waits until the end is asked for.
+
+        Args:
+            timeout: Longest time to wait, s; None: for ever.
+
+        Returns:
+            Whether it was asked for.
+        """
+        if not self._is_set:
+            with suppress(queue.Empty):
+                self._asked.get(timeout=timeout)
+        return self._is_set
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:
