@@ -51,8 +51,9 @@ def called(monkeypatch, capfd):
 
 
 # First, so that no process is left alone with one of them at the end.
-LONGEST = ('test_stability', 'test_method_charts', 'test_pump_chart', 'test_replay', 'test_faults',
-           'test_docs', 'test_two_hosts', 'test_integrators', 'test_out_of_package')  # fmt: skip
+LONGEST = ('test_export', 'test_method_charts', 'test_stability', 'test_faults', 'test_docs',
+           'test_chart', 'test_hostile', 'test_replay', 'test_two_hosts', 'test_loads_oracle',
+           'test_integrators', 'test_out_of_package', 'test_packaging')  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):

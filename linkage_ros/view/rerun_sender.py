@@ -124,9 +124,18 @@ class Sender:
             self.trouble = (
                 f'the viewer at {where} does not read: states are left out until it does'
             )
-            if self._address and ('severed' in str(error) or 'disconnected' in str(error)):
+            is_cut = 'severed' in str(error) or 'disconnected' in str(error)
+            if self._address and (is_cut or self._has_gone(self._address)):
                 self._try_to_connect(self._address, 0.0)
         return not self.trouble
+
+    def _has_gone(self, address: tuple[str, int]) -> bool:
+        """Whether a viewer that does not read is gone: killed at work, the SDK may not say so."""
+        now = time.monotonic()
+        if now < self._retry_at:
+            return False
+        self._retry_at = now + _RETRY_SECONDS
+        return not _is_reachable(address, 0.0)
 
     def send(self, rows: Rows, *, wall_clock: bool) -> None:
         """Sends rows of one entity.
