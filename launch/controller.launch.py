@@ -35,5 +35,5 @@ def start(arguments: dict[str, str]) -> list:
 
 
 def generate_launch_description():  # noqa: ANN201, launch has no types
-    """What `ros2 launch` asks for."""
+    """Makes the launch description; `ros2 launch` calls this function."""
     return description(ARGUMENTS, start)

@@ -99,6 +99,11 @@ def test_a_link_load_is_what_the_link_itself_says():
         replace(given, loads=(LinkLoad('rocker', 1.0),))
 
 
+def test_what_is_no_load_is_refused():
+    with pytest.raises(ConfigurationError, match='must be a LinkLoad, LoadCurve or Friction'):
+        with_loads(MECHANISMS['rocker'], Rocker(1.0))
+
+
 def test_parameters_say_all_loads():
     configuration = load('quadrilateral')
     loads = (

@@ -3,8 +3,8 @@
 """Dry friction: the forces in the joints make it, and it changes these forces.
 
 Both are found together by fixed-point iteration from the motion without friction: the forces in
-the joints give the friction, which gives these forces anew. Where each round makes more of it,
-the mechanism locks itself, and no torque moves it.
+the joints give the friction, which gives these forces anew. Where these do not settle, the
+mechanism locks itself, or is near to it, and is refused.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ class Round(NamedTuple):
 
     Attributes:
         state: The state with the friction that was given.
-        reactions: As fields of `Reactions`.
-        sizes: Of the forces in pins and guides, N.
+        reactions: The fields of `Reactions`, in its order.
+        sizes: Magnitudes of the forces in pins and guides, N.
         friction: What these forces make.
     """
 

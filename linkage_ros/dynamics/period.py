@@ -135,7 +135,7 @@ class SpeedDrivenPeriod(Period):
         """Solves the period.
 
         Args:
-            mechanism: Its crank must turn fully.
+            mechanism: A mechanism whose crank turns fully.
             speed: Crank speed, rad/s.
             acceleration: Crank acceleration, rad/s^2.
             reactions: Whether to add pin forces, shaking force and shaking moment.

@@ -153,7 +153,7 @@ class Solver:
             q: Coordinates.
             u: Their rates.
             torque: On the crank, N m, counter-clockwise positive.
-            by_math: As for `state`.
+            by_math: Whether arrays have the bits that their floats would have; see `state`.
 
         Returns:
             rad/s^2, of a wind pump also m/s^2; a tuple for a tuple and for more than one
@@ -245,7 +245,7 @@ class Solver:
             state: From `state`; floats or arrays.
             name: 'A0', 'A', 'B', 'C' (the coupler point, where there is one), the four-bar's 'B0'
                 or the wind pump's 'D'.
-            by_math: As for `state`.
+            by_math: Whether arrays have the bits that their floats would have; see `state`.
 
         Returns:
             Its position, velocity and acceleration in the axes of base_link.

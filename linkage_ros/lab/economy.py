@@ -57,7 +57,7 @@ class Cost(NamedTuple):
     parameters: int
 
     def saved(self, full: Cost) -> Cost:
-        """What this model saves of the full one."""
+        """The savings of this model, compared with the full one."""
         return Cost(
             full.operations - self.operations,
             full.microseconds - self.microseconds,
@@ -95,14 +95,14 @@ class Economy:
     """The driving torque of one mechanism at constant speeds, by ever simpler models.
 
     Attributes:
-        terms: Its terms, with their parameters that are not 0.
+        terms: Terms of the model, each with its parameters that are not 0.
     """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
         """Takes a mechanism.
 
         Args:
-            mechanism: Its crank must turn fully.
+            mechanism: A mechanism whose crank turns fully.
             name: Name of its parameter file.
 
         Raises:

@@ -90,7 +90,7 @@ class EvenTorque:
         """Solves what does not depend on the flywheel.
 
         Args:
-            mechanism: Its crank must turn fully.
+            mechanism: A mechanism whose crank turns fully.
             speed: Mean speed over time, rad/s.
 
         Raises:
@@ -193,7 +193,7 @@ def motor_cycle(mechanism: Mechanism, motor: Motor, speed: float, added: float) 
     """The steady motion under a motor, found by integration over the crank angle.
 
     Args:
-        mechanism: Its crank must turn fully.
+        mechanism: A mechanism whose crank turns fully.
         motor: The motor.
         speed: A speed near the steady one, and which way the crank turns, rad/s.
         added: Inertia added to the crank, kg m^2.

@@ -175,6 +175,12 @@ class Mechanism(Checked):
         rest = tuple(load for load in self.loads if not isinstance(load, LinkLoad))
         if rest != self.loads:
             object.__setattr__(self, 'loads', rest)
+        for load in rest:
+            if not isinstance(load, Friction) and not hasattr(load, 'on'):
+                raise ConfigurationError(
+                    f'loads holds {shown(load)}: must be a LinkLoad, LoadCurve or Friction, or '
+                    'have a method on(mechanism)'
+                )
         if sum(isinstance(load, Friction) for load in rest) > 1:
             raise ConfigurationError('friction is given twice: give it once')
         guide = self.friction.guide if self.friction else 0.0

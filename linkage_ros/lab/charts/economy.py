@@ -46,7 +46,7 @@ def draw_economy(
     """Draws bars over speed, reduced models beside them, and a table of the savings.
 
     Args:
-        savings: Of one mechanism at all speeds.
+        savings: The records of one mechanism, at all speeds.
         sentence: What they amount to.
         rpm: The speed of the reduced models and of the table.
         tolerance: Error that is allowed.
@@ -133,7 +133,7 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving], tolerance: float) -> None:
 
 
 def _write_table(axes: Axes, own: Sequence[Saving]) -> None:
-    """What leaving out each term saves, below what there is."""
+    """Lists the costs of the full model, and what each omitted term saves."""
     rows = {x.left_out: (x.error, x.saved) for x in own if x.left_out in (*TERMS, POINT_MASSES)}
     lines = [
         f'{"":17}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',

@@ -33,7 +33,7 @@ def draw_flywheel(
 
     Args:
         period: The mechanism at a constant speed.
-        cycles: Its steady motions under a constant torque, by name, the last with the flywheel.
+        cycles: Steady motions under a constant torque by name; the last is with the flywheel.
         motor: The motor, and the steady motion under it with the flywheel; None: none is given.
         title: Lines.
         path: The PNG file; replaced if there is one.

@@ -29,7 +29,7 @@ def size_flywheel(
 
     Args:
         period: The period.
-        drive: Its motor is judged, if there is one.
+        drive: The drive; the command judges its motor, if it has one.
         fluctuation: Wanted, largest less smallest speed over the mean over time.
         name: Name of the parameter file.
         picture: The PNG file; replaced if there is one.
