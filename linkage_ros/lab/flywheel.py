@@ -14,6 +14,7 @@ and friction take. Where R depends on the motion, the speed is found by iteratio
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from typing import NamedTuple
 
@@ -35,12 +36,9 @@ _PARTS = 2880  # of a turn: four digits of a flywheel where load curves have cor
 _CLOSE = 1e-11  # of the speed: two rounds so close are one
 _ROUNDS = 200
 _UNEVEN = 10.0  # the fluctuation of a crank that stops
-_STEP = 1.25  # between two starts of a motor, until its steady speed lies between them
-_HALVINGS = 8  # between a speed at which the crank stops and one that it loses
-_SLOWEST, _FASTEST = (
-    0.02,
-    50.0,
-)  # of the given speed, in which a motor's steady speed is looked for
+# Starts of a motor, until its steady speed lies between two of them: up to 50 times the given
+# speed, or down to 1/50 of it.
+_STEP, _STARTS = 1.25, 19
 _STOPPED = 1e-3  # of the speed at the start
 _TOLERANCE = 1e-9
 _EVALUATIONS = 20_000  # in one turn of a motor
@@ -234,21 +232,11 @@ class _MotorRun:
 
         The faster a turn begins, the less energy it gains, unless it stops.
         """
-        slow = fast = start
-        while self.gain(fast) > 0 or self._stops(fast):
-            slow, fast = fast, fast * _STEP
-            if fast > _FASTEST * start:
-                return None
-        while self.gain(slow) < 0 and not self._stops(slow):
-            slow, fast = slow / _STEP, slow
-            if slow < _SLOWEST * start:
-                return None
-        for _ in range(_HALVINGS):
-            if self.gain(slow) > 0:
+        step = _STEP if self.gain(start) > 0 or self._stops(start) else 1 / _STEP
+        for one, other in itertools.pairwise(start * step**i for i in range(_STARTS)):
+            slow, fast = min(one, other), max(one, other)
+            if self.gain(slow) > 0 >= self.gain(fast) and not self._stops(fast):
                 return slow, fast
-            middle = 0.5 * (slow + fast)
-            is_fast = self.gain(middle) < 0 and not self._stops(middle)
-            slow, fast = (slow, middle) if is_fast else (middle, fast)
         return None
 
     def _stops(self, speed: float) -> bool:

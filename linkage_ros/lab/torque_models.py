@@ -11,7 +11,7 @@ import ast
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -126,31 +126,30 @@ def _with_mass_at_tip(body: Body, added: float) -> Body:
     return replace(body, mass=mass, inertia=inertia, center=(middle.real, middle.imag))
 
 
-class TorqueProgram(Protocol):
-    """What gives the driving torque alone, from crank angle and constant speed."""
+class TorqueProgram(NamedTuple):
+    """What gives the driving torque alone.
 
-    @property
-    def scalar(self) -> Callable[..., Any]:
-        """A function of angle, rad, and speed, rad/s, to a tuple of the torque, N m."""
+    Attributes:
+        scalar: From crank angle, rad, and constant speed, rad/s, to a tuple of the torque, N m.
+        source: Its Python text; with friction, that of one round.
+        takes_arrays: Whether it takes arrays of angles, too.
+    """
 
-    @property
-    def source(self) -> str:
-        """Its Python text; with friction, that of one round."""
+    scalar: Callable[..., tuple[Any]]
+    source: str
+    takes_arrays: bool = False
 
 
-class _FrictionTorque:
+def _with_friction(mechanism: Mechanism, *, static: bool) -> TorqueProgram:
     """The torque of a mechanism with friction, which the solver finds in rounds."""
-
-    def __init__(self, mechanism: Mechanism, *, static: bool) -> None:
-        pace, values = (_SLOW if static else 1.0), flatten(mechanism)
-        damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
-        solver = Solver(build(type(mechanism), values | damped))
-        self._solver, self._pace = solver, pace
-        self.source = solver._round.source  # noqa: SLF001
-
-    def scalar(self, angles: Any, speed: float) -> tuple[Any]:
-        """The torque; of arrays too."""
-        return (self._solver.state(angles, self._pace * speed).torque,)
+    pace, values = (_SLOW if static else 1.0), flatten(mechanism)
+    damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
+    solver = Solver(build(type(mechanism), values | damped))
+    return TorqueProgram(
+        lambda angle, speed: (solver.state(angle, pace * speed).torque,),
+        solver._round.source,  # noqa: SLF001
+        takes_arrays=True,
+    )
 
 
 def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgram:
@@ -164,11 +163,16 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         The program; with friction, what settles it.
     """
     if mechanism.friction is not None:
-        return _FrictionTorque(mechanism, static=static)
+        return _with_friction(mechanism, static=static)
     model = _model(mechanism)
     if static:
         model = model._replace(inertias=(ZERO,) * len(model.inertias), couplings=())
-    return Program(_driving_torque, model, ('angle', 'speed'))
+    return _torque(_driving_torque, model)
+
+
+def _torque(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
+    program = Program(formula, constants, ('angle', 'speed'))
+    return TorqueProgram(program.compile(), program.source)
 
 
 def inertia_program(mechanism: Mechanism) -> Program:
@@ -186,9 +190,9 @@ def _model(mechanism: Mechanism) -> Model:
 
 def torques(program: TorqueProgram, angles: Array, speed: float) -> Array:
     """The torques at crank angles, N m."""
-    if isinstance(program, _FrictionTorque):
-        found: Array = program.scalar(angles, speed)[0]
-        return found
+    if program.takes_arrays:
+        (found,) = program.scalar(angles, speed)
+        return np.asarray(found)
     return np.array([program.scalar(angle, speed)[0] for angle in angles.tolist()])
 
 
@@ -212,7 +216,7 @@ class _Series(NamedTuple):
     waves: tuple[Vector, ...]
 
 
-def series_program(torques: Array, period: float, harmonics: int) -> Program:
+def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgram:
     """A Fourier series in place of the driving torque at one speed.
 
     Args:
@@ -227,7 +231,7 @@ def series_program(torques: Array, period: float, harmonics: int) -> Program:
     parts = 2 * spectrum[1 : harmonics + 1]
     waves = tuple(Vector(float(x.real), float(-x.imag)) for x in parts)
     series = _Series(2 * math.pi / period, float(spectrum[0].real), waves)
-    return Program(_series_torque, series, ('angle', 'speed'))
+    return _torque(_series_torque, series)
 
 
 def _series_torque(series: _Series, angle: Real, _: Real) -> tuple[Real]:
@@ -254,7 +258,7 @@ class _Table(NamedTuple):
     slope: Opaque
 
 
-def table_program(torques: Array, period: float) -> Program:
+def table_program(torques: Array, period: float) -> TorqueProgram:
     """A table with linear interpolation in place of the driving torque at one speed.
 
     Args:
@@ -268,7 +272,7 @@ def table_program(torques: Array, period: float) -> Program:
     slopes = (np.roll(torques, -1) - torques).tolist()
     at, after = (Opaque(lambda i, row=row: row[i % nodes]) for row in (values, slopes))
     table = _Table(nodes / period, Opaque(math.floor), at, after)
-    return Program(_table_torque, table, ('angle', 'speed'))
+    return _torque(_table_torque, table)
 
 
 def _table_torque(table: _Table, angle: Real, _: Real) -> tuple[Real]:
