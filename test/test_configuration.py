@@ -178,7 +178,6 @@ def test_an_unknown_preset_is_refused_with_the_known_ones():
         ('rate', 'rate_hz'),
         ('coupler.centre', 'coupler.center'),
         ('Crank.length', 'crank.length'),
-        ('rocker.weight', 'rocker.mass'),
     ],
 )
 def test_an_unknown_name_gets_a_hint_and_where_all_are_listed(name, near):

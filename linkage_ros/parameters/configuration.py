@@ -164,14 +164,6 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -
         for owner, cls in (*MECHANISMS.items(), *DRIVES.items())
         if name in (leaf.name for leaf in leaves(cls))
     }
-    group = f'{name.partition(".")[0]}.'
-    others = (
-        leaf.name for cls in (*MECHANISMS.values(), *DRIVES.values()) for leaf in leaves(cls)
-    )
-    is_foreign = any(other.startswith(group) for other in others)
-    if not owners and is_foreign and not any(known.startswith(group) for known in valid):
-        cure = f', which has no {group[:-1]}: leave it out'
-        return f'{shown(name)} is not a parameter of {refused}{cure}'
     if not owners:
         return unknown_name(name, refused, valid, 'linkage_node --help, or docs/reference.md,')
     cure = f', but of a {" or a ".join(owners)}: leave it out'
