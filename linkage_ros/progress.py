@@ -4,9 +4,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -29,19 +26,8 @@ def progress_bar(
     """
     disable = None if wanted else True  # None: where stderr is no terminal
     # Every item may be shown (miniters): tqdm would learn from quick ones to skip slow ones.
-    options = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **_size(), **options}
+    options = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **options}
     return tqdm(items, disable=disable, **options)
-
-
-def _size() -> dict[str, int]:
-    """Size options of tqdm for a terminal that reports no size, such as that of `script`."""
-    try:
-        if all(os.get_terminal_size(sys.stderr.fileno())):
-            return {}  # tqdm finds the size
-    except (AttributeError, OSError, ValueError):  # stderr is closed, a pipe or in memory
-        return {}
-    columns, rows = shutil.get_terminal_size()  # 80 x 24, or from the environment
-    return {'ncols': columns - 1, 'nrows': rows - 1}  # tqdm leaves the last ones free as well
 
 
 @contextmanager

@@ -64,17 +64,6 @@ def test_what_others_say_meanwhile_stands_alone():
         assert lines(said()) == ['nobody listens so far', '']
 
 
-def test_a_terminal_without_a_size_has_80_columns(monkeypatch):
-    monkeypatch.delenv('COLUMNS', raising=False)
-    with terminal(0, 0) as said:
-        with progress_bar(total=4, desc='runs'):
-            during = said()
-        assert [len(line) for line in lines(during)] == [79]  # the last stays free
-        assert lines(during + said()) == ['']
-        with waiting('looks for listeners'):
-            assert lines(said()) == ['looks for listeners']
-
-
 def test_a_bar_is_as_wide_as_its_terminal():
     with terminal(24, 120) as said, progress_bar(total=4, desc='runs'):
         assert [len(line) for line in lines(said())] == [119]

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import threading
 import time
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -73,7 +72,7 @@ class Callbacks(NamedTuple):
     fail: Callable[[BaseException], None]
 
 
-class Ticker(ABC):
+class Ticker:
     """Makes the ticks of a motion.
 
     Attributes:
@@ -93,14 +92,15 @@ class Ticker(ABC):
         self.error: BaseException | None = None
         self.t0 = 0
         self._simulator, self._callbacks = simulator, callbacks
+        self._is_running = False
 
-    @abstractmethod
     def start(self) -> None:
         """Starts the ticks."""
+        self._is_running = True
 
-    @abstractmethod
     def stop(self) -> None:
         """Ends the ticks, after the one that is being made."""
+        self._is_running = False
 
     def _stamp(self, tick: int) -> int:
         return self.t0 + self._simulator.elapsed(tick)
@@ -205,15 +205,7 @@ class MeasurementTicker(Ticker):
             answer: Called with when a message came, ns, and its bytes; returns whether it counts.
         """
         super().__init__(simulator, callbacks)
-        self._is_running, self._answer = False, answer
-
-    def start(self) -> None:
-        """Lets measurements make ticks."""
-        self._is_running = True
-
-    def stop(self) -> None:
-        """Lets them make none from now on."""
-        self._is_running = False
+        self._answer = answer
 
     def answer(self, received: int, data: bytes) -> None:
         """Makes the tick of a measurement; only one thread may do so.
@@ -239,17 +231,8 @@ class SimTimeTicker(Ticker):
 
     def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:
         super().__init__(simulator, callbacks)
-        self._is_running = False
         self._now: int | None = None
         self._tick = 0
-
-    def start(self) -> None:
-        """Lets the motion begin once the clock is heard."""
-        self._is_running = True
-
-    def stop(self) -> None:
-        """Ends the motion: the clock makes no tick from now on."""
-        self._is_running = False
 
     def advance_to(self, now: int) -> None:
         """Makes the ticks that are due; only one thread may do so.
