@@ -6,22 +6,108 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 from linkage_ros import cli
-from linkage_ros.lab.commands.accuracy import accuracy
-from linkage_ros.lab.commands.economy import RPM as BESIDES
-from linkage_ros.lab.commands.economy import TOLERANCE, economy
-from linkage_ros.lab.commands.flywheel import FLUCTUATION
-from linkage_ros.lab.commands.motion import ACCELERATION, RPM, motion
-from linkage_ros.lab.commands.pump import pump
-from linkage_ros.lab.commands.stability import stability
-from linkage_ros.lab.pump.runs import START_SPEED
 from linkage_ros.parameters.presets import preset_names
+from linkage_ros.quantities import Quantity
 
 _NAME = 'linkage_chart'
+# What the options may be.
+_RPM = Quantity('number', "crank speed instead of the file's", 'rpm', -1e6, 1e6)
+_BESIDES = replace(_RPM, meaning="crank speeds besides the file's")
+_ACCELERATION = Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9)
+_FLUCTUATION = Quantity(
+    'number', 'largest less smallest speed over the mean, which a flywheel keeps', '', 1e-6, 1.0
+)
+_TOLERANCE = Quantity('number', 'error that is allowed, a share of the peak', '', 1e-9, 1.0)
+_START = Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6)
+
+
+class _Command(NamedTuple):
+    """A command, which is a function of its own name.
+
+    Attributes:
+        module: Where the function is, in the room of commands; imported only where it is run.
+        purpose: One sentence.
+        examples: Command lines without the names.
+        options: Its own options.
+        usage: Instead of what argparse writes; empty: that.
+    """
+
+    module: str
+    purpose: str
+    examples: tuple[str, ...]
+    options: tuple[cli.Option, ...]
+    usage: str = ''
+
+
+_OUT: cli.Option = (('--out',), None, {
+    'type': cli.path, 'default': Path(), 'metavar': 'DIR',
+    'help': 'folder for the results, which are replaced (default: this one)',
+})  # fmt: skip
+_QUICK: cli.Option = (('--quick',), None, {
+    'action': 'store_true', 'help': 'fewer settings, cases and rounds: half a minute',
+})  # fmt: skip
+
+
+def _commands() -> dict[str, _Command]:
+    presets = f'parameter file, or a preset: {", ".join(preset_names())}'
+    return {
+        'motion': _Command(
+            'motion', 'position, rate, acceleration and torque over one period: PNG and CSV',
+            ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
+             'my_linkage.yaml --fluctuation 0.02'),
+            (
+                (('params',), None, {'metavar': 'PARAMS', 'help': presets}),
+                (('--rpm',), _RPM,
+                 {'metavar': 'N', 'note': '; of a wind_pump, the one it settles from'}),
+                (('--acceleration',), _ACCELERATION,
+                 {'default': 0.0, 'metavar': 'A', 'note': ' (default 0)'}),
+                (('--fluctuation',), _FLUCTUATION,
+                 {'metavar': 'F', 'note': '; adds the flywheel, and judges the motor: PNG'}),
+                (('--reactions',), None,
+                 {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
+            ),
+        ),
+        'accuracy': _Command(
+            'methods', 'speed against accuracy of all methods: PNG and JSON',
+            ('--quick --out charts',), (_QUICK,),
+        ),
+        'stability': _Command(
+            'methods', 'outcome of each method in the situations where some fail: PNG and JSON',
+            ('--quick --out charts',), (_QUICK,),
+        ),
+        'economy': _Command(
+            'economy', 'error of the torque without each of its terms: PNG and JSON',
+            ('quadrilateral', 'my_linkage.yaml --rpm 30 60 --tolerance 0.02 --quick --out charts'),
+            (
+                (('params',), None, {'metavar': 'PARAMS', 'help': 'parameter file, or a preset'}),
+                _QUICK,
+                (('--rpm',), _BESIDES,
+                 {'nargs': '+', 'metavar': 'N', 'note': ' (default: a quarter to four times it)'}),
+                (('--tolerance',), _TOLERANCE,
+                 {'default': 0.01, 'metavar': 'E', 'note': ' (default 0.01)'}),
+            ),
+            '%(prog)s PARAMS [options]',  # behind --rpm it would be one of them
+        ),
+        'pump': _Command(
+            'pump', 'steady states of a wind pump over start and motor torque: PNG and JSON',
+            ('', 'my_pump.yaml --speeds 1 4 --quick --out charts'),
+            (
+                (('params',), None,
+                 {'nargs': '?', 'default': 'wind_pump', 'metavar': 'PARAMS',
+                  'help': 'parameter file, or a preset (default wind_pump)'}),
+                _QUICK,
+                (('--speeds',), _START,
+                 {'nargs': '+', 'default': [2.0, 6.0], 'metavar': 'W', 'note': ' (default 2 6)'}),
+            ),
+            '%(prog)s [PARAMS] [options]',  # behind --speeds they would be one of them
+        ),
+    }  # fmt: skip
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -34,95 +120,23 @@ def _parser() -> argparse.ArgumentParser:
          'pump --out charts'),
     )  # fmt: skip
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    _add_motion(commands)
-    for draw, purpose in (
-        (accuracy, 'speed against accuracy of all methods: PNG and JSON'),
-        (stability, 'outcome of each method in the situations where some fail: PNG and JSON'),
-    ):
-        _add_measured(commands, draw, purpose, '--quick --out charts')
-    _add_economy(commands)
-    _add_pump(commands)
+    for name, own in _commands().items():
+        command = cli.add_command(commands, _NAME, name, own.purpose, own.examples)
+        cli.add_options(command, [*own.options, _OUT])
+        command.usage = own.usage or None
+        command.set_defaults(module=own.module)
     return parser
 
 
-def _add(
-    commands: Any, draw: Callable[[argparse.Namespace], None], purpose: str, *examples: str
-) -> argparse.ArgumentParser:
-    """A command of the name of what draws it, with what all have."""
-    command = cli.add_command(commands, _NAME, draw.__name__, purpose, examples)
-    command.add_argument(
-        '--out', type=cli.path, default=Path(), metavar='DIR',
-        help='folder for the results, which are replaced (default: this one)',
-    )  # fmt: skip
-    command.set_defaults(draw=draw)
-    return command
-
-
-def _add_motion(commands: Any) -> None:
-    command = _add(
-        commands, motion, 'position, rate, acceleration and torque over one period: PNG and CSV',
-        'quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
-        'my_linkage.yaml --fluctuation 0.02',
-    )  # fmt: skip
-    add = command.add_argument
-    # fmt: off
-    add('params', metavar='PARAMS',
-        help=f'parameter file, or a preset: {", ".join(preset_names())}')
-    cli.add_number(command, '--rpm', quantity=RPM, metavar='N',
-                   note='; of a wind_pump, the one it settles from')
-    cli.add_number(command, '--acceleration', quantity=ACCELERATION, default=0.0, metavar='A',
-                   note=' (default 0)')
-    cli.add_number(command, '--fluctuation', quantity=FLUCTUATION, metavar='F',
-                   note='; adds the flywheel, and judges the motor: PNG')
-    add('--reactions', action='store_true', help='add joint forces, shaking force and moment')
-    # fmt: on
-
-
-def _add_measured(
-    commands: Any, draw: Callable[[argparse.Namespace], None], purpose: str, *examples: str
-) -> argparse.ArgumentParser:
-    """A command that has a quick form."""
-    command = _add(commands, draw, purpose, *examples)
-    command.add_argument(
-        '--quick', action='store_true', help='fewer settings, cases and rounds: half a minute'
-    )
-    return command
-
-
-def _add_economy(commands: Any) -> None:
-    command = _add_measured(
-        commands, economy, 'error of the torque without each of its terms: PNG and JSON',
-        'quadrilateral', 'my_linkage.yaml --rpm 30 60 --tolerance 0.02 --quick --out charts',
-    )  # fmt: skip
-    command.usage = '%(prog)s PARAMS [options]'  # behind --rpm it would be one of them
-    # fmt: off
-    command.add_argument('params', metavar='PARAMS', help='parameter file, or a preset')
-    cli.add_number(command, '--rpm', quantity=BESIDES, nargs='+', metavar='N',
-                   note=' (default: a quarter to four times it)')
-    cli.add_number(command, '--tolerance', quantity=TOLERANCE, default=0.01, metavar='E',
-                   note=' (default 0.01)')
-    # fmt: on
-
-
-def _add_pump(commands: Any) -> None:
-    command = _add_measured(
-        commands, pump, 'steady states of a wind pump over start and motor torque: PNG and JSON',
-        '', 'my_pump.yaml --speeds 1 4 --quick --out charts',
-    )  # fmt: skip
-    command.usage = '%(prog)s [PARAMS] [options]'  # behind --speeds they would be one of them
-    add = command.add_argument
-    # fmt: off
-    add('params', nargs='?', default='wind_pump', metavar='PARAMS',
-        help='parameter file, or a preset (default wind_pump)')
-    cli.add_number(command, '--speeds', quantity=START_SPEED, nargs='+', default=[2.0, 6.0],
-                   metavar='W', note=' (default 2 6)')
-    # fmt: on
+def _run(options: argparse.Namespace) -> None:
+    module = import_module(f'linkage_ros.lab.commands.{options.module}')
+    getattr(module, options.command)(options)
 
 
 def main() -> int:
     """Entry point."""
     options = _parser().parse_args()
-    return cli.run(_NAME, lambda: options.draw(options))
+    return cli.run(_NAME, lambda: _run(options))
 
 
 if __name__ == '__main__':

@@ -13,14 +13,17 @@ import select
 import signal
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO, TypeAlias
 
 from linkage_ros import __version__
 from linkage_ros.errors import ConfigurationError, LinkageError, missing_library, one_line
 from linkage_ros.quantities import Quantity, shown
+
+# Names, the range of a number, and the rest as argparse takes it.
+Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
 _LONGEST_WAIT = 1.0  # s, to write an error to a full pipe
@@ -111,6 +114,15 @@ def add_number(
 
     words = f'{quantity.meaning}, {quantity.span}{note}'
     parser.add_argument(*names, type=read, help=words, **options)
+
+
+def add_options(parser: Any, options: Iterable[Option]) -> None:
+    """Adds options to a parser, or a group of it."""
+    for names, quantity, others in options:
+        if quantity:
+            add_number(parser, *names, quantity=quantity, **others)
+        else:
+            parser.add_argument(*names, **others)
 
 
 def add_command(

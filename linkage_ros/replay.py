@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from typing import Any
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
@@ -31,8 +30,7 @@ _CLOCK_HZ = 40.0
 _SHOW_SECONDS = 1.0
 _OFFSET = Quantity('number', 'skip the beginning', 's of the log', 0.0, 1e9)
 _DURATION = replace(_OFFSET, meaning='play this much from there, the end excluded', low=1e-9)
-# Names, the range of a number, and the rest as argparse takes it.
-_OPTIONS: list[tuple[tuple[str, ...], Quantity | None, dict[str, Any]]] = [
+_OPTIONS: list[cli.Option] = [
     (('log',), None, {'metavar': 'LOG.mcap', 'type': cli.path, 'help': 'the log'}),
     (('-r', '--rate'),
      Quantity('number', 'log time over real time', low=MIN_RATE, high=MAX_RATE),
@@ -88,11 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.usage = '%(prog)s LOG.mcap [options]'  # behind --topics it would be one of them
     parser.epilog = f'{KEYS}\n\n{parser.epilog}'
-    for names, quantity, others in _OPTIONS:
-        if quantity:
-            cli.add_number(parser, *names, quantity=quantity, **others)
-        else:
-            parser.add_argument(*names, **others)
+    cli.add_options(parser, _OPTIONS)
     return parser
 
 

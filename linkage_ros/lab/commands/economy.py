@@ -7,14 +7,13 @@ from __future__ import annotations
 import argparse
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.charts.economy import draw_economy
 from linkage_ros.lab.commands.output import folder, progress, save_records
+from linkage_ros.lab.economy import Economy
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.presets import find_file
-from linkage_ros.quantities import Quantity
 
-RPM = Quantity('number', "crank speeds besides the file's", 'rpm', -1e6, 1e6)
-TOLERANCE = Quantity('number', 'error that is allowed, a share of the peak', '', 1e-9, 1.0)
 _FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # of the mechanism's own speed, where none are given
 
 
@@ -28,9 +27,6 @@ def economy(options: argparse.Namespace) -> None:
         ConfigurationError: No speed is given, or the folder cannot be written.
         MechanismError: The crank angle does not determine the motion, or nothing needs a torque.
     """
-    from linkage_ros.lab.charts.economy import draw_economy
-    from linkage_ros.lab.economy import Economy
-
     configuration, name = load(options.params), find_file(options.params).stem
     own, rpms = _speeds(options, configuration)
     records, picture = options.out / f'{name}_economy.json', options.out / f'{name}_economy.png'

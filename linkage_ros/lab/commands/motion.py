@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart motion: a period at a given speed, or a turn of a wind pump in steady state."""
+"""linkage_chart motion: a period at a given speed, with its flywheel, or a settled wind pump."""
 
 from __future__ import annotations
 
@@ -11,26 +11,23 @@ from typing import cast
 
 import numpy as np
 
-from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod, mean
+from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod, extent, mean
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.commands.flywheel import size_flywheel
+from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.lab.charts.flywheel import draw_flywheel
+from linkage_ros.lab.charts.motion import draw_motion
 from linkage_ros.lab.commands.output import folder, progress, save_table
+from linkage_ros.lab.flywheel import Cycle, EvenTorque, UnsteadyError, motor_cycle
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.runs import settle
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
+from linkage_ros.motion.drives import Drive, Motor, SpeedDrive, TorqueDrive
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.parameters.presets import find_file
-from linkage_ros.quantities import Quantity
 from linkage_ros.units import radians_per_second
-
-# What its options may be.
-RPM = Quantity('number', "crank speed instead of the file's", 'rpm', -1e6, 1e6)
-ACCELERATION = Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9)
 
 
 def motion(options: argparse.Namespace) -> None:
@@ -42,8 +39,6 @@ def motion(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism, the speed or the folder cannot be used.
     """
-    from linkage_ros.lab.charts.motion import draw_motion
-
     configuration, name = load(options.params), find_file(options.params).stem
     mechanism = configuration.mechanism
     if Solver(mechanism).mobility is None:  # it moves as its motor drives it
@@ -145,3 +140,85 @@ def settled_turn(motion: PeriodicMotion) -> Period:
     state = motion.solver.state(q, u, motion.solver.accelerations(q, u, torque))
     power = mean(crank, torque) * motion.speed
     return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)
+
+
+def size_flywheel(
+    period: Period, drive: Drive, fluctuation: float, name: str, picture: Path
+) -> list[str]:
+    """Finds the flywheel for a period at a constant speed, and draws it.
+
+    Args:
+        period: The period.
+        drive: The drive; the command judges its motor, if it has one.
+        fluctuation: Wanted, largest less smallest speed over the mean over time.
+        name: Name of the parameter file.
+        picture: The PNG file; replaced if there is one.
+
+    Returns:
+        Lines about it.
+
+    Raises:
+        ConfigurationError: The crank stands still.
+        OSError: The picture cannot be written.
+    """
+    mechanism = period.solver.mechanism
+    even = EvenTorque(mechanism, period.speed)
+    added, first = even.inertia_for(fluctuation), even.first_order(fluctuation)
+    cycles: dict[str, Cycle] = {}
+    try:
+        cycles['without flywheel'] = even.cycle(0.0)
+        bare = f'{cycles["without flywheel"].fluctuation:.4g}'
+    except UnsteadyError as error:
+        bare = f'none: {error}'
+    cycles['with the flywheel'] = even.cycle(added)
+    lines = [
+        *_demands(period),
+        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {bare})',
+        f'to first order: {even.energy:.4g} J between the extremes, {first:.5g} kg m^2 in total',
+    ]
+    judged: tuple[Motor, Cycle | None] | None = None
+    if isinstance(drive, TorqueDrive):
+        carried, words = _judge(period, drive.motor, added)
+        judged = drive.motor, carried
+        lines += words
+    draw_flywheel(period, cycles, judged, [name, *lines], picture)
+    return lines
+
+
+def _demands(period: Period) -> list[str]:
+    """Peak, rms and mean of torque and power at a constant speed."""
+    lines = []
+    for column, average in (
+        ('driving_torque', period.mean_power / period.speed),
+        ('driving_power', period.mean_power),
+    ):
+        found = period.columns[column]
+        size = extent(period.crank, found.values)
+        peak = max(abs(size.low), abs(size.high))
+        lines.append(
+            f'{column.replace("_", " ")}: peak {peak:.4g} {found.unit}, rms {size.rms:.4g} '
+            f'{found.unit}, mean {average:.4g} {found.unit}'
+        )
+    return lines
+
+
+def _judge(period: Period, motor: Motor, added: float) -> tuple[Cycle | None, list[str]]:
+    """The steady motion under a motor with the flywheel, None: there is none; and words."""
+    needed, given = period.mean_power / period.speed, motor.at(period.speed)
+    at = f'{given:.4g} N m at this speed, where the cycle takes {needed:.4g} N m'
+    lines = [f'{motor_line(motor)}: {at}']
+    found: dict[str, Cycle | None] = {}
+    for name, inertia in (('with the flywheel', added), ('without', 0.0)):
+        try:
+            found[name] = motor_cycle(period.solver.mechanism, motor, period.speed, inertia)
+        except LinkageError as error:
+            lines.append(f'{name}: {error}')
+            continue
+        cycle = found[name]
+        lines.append(
+            f'{name}: the motor does not carry the cycle'
+            if cycle is None
+            else f'{name}: the motor carries the cycle at {cycle.speed * 30 / math.pi:.4g} rpm, '
+            f'fluctuation {cycle.fluctuation:.4g}'
+        )
+    return found.get('with the flywheel'), lines

@@ -7,7 +7,9 @@ from __future__ import annotations
 import argparse
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.charts.pump import draw_pump
 from linkage_ros.lab.commands.output import folder, progress, save_records
+from linkage_ros.lab.pump.analysis import analyse, states_table
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import load
@@ -24,9 +26,6 @@ def pump(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: It is no wind pump, or the folder cannot be written.
     """
-    from linkage_ros.lab.charts.pump import draw_pump
-    from linkage_ros.lab.pump.analysis import analyse, states_table
-
     configuration = load(options.params)
     mechanism, drive = configuration.mechanism, configuration.drive
     if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):

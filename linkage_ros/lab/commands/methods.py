@@ -1,0 +1,70 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart accuracy and stability: every method of solving, and where some of them fail."""
+
+from __future__ import annotations
+
+import argparse
+
+from linkage_ros.lab.charts.accuracy import draw_accuracy
+from linkage_ros.lab.charts.stability import draw_stability
+from linkage_ros.lab.commands.output import about, folder, progress, save_records
+from linkage_ros.lab.methods.accuracy import linkages, measure_accuracy, motions
+from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
+from linkage_ros.lab.methods.outcomes import measure_outcomes
+from linkage_ros.lab.methods.registry import INTEGRATORS, METHODS
+from linkage_ros.lab.methods.situations import SITUATIONS
+
+
+def accuracy(options: argparse.Namespace) -> None:
+    """Measures speed and accuracy of all methods, draws them and writes the records.
+
+    Args:
+        options: Options of the command line.
+
+    Raises:
+        ConfigurationError: The folder cannot be written.
+    """
+    quick = options.quick
+    with folder(options.out):
+        solved, moved = (
+            measure_accuracy(benches, methods, quick=quick, progress=progress)
+            for benches, methods in (
+                (linkages(quick=quick), METHODS), (motions(quick=quick), INTEGRATORS),
+            )
+        )  # fmt: skip
+        records = options.out / 'accuracy.json'
+        save_records(records, [point.record() for point in (*solved, *moved)])
+        on = ', '.join(f'{name} {value}' for name, value in about().items())
+        pictures = []
+        for name in progress([*dict.fromkeys(p.mechanism for p in solved), 'motions'], 'pictures'):
+            points = [p for p in solved if p.mechanism == name] or moved
+            what = name.replace('_', '-') if points is not moved else 'motions under a torque'
+            pictures.append(options.out / f'accuracy_{name.replace(" ", "_")}.png')
+            draw_accuracy(points, f'Speed against accuracy: {what}\n{on}', pictures[-1])
+    print(records, *pictures, sep='\n')
+
+
+def stability(options: argparse.Namespace) -> None:
+    """Runs all methods through all situations, draws what comes of it and writes the records.
+
+    Args:
+        options: Options of the command line.
+
+    Raises:
+        ConfigurationError: The folder cannot be written.
+    """
+    records, picture = options.out / 'stability.json', options.out / 'stability.png'
+    with folder(options.out):
+        cases = 2 if options.quick else 30
+        grids = [
+            measure_outcomes(situations, methods, cases=cases, progress=progress)
+            for situations, methods in ((SITUATIONS, METHODS), (MOTION_SITUATIONS, INTEGRATORS))
+        ]
+        save_records(records, [cell.record() for cells in grids for cell in cells])
+        title = (
+            'Outcome of each method in each situation\n'
+            f'the worst of {cases} cases, or of a few motions, and the largest relative error'
+        )
+        draw_stability(grids[0], grids[1], title, picture)
+    print(records, picture, sep='\n')
