@@ -36,7 +36,7 @@ def main():
         count = len(solver.coordinates)
         q, u = (0.3, 1.5)[:count], (2.0, 0.4)[:count]
         one = best('accelerations', lambda s=solver, y=(*q, *u): s.forward(y, 3.0), 5_000)
-        steps = FixedSteps(DrivenMechanism(solver, lambda _, speed: 8.4 - 1.2 * speed), (*q, *u))
+        steps = FixedSteps(DrivenMechanism(solver, lambda speed: 8.4 - 1.2 * speed), (*q, *u))
         tick = best('steps', lambda steps=steps: steps.advance(steps.time + 1e-3), 500)
         with tempfile.TemporaryDirectory() as folder:
             longer = replace(configuration, session=replace(configuration.session, rate_hz=200.0))

@@ -63,7 +63,7 @@ def test_a_torque_driven_run_fluctuates_as_wanted(preset):
     added = motion.inertia_for(0.02)
     cycle = motion.cycle(added)
     heavy, torque = with_crank_inertia(mechanism, added), float(cycle.torque[0])
-    angles, speeds = driven(heavy, lambda *_: torque, float(cycle.velocity[0]))
+    angles, speeds = driven(heavy, lambda _: torque, float(cycle.velocity[0]))
     assert np.ptp(speeds) / cycle.speed == pytest.approx(0.02, rel=1e-4)
     # The angle that the mean speed goes through in the time of the run, which is a turn.
     turn = cycle.speed * _STEP / float(cycle.velocity[0]) * (len(angles) - 1)
@@ -134,7 +134,7 @@ def test_a_motor_settles_where_its_line_meets_the_mechanism(added, sign):
 def test_a_torque_driven_run_settles_at_the_cycle_of_its_motor():
     mechanism, motor = replace(load('compressor').mechanism, loads=()), Motor(40.0, 0.3)
     cycle = motor_cycle(mechanism, motor, 70.0, 0.0)
-    angles, speeds = driven(mechanism, lambda _, u: motor.at(u), 70.0, turns=5)
+    angles, speeds = driven(mechanism, lambda u: motor.at(u), 70.0, turns=5)
     last = speeds[angles > angles[-1] - 2 * math.pi]
     assert np.ptp(last) / cycle.speed == pytest.approx(cycle.fluctuation, rel=1e-3)
 

@@ -307,7 +307,7 @@ def test_a_torque_driven_run_keeps_its_balance_of_energy_with_loads():
         LoadCurve('rocker', 'position', at_points, value),
     )
     solver = Solver(mechanism)
-    steps = AdaptiveSteps(DrivenMechanism(solver, lambda *_: 2.0), (0.3, 4.0))
+    steps = AdaptiveSteps(DrivenMechanism(solver, lambda _: 2.0), (0.3, 4.0))
 
     def gained(place):
         """What force and curve have done on the rocker, from its place at 0."""

@@ -37,11 +37,11 @@ TWO_TURNS = 4 * math.pi
 both = pytest.mark.parametrize('integrate', [FixedSteps, AdaptiveSteps])
 
 
-def motor(_, speed):
+def motor(speed):
     return 8.4 - 1.2 * speed
 
 
-def idle(_, __):
+def idle(_):
     return 0.0
 
 
@@ -75,7 +75,7 @@ def test_without_gravity_a_lone_flywheel_turns_evenly():
         Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0)
     )
     for integrate in (FixedSteps, AdaptiveSteps):
-        steps = begun(integrate, wheel, (0.5, 0.0), lambda _, speed: 3.0 - 0.8 * speed)
+        steps = begun(integrate, wheel, (0.5, 0.0), lambda speed: 3.0 - 0.8 * speed)
         steps.advance(4.0)
         rate = 0.8 / 2.0
         speed = 3.0 / 0.8 * (1 - math.exp(-rate * 4.0))

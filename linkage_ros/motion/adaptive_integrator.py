@@ -118,8 +118,8 @@ class AdaptiveSteps:
         if self.driven.sine(fixed.phase) > 2 * _EDGE:
             self.changed()
 
-    def _slope(self, time: float, phase: Array) -> Array:
-        return np.array(self.driven.slope(time, tuple(phase.tolist())))
+    def _slope(self, _: float, phase: Array) -> Array:
+        return np.array(self.driven.slope(tuple(phase.tolist())))
 
     def _step(self) -> None:
         steps = self._steps

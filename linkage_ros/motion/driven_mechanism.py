@@ -15,8 +15,8 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.numeric import Real
 
-# The torque on the crank, N m, at a time, s, and a crank speed, rad/s.
-TorqueLaw: TypeAlias = Callable[[float, float], Real]
+# The torque on the crank, N m, at a crank speed, rad/s.
+TorqueLaw: TypeAlias = Callable[[float], Real]
 
 _SOON = 1e-3  # s
 _LEAST = 1e-5  # sine of the angle of a dyad that counts as none
@@ -25,11 +25,11 @@ _NEAR = 0.05  # sine of the angle of a dyad that counts as stretched or folded
 
 @dataclass(frozen=True)
 class DrivenMechanism:
-    """A mechanism under a torque: y' = slope(t, y), where y holds coordinates, then their rates.
+    """A mechanism under a torque: y' = slope(y), where y holds coordinates, then their rates.
 
     Attributes:
         solver: Solver of the mechanism.
-        torque: On the crank, N m, over time, s, and crank speed, rad/s.
+        torque: On the crank, N m, over crank speed, rad/s.
     """
 
     solver: Solver
@@ -41,14 +41,14 @@ class DrivenMechanism:
         units = 1.0, self.solver.mechanism.crank.length
         return units[: len(self.solver.coordinates)] * 2
 
-    def slope(self, time: float, y: tuple[float, ...]) -> tuple[float, ...]:
+    def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
         """Rates, then accelerations.
 
         Raises:
             LinkageError: As `Solver.accelerations`.
         """
         u = y[len(y) // 2 :]
-        return (*u, *self.solver.forward(y, self.torque(time, u[0])))
+        return (*u, *self.solver.forward(y, self.torque(u[0])))
 
     def sine(self, y: tuple[float, ...]) -> float:
         """The sine of the angle at which two links meet; 0 where the coordinates end."""

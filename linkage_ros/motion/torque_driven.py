@@ -81,7 +81,7 @@ class TorqueMotion:
         unwrapped = with_turns(y[0], self._steps.pairs)
         angle, _ = within_two_turns(unwrapped)
         q, u = (angle, *y[1:count]), y[count:]
-        torque = self._torque(self._steps.time, u[0])
+        torque = self._torque(u[0])
         return Coordinates(q, u, self._solver.forward((*q, *u), torque), unwrapped)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
@@ -111,7 +111,7 @@ class TorqueMotion:
         angles = [within_two_turns(angle)[0] for angle in crank]
         _, *y = np.array([phase for phase, _ in found]).T
         q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
-        torque = self._torque(self._steps.time, u[0])
+        torque = self._torque(u[0])
         a = self._solver.accelerations(q, u, torque, by_math=True)
         return Coordinates(q, u, a, np.array(crank))
 
@@ -183,7 +183,7 @@ class TorqueMotion:
         """The integrator's time at a stamp, s."""
         return self._begun + (stamp - self.segment.stamp) / NS_PER_S
 
-    def _torque(self, _: float, speed: float) -> Real:
+    def _torque(self, speed: float) -> Real:
         return self._motor.at(speed) + self._command
 
 

@@ -123,7 +123,7 @@ class TorqueCheck:
         if elapsed > _LONGEST:
             return ''
         solver = self._simulator.solver
-        driven = DrivenMechanism(solver, lambda _, speed: motor.at(speed) + command)
+        driven = DrivenMechanism(solver, lambda speed: motor.at(speed) + command)
         try:
             steps = FixedSteps(driven, (*origin.q, *origin.u))
             steps.advance(elapsed)

@@ -74,16 +74,14 @@ class RungeKutta4(Follower):
         self._longest, self._time = step, 0.0
 
     def _advance(self, time: float) -> Phase:
-        start, span, slope = self._time, time - self._time, self.problem.driven.slope
+        span, slope = time - self._time, self.problem.driven.slope
         steps = math.ceil(span / self._longest * (1 - 1e-9))
-        y = self.phase
-        for i in range(steps):
-            h = span / steps
-            t = start + i * h
-            k1 = slope(t, y)
-            k2 = slope(t + h / 2, _moved(y, h / 2, k1))
-            k3 = slope(t + h / 2, _moved(y, h / 2, k2))
-            k4 = slope(t + h, _moved(y, h, k3))
+        y, h = self.phase, span / max(steps, 1)
+        for _ in range(steps):
+            k1 = slope(y)
+            k2 = slope(_moved(y, h / 2, k1))
+            k3 = slope(_moved(y, h / 2, k2))
+            k4 = slope(_moved(y, h, k3))
             sums = [a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
             y = _moved(y, h / 6, sums)
         self._time = time
@@ -113,8 +111,8 @@ class OfScipy(Follower):
         """The values at t = 0, and their units."""
         return self.problem.start, self.problem.driven.units
 
-    def _slope(self, time: float, values: Array) -> Array:
-        return np.array(self.problem.driven.slope(time, tuple(values.tolist())))
+    def _slope(self, _: float, values: Array) -> Array:
+        return np.array(self.problem.driven.slope(tuple(values.tolist())))
 
     def _advance(self, time: float) -> Phase:
         steps = self._steps

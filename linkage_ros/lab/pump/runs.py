@@ -95,7 +95,7 @@ def phases(solver: Solver, motor: Motor, start: Values) -> Iterator[tuple[float,
     """
     fastest = motor.torque / motor.damping if motor.damping else 0.0
     step = 2 * math.pi / SAMPLES / max(start[2], fastest)
-    driven = DrivenMechanism(solver, lambda _, speed: motor.at(speed))
+    driven = DrivenMechanism(solver, lambda speed: motor.at(speed))
     steps = FixedSteps(driven, start, longest=step, tolerance=_TOLERANCE)
     while True:
         yield steps.time, steps.phase

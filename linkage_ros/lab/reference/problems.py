@@ -37,7 +37,7 @@ class InitialValueProblem:
     @cached_property
     def driven(self) -> DrivenMechanism:
         """It as a system of first order, with the package's own equations of motion."""
-        return DrivenMechanism(Solver(self.mechanism), lambda _, speed: self.motor.at(speed))
+        return DrivenMechanism(Solver(self.mechanism), lambda speed: self.motor.at(speed))
 
     @property
     def count(self) -> int:
