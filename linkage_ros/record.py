@@ -16,10 +16,7 @@ from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, MotionError
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.model.load_curve import LoadCurve
-from linkage_ros.model.structure import Mechanism
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
-from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
+from linkage_ros.motion.integrators import record_steps
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion
 from linkage_ros.parameters.configuration import (
@@ -77,7 +74,7 @@ def record(
         LogError: The file cannot be written.
     """
     simulator = Simulator(configuration)
-    motion = simulator.begin(0, _integrator_of(configuration.mechanism))
+    motion = simulator.begin(0, record_steps)
     count = count_states(simulator, motion, duration, revolutions)
     turns = revolutions if count is None else None
     with LogWriter(path, configuration, overwrite=overwrite) as log:
@@ -103,15 +100,6 @@ def record(
                 time=error.time, coordinates=error.coordinates,
             ) from error  # fmt: skip
     return written
-
-
-def _integrator_of(mechanism: Mechanism) -> Integrate:
-    """What follows a motion under a torque.
-
-    A load curve has corners, between which long steps of high order lose their accuracy.
-    """
-    has_corners = any(isinstance(load, LoadCurve) for load in mechanism.loads)
-    return FixedSteps if has_corners else AdaptiveSteps
 
 
 def _rows(

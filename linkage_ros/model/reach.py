@@ -15,7 +15,7 @@ from linkage_ros.numeric import Array
 Arc: TypeAlias = tuple[float, float]
 
 _PER_DECADE = 24  # of the steps that become finer
-_FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
+FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
 
 
 class Reach(NamedTuple):
@@ -36,7 +36,7 @@ class Reach(NamedTuple):
     """
 
     grashof: str
-    arcs: tuple[Arc, ...] = _FULL_TURN
+    arcs: tuple[Arc, ...] = FULL_TURN
     period_turns: int = 1
     transmission: Arc | None = None
     limits: tuple[str, ...] = ()

@@ -13,11 +13,14 @@ from typing import NoReturn, TypeAlias
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.model.reach import FULL_TURN
 from linkage_ros.numeric import Real
 
 # The torque on the crank, N m, at a crank speed, rad/s.
 TorqueLaw: TypeAlias = Callable[[float], Real]
 
+_PLACES = 32  # crank angles at which the damping is found
+_SLOW = 1e-3  # rad/s or m/s
 _SOON = 1e-3  # s
 _LEAST = 1e-5  # sine of the angle of a dyad that counts as none
 _NEAR = 0.05  # sine of the angle of a dyad that counts as stretched or folded
@@ -49,6 +52,34 @@ class DrivenMechanism:
         """
         u = y[len(y) // 2 :]
         return (*u, *self.solver.forward(y, self.torque(u[0])))
+
+    @functools.cached_property
+    def damping_rate(self) -> float:
+        """The rate at which damping brings the mechanism from rest to balance, 1/s.
+
+        It is the trace of the accelerations' derivatives by the rates, near rest, its median over
+        the crank angles: at a dead centre of a massless crank it is infinite.
+        """
+        arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
+        others, _ = self.solver.mechanism.start()
+        found = []
+        for low, high in arcs:
+            for i in range(_PLACES):
+                with suppress(LinkageError):
+                    angle = low + (high - low) * (i + 0.5) / _PLACES
+                    found.append(self._damping_rate((angle, *others)))
+        return sorted(found)[len(found) // 2] if found else 0.0
+
+    def _damping_rate(self, q: tuple[float, ...]) -> float:
+        rate, count = 0.0, len(q)
+        for i in range(count):
+            # Both forwards, lest the force of a load leaps between them.
+            slow, fast = (
+                self.slope((*q, *(speed * (i == j) for j in range(count))))
+                for speed in (_SLOW, 2 * _SLOW)
+            )
+            rate += (slow[count + i] - fast[count + i]) / _SLOW
+        return rate
 
     def sine(self, y: tuple[float, ...]) -> float:
         """The sine of the angle at which two links meet; 0 where the coordinates end."""

@@ -14,7 +14,7 @@ import functools
 import math
 import operator
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 from linkage_ros.dynamics.program import Program
 from linkage_ros.errors import LinkageError
@@ -28,18 +28,35 @@ Values: TypeAlias = tuple[float, ...]
 LONGEST_STEP = 1e-3  # s
 TOLERANCE = 1e-9
 EDGE_PART = 0.25  # longest step, of the time to the edge
-_HALVINGS = 40
+_HALVINGS = 50
 _TRIALS = 400  # of steps, within one part of at most 1 ms
 
-_STAGES = (
-    (0.2,),
-    (3 / 40, 9 / 40),
-    (44 / 45, -56 / 15, 32 / 9),
-    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
-    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+
+class Method(NamedTuple):
+    """The weights of a method's sums of slopes; ZERO where there is none.
+
+    Attributes:
+        stages: For the place of each slope but the first.
+        end: For the end of a step.
+        error: For its error, the slope at the end included.
+    """
+
+    stages: tuple[tuple[Real, ...], ...]
+    end: tuple[Real, ...]
+    error: tuple[Real, ...]
+
+
+_DORMAND_PRINCE = Method(
+    (
+        (0.2,),
+        (3 / 40, 9 / 40),
+        (44 / 45, -56 / 15, 32 / 9),
+        (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+        (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    ),
+    (35 / 384, ZERO, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+    (71 / 57600, ZERO, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
 )
-_WEIGHTS = (35 / 384, ZERO, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
-_ERRORS = (71 / 57600, ZERO, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 
 
 class Steps(Protocol):
@@ -77,7 +94,10 @@ class FixedSteps:
         time: Up to which it is followed, s.
         phase: At that time: coordinates, then their rates; the crank within two turns of 0.
         pairs: Pairs of whole turns that belong to it.
+        method: Method of a step.
     """
+
+    method = _DORMAND_PRINCE
 
     def __init__(
         self,
@@ -86,6 +106,7 @@ class FixedSteps:
         longest: float = LONGEST_STEP,
         tolerance: float = TOLERANCE,
         time: float = 0.0,
+        trials: int = _TRIALS,
     ) -> None:
         """Begins a motion.
 
@@ -96,14 +117,16 @@ class FixedSteps:
             tolerance: Largest error of a step, in rad and crank lengths; of rates, in the same
                 units per second, relative to rates above one unit.
             time: Time of the beginning, s.
+            trials: Largest number of steps to try in place of one that is as long as that.
 
         Raises:
             LinkageError: It cannot even begin, as `Solver.accelerations` tells.
         """
         self.driven, self.time = driven, time
         self.phase, self.pairs = wound(phase)
-        self._longest, self._tolerance, self._trials = longest, tolerance, _TRIALS
-        self._units, self._sums = driven.units, _sums(len(phase))
+        self._longest, self._tolerance = longest, tolerance
+        self._most_trials = self._trials = trials
+        self._units, self._sums = driven.units, _sums(self.method, len(phase))
         self._slope: Values | None = driven.slope(self.phase)
 
     def changed(self) -> None:
@@ -128,7 +151,7 @@ class FixedSteps:
         start, span = self.time, time - self.time
         steps = math.ceil(span / self._longest * (1 - 1e-9))
         for i in range(1, steps + 1):
-            self._trials = _TRIALS
+            self._trials = self._most_trials
             self._step((time if i == steps else start + span * (i / steps)) - self.time, _HALVINGS)
         self.time = time
         self.phase, pairs = wound(self.phase)
@@ -156,15 +179,19 @@ class FixedSteps:
         slope = self._slope or driven.slope(phase)
         if h > driven.time_left(phase) * EDGE_PART:
             return phase, slope, math.inf
-        slopes = list(slope)
-        *moves, move_to_end, error = self._sums
-        for move in moves:
-            slopes += driven.slope(move(*phase, h, *slopes))
-        end = move_to_end(*phase, h, *slopes)
+        slopes = self._stages(h, slope)
+        end = self._sums.end(*phase, h, *slopes)
         slope = driven.slope(end)
-        errors = error(*self._units, *end, h, *slopes, *slope)
+        errors = self._sums.error(*self._units, *end, h, *slopes, *slope)
         # Not max: a nan must not pass.
         return end, slope, math.inf if sum(errors) != sum(errors) else max(errors)
+
+    def _stages(self, h: float, slope: Values) -> list[float]:
+        """The slopes of a step's stages, flat, from the first one."""
+        slopes = list(slope)
+        for move in self._sums.moves:
+            slopes += self.driven.slope(move(*self.phase, h, *slopes))
+        return slopes
 
 
 def wound(phase: Values) -> tuple[Values, int]:
@@ -173,24 +200,34 @@ def wound(phase: Values) -> tuple[Values, int]:
     return (angle, *phase[1:]), pairs
 
 
-@functools.cache
-def _sums(size: int) -> list[Callable[..., Values]]:
-    """The method's sums for so many values, as programs.
+class _Sums(NamedTuple):
+    """The sums of a method as programs.
 
-    From the values, h and the slopes so far, all flat: the values at each node, and at the end.
-    The last from units, the values at the end, h and all slopes: the error of each value.
+    Attributes:
+        moves: From the values, h and the slopes so far, all flat, to the values at each stage.
+        end: Likewise to the values at the end.
+        error: From units, the values at the end, h and all slopes: the error of each value.
     """
+
+    moves: tuple[Callable[..., Values], ...]
+    end: Callable[..., Values]
+    error: Callable[..., Values]
+
+
+@functools.cache
+def _sums(method: Method, size: int) -> _Sums:
+    """The sums of a method for so many values."""
 
     def row(word: str) -> tuple[str, ...]:
         return tuple(f'{word}{i}' for i in range(size))
 
-    slopes = [row(f'slope{i}_') for i in range(len(_ERRORS))]
-    moves = (
-        Program(_moved, weights, (row('phase'), 'h', *slopes[: len(weights)]))
-        for weights in (*_STAGES, _WEIGHTS)
+    slopes = [row(f'slope{i}_') for i in range(len(method.error))]
+    *moves, end = (
+        Program(_moved, weights, (row('phase'), 'h', *slopes[: len(weights)])).compile()
+        for weights in (*method.stages, method.end)
     )
-    errors = Program(_errors, _ERRORS, (row('unit'), row('end'), 'h', *slopes))
-    return [program.compile() for program in (*moves, errors)]
+    error = Program(_errors, method.error, (row('unit'), row('end'), 'h', *slopes))
+    return _Sums(tuple(moves), end, error.compile())
 
 
 def _moved(

@@ -15,7 +15,8 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate, Values
+from linkage_ros.motion.fixed_step_integrator import Integrate, Values
+from linkage_ros.motion.integrators import live_steps
 from linkage_ros.motion.segments import TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real, with_turns, within_two_turns
@@ -38,7 +39,7 @@ class TorqueMotion:
         drive: TorqueDrive,
         stamp: int,
         period: int,
-        integrate: Integrate = FixedSteps,
+        integrate: Integrate = live_steps,
     ) -> None:
         """Starts a motion.
 

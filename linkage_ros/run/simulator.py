@@ -21,8 +21,9 @@ from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import FixedSteps, Integrate
+from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.motion.follow import ahead as later
+from linkage_ros.motion.integrators import live_steps
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.numeric import Real
@@ -125,7 +126,7 @@ class Simulator:
         # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
-    def begin(self, stamp: int, integrate: Integrate = FixedSteps) -> Motion:
+    def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
         """The motion from a stamp on which t = 0 falls.
 
         Args:

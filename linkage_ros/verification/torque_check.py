@@ -16,10 +16,10 @@ import numpy as np
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import FixedSteps
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.integrators import live_steps
 from linkage_ros.motion.torque_driven import CATCH_UP, start
-from linkage_ros.numeric import with_turns, within_two_turns
+from linkage_ros.numeric import Real, with_turns, within_two_turns
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.rows import RowLayout
@@ -62,6 +62,8 @@ class TorqueCheck:
                 'no accelerations; log that topic'
             ) from None
         self._effort = places[f'points[0].effort[{joints[0]}]']
+        self._command = 0.0  # torque beyond the motor's, N m
+        self._driven = DrivenMechanism(simulator.solver, self._torque)
         # Tick, coordinates, torque beyond the motor's of the state before; the first one follows
         # from the start.
         self._before = 0, start(simulator.solver.mechanism, drive), 0.0
@@ -105,27 +107,21 @@ class TorqueCheck:
         before, self._before = self._before, (tick, found, torque - line)
         if self._recorded and abs(torque - line) > _APART * max(abs(torque), 1e-6):
             return f'has the torque {torque:.9g} N m, the motor line gives {line:.9g}'
-        return self._difference(self._drive.motor, *before, tick, found)
+        past, origin, self._command = before
+        return self._difference(past, origin, tick, found)
 
-    def _difference(
-        self,
-        motor: Motor,
-        past: int,
-        origin: Coordinates,
-        command: float,
-        tick: int,
-        found: Coordinates,
-    ) -> str:
+    def _torque(self, speed: float) -> Real:
+        return self._drive.motor.at(speed) + self._command
+
+    def _difference(self, past: int, origin: Coordinates, tick: int, found: Coordinates) -> str:
         """How far a state is from where the one before it leads, in words."""
         late = self._simulator.elapsed(tick) - self._simulator.elapsed(past)
         stood_still = not self._recorded and late > self._simulator.elapsed(1) + CATCH_UP
         elapsed = 0.0 if stood_still else late / NS_PER_S
         if elapsed > _LONGEST:
             return ''
-        solver = self._simulator.solver
-        driven = DrivenMechanism(solver, lambda speed: motor.at(speed) + command)
         try:
-            steps = FixedSteps(driven, (*origin.q, *origin.u))
+            steps = live_steps(self._driven, (*origin.q, *origin.u))
             steps.advance(elapsed)
         except LinkageError as error:
             return f'does not follow from the one before: {error}'
@@ -133,9 +129,11 @@ class TorqueCheck:
         turned = found.unwrapped - (origin.unwrapped - origin.q[0])
         values = (turned, *found.q[1:], *found.u)
         count = len(found.q)
-        units = driven.units[:count]
+        units = self._driven.units[:count]
         sizes = (*units, *map(max, units, map(abs, due[count:])))
-        names = [f'{n} {w}' for w in ('position', 'speed') for n in solver.coordinates]
+        names = [
+            f'{n} {w}' for w in ('position', 'speed') for n in self._simulator.solver.coordinates
+        ]
         for name, value, expected, size in zip(names, values, due, sizes, strict=True):
             if not abs(value - expected) <= _APART * size + 4 * math.ulp(found.unwrapped):
                 return (

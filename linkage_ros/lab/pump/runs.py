@@ -18,7 +18,8 @@ from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
-from linkage_ros.motion.fixed_step_integrator import FixedSteps, Values
+from linkage_ros.motion.fixed_step_integrator import Values
+from linkage_ros.motion.integrators import live_steps
 from linkage_ros.numeric import Array
 from linkage_ros.quantities import Quantity
 
@@ -96,7 +97,7 @@ def phases(solver: Solver, motor: Motor, start: Values) -> Iterator[tuple[float,
     fastest = motor.torque / motor.damping if motor.damping else 0.0
     step = 2 * math.pi / SAMPLES / max(start[2], fastest)
     driven = DrivenMechanism(solver, lambda speed: motor.at(speed))
-    steps = FixedSteps(driven, start, longest=step, tolerance=_TOLERANCE)
+    steps = live_steps(driven, start, longest=step, tolerance=_TOLERANCE)
     while True:
         yield steps.time, steps.phase
         steps.advance(steps.time + step)

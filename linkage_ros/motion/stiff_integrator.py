@@ -1,0 +1,149 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The motion that a torque makes against strong damping, in fixed steps that treat it implicitly.
+
+Strong damping brings a rate to its balance within a time constant (inertia / damping) that may be
+far shorter than a step. An explicit step must be as short as that time constant, or it diverges; a
+linearly implicit (Rosenbrock) step only as short as its error demands. The method is Rodas5P, of
+order 5, L-stable and stiffly accurate (G. Steinebach, BIT Numer. Math. 63 (2023), article 27):
+with the matrix J of the slope's derivatives, its stages solve
+
+    (1 / gamma - h J) k_i = slope(y + h sum_j a_ij k_j) + sum_j c_ij k_j.
+
+The rates of the coordinates are among the values, so that only the n accelerations of each stage
+need a system of n equations. What the last stage adds is the difference from order 4.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+from collections.abc import Callable, Sequence
+
+from linkage_ros.dynamics.program import Program
+from linkage_ros.formulas import ZERO, total
+from linkage_ros.motion.fixed_step_integrator import FixedSteps, Method, Values
+from linkage_ros.numeric import Real
+
+_GAMMA = 0.21193756319429014
+_SIXTH = (
+    -7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256,
+    0.030198172008377946,
+)  # fmt: skip
+_METHOD = Method(
+    (
+        (3.0,),
+        (2.849394379747939, 0.45842242204463923),
+        (-6.954028509809101, 2.489845061869568, -10.358996098473584),
+        (2.8029986275628964, 0.5072464736228206, -0.3988312541770524, -0.04721187230404641),
+        _SIXTH,
+        (*_SIXTH, 1.0),
+        (*_SIXTH, 1.0, 1.0),
+    ),
+    (*_SIXTH, 1.0, 1.0, 1.0),
+    (*[ZERO] * 7, 1.0, ZERO),
+)
+_COUPLINGS = (
+    (),
+    (-14.155112264123755,),
+    (-17.97296035885952, -2.859693295451294),
+    (147.12150275711716, -1.41221402718213, 71.68940251302358),
+    (165.43517024871676, -0.4592823456491126, 42.90938336958603, -5.961986721573306),
+    (24.854864614690072, -3.0009227002832186, 47.4931110020768, 5.5814197821558125,
+     -0.6610691825249471),
+    (30.91273214028599, -3.1208243349937974, 77.79954646070892, 34.28646028294783,
+     -19.097331116725623, -28.087943162872662),
+    (37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047,
+     -40.06618937091002, -54.66780262877968, -9.48861652309627),
+)  # fmt: skip
+_NUDGE = 1e-7  # of a value, or of its unit, for the derivatives of the slope
+
+
+class StiffSteps(FixedSteps):
+    """Follows a motion in equal steps that strong damping does not shorten; see `FixedSteps`."""
+
+    method = _METHOD
+
+    def _stages(self, h: float, slope: Values) -> list[float]:
+        phase, driven, jacobian = self.phase, self.driven, self._jacobian(slope)
+        first, *others = _solvers(len(phase))
+        slopes = [*first(h, *jacobian, *slope)]
+        for move, solve in zip(self._sums.moves, others, strict=True):
+            slope = driven.slope(move(*phase, h, *slopes))
+            slopes += solve(h, *jacobian, *slope, *slopes)
+        return slopes
+
+    def _jacobian(self, slope: Values) -> list[float]:
+        """The derivatives of all accelerations by each value, by differences."""
+        phase, found = self.phase, list[float]()
+        for i, (value, unit) in enumerate(zip(phase, self.driven.units, strict=True)):
+            # Away from 0, at which the force of a load may leap.
+            nudged = value + math.copysign(_NUDGE * max(abs(value), unit), value)
+            there = self.driven.slope((*phase[:i], nudged, *phase[i + 1 :]))
+            for k in range(len(phase) // 2, len(phase)):
+                found.append((there[k] - slope[k]) / (nudged - value))
+        return found
+
+
+@functools.cache
+def _solvers(size: int) -> list[Callable[..., Values]]:
+    """The programs that solve the stages, for so many values.
+
+    Each from h, the derivatives of the accelerations, the slope of its stage and the results of
+    the stages before it, all flat.
+    """
+
+    def row(word: str, count: int = size) -> tuple[str, ...]:
+        return tuple(f'{word}{i}' for i in range(count))
+
+    given = 'h', row('derivative', size * size // 2), row('slope')
+    results = [row(f'k{i}_') for i in range(len(_COUPLINGS))]
+    programs = (Program(_solved, row, (*given, *results[: len(row)])) for row in _COUPLINGS)
+    return [program.compile() for program in programs]
+
+
+def _solved(
+    couplings: tuple[Real, ...],
+    h: Real,
+    derivatives: tuple[Real, ...],
+    slope: tuple[Real, ...],
+    *before: tuple[Real, ...],
+) -> tuple[Real, ...]:
+    """The result of one stage."""
+    right = [
+        value + total(map(operator.mul, couplings, others))
+        for value, *others in zip(slope, *before, strict=True)
+    ]
+    count, part = len(slope) // 2, h * _GAMMA
+    by_place, by_rate = (
+        [[derivatives[(half * count + j) * count + i] for j in range(count)] for i in range(count)]
+        for half in range(2)
+    )
+    rows = [
+        [float(i == j) - part * (by_rate[i][j] + part * by_place[i][j]) for j in range(count)]
+        for i in range(count)
+    ]
+    forces = [
+        _GAMMA * (right[count + i] + part * total(map(operator.mul, by_place[i], right)))
+        for i in range(count)
+    ]
+    rates = _eliminated(rows, forces)
+    places = (_GAMMA * value + part * rate for value, rate in zip(right, rates, strict=False))
+    return (*places, *rates)
+
+
+def _eliminated(rows: Sequence[Sequence[Real]], right: Sequence[Real]) -> list[Real]:
+    """Solves equations by elimination, without exchanges: the identity is the larger part."""
+    (pivot, *row), *others = rows
+    if not others:
+        return [right[0] / pivot]
+    factors = [other[0] / pivot for other in others]
+    rest = _eliminated(
+        [
+            [x - factor * y for x, y in zip(other[1:], row, strict=True)]
+            for factor, other in zip(factors, others, strict=True)
+        ],
+        [x - factor * right[0] for factor, x in zip(factors, right[1:], strict=True)],
+    )
+    return [(right[0] - total(map(operator.mul, row, rest))) / pivot, *rest]
