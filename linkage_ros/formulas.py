@@ -47,8 +47,15 @@ class _Zero:
     def __add__(self, other: Real) -> Real:
         return other
 
+    def __abs__(self) -> _Zero:
+        return self
+
     __radd__ = __rsub__ = __add__
     __rmul__ = __truediv__ = __mul__
+
+
+for _compare in (operator.lt, operator.le, operator.gt, operator.ge):
+    setattr(_Zero, f'__{_compare.__name__}__', lambda _, other, f=_compare: f(0.0, other))
 
 
 ZERO = _Zero()
@@ -104,6 +111,7 @@ def where(condition: Any, then: Real, otherwise: Real) -> Real:
     Returns:
         The value.
     """
+    then, otherwise = number(then), number(otherwise)
     if hasattr(condition, 'apply'):
         return condition.apply('where', condition, then, otherwise)
     if isinstance(condition, np.ndarray):
@@ -173,11 +181,6 @@ class Vector(NamedTuple):
         """The unit vector in a direction, rad."""
         return cls(cos(angle), sin(angle))
 
-    @classmethod
-    def of(cls, place: complex) -> Vector:
-        """A constant vector, with ZERO for parts that are 0."""
-        return cls(place.real or ZERO, place.imag or ZERO)
-
     def left(self) -> Vector:
         """The vector turned by 90 degrees, counter-clockwise."""
         return Vector(-self.y, self.x)
@@ -199,6 +202,5 @@ def _apply(
     for value in values:
         if hasattr(value, 'apply'):
             return value.apply(name, *values)
-    if all(isinstance(value, float) for value in values):
-        return scalar(*values)
-    return array(*values)
+    values = tuple(map(number, values))
+    return (scalar if all(isinstance(value, float) for value in values) else array)(*values)

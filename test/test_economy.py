@@ -27,6 +27,7 @@ from linkage_ros import (
     chart_tool,
 )
 from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import MechanismError
 from linkage_ros.formulas import sin
 from linkage_ros.lab.economy import POINT_MASSES, Economy, handover
@@ -208,7 +209,7 @@ def _counted(constants, x, y):
 
 
 def test_operations_are_counted():
-    assert operations(Program(_counted, 2.0, ('x', 'y'))) == 5
+    assert operations(Program(_counted, Constants(2.0), ('x', 'y'))) == 5
 
 
 def test_costs_are_of_the_models(savings):

@@ -14,6 +14,7 @@ from oracle import Oracle
 
 from linkage_ros import Solver, UnreachableError
 from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.lab.methods import linkages, stages
 from linkage_ros.lab.methods.accuracy import Measurement, mark_fronts
 from linkage_ros.lab.methods.bench import LinkageBench, PeriodBench
@@ -160,7 +161,7 @@ def test_central_differences_are_of_order_2(benches, quantity):
 
 def newton_raphson(mechanism, guess, tolerance, *, warm):
     links = Task(mechanism, guess).links(ONE)
-    step = Program(stages.newton_step, links, ('crank', 'coupler', 'output')).compile()
+    step = Program(stages.newton_step, Constants(links), ('crank', 'coupler', 'output')).compile()
     return NewtonRaphson(step, guess, tolerance, warm=warm)
 
 

@@ -32,6 +32,7 @@ from linkage_ros import (
     WindPump,
 )
 from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import Opaque, cos, require, sin, sqrt, total, where
 from linkage_ros.model.loads import LinkForce
 
@@ -185,7 +186,7 @@ def sums(_, x, y, z):
 
 
 def test_the_order_of_operations_is_kept():
-    program, random = Program(sums, (), ('x', 'y', 'z')), np.random.default_rng(3)
+    program, random = Program(sums, Constants(()), ('x', 'y', 'z')), np.random.default_rng(3)
     told_apart = 0
     for values in (random.uniform(-1, 1, (100, 3)) * [1, 1e8, 1e16]).tolist():
         found = program.scalar(*values)
@@ -208,7 +209,7 @@ def kept(_, x):
 
 
 def test_identities_that_hold_for_every_double_fold_and_no_others():
-    folded, others = Program(folding, (), ('x',)), Program(kept, (), ('x',))
+    folded, others = Program(folding, Constants(()), ('x',)), Program(kept, Constants(()), ('x',))
     assert operations(folded) == []
     assert len(set(operations(others))) == 9
     for x in SPECIAL:
@@ -217,6 +218,22 @@ def test_identities_that_hold_for_every_double_fold_and_no_others():
     # Two of them differ from their folded form.
     assert bits(others.scalar(-0.0)[2]) == bits(0.0)
     assert bits(others.scalar(-1.5)[0]) == bits(-0.0)
+
+
+def with_a_zero(k, x):
+    above = where(x > k, x, k)
+    return k * x + above, abs(k) + sqrt(k) - sin(k), where(k >= x, -x, x / 2), (x - k) * 3
+
+
+def test_a_constant_of_zero_is_not_computed_and_gives_what_zero_gives():
+    zero, small = (Program(with_a_zero, Constants(k), ('x',)) for k in (0.0, 5e-324))
+    assert len(operations(zero)) < len(operations(small)) - 4
+    for x in (1.5, -2.5, 0.0, 1e300):
+        assert zero.scalar(x) == with_a_zero(0.0, x)
+        assert bits(zero.scalar(x)) == bits(zero.untraced(x))
+        assert bits(zero.arrays(np.array([x]))) == bits(zero.scalar(x))
+    with pytest.raises(TypeError):
+        Program(lambda k, x: x / k, Constants(0.0), ('x',)).scalar(1.0)
 
 
 def test_absent_terms_fall_out_and_numbers_that_are_zero_stay():
@@ -243,7 +260,7 @@ def test_a_recording_number_has_no_value_yet(used):
         return used(x)
 
     with pytest.raises(TypeError):
-        Program(formula, (), ('x',)).scalar(0.5)
+        Program(formula, Constants(()), ('x',)).scalar(0.5)
 
 
 def refuse(x):
@@ -269,7 +286,7 @@ def strict(monkeypatch):
 
 @pytest.mark.usefixtures('strict')
 def test_a_guard_refuses_before_what_it_protects():
-    program = Program(guarded, Opaque(refuse), ('x',))
+    program = Program(guarded, Constants(Opaque(refuse)), ('x',))
     for call in (*forms_of(program), lambda x: program.arrays(np.array([4.0, x, 1.0]))):
         assert bits(call(4.0)) == bits(1.0)
         with pytest.raises(UnreachableError, match='x = -1 is out of reach'):
@@ -278,7 +295,7 @@ def test_a_guard_refuses_before_what_it_protects():
 
 @pytest.mark.usefixtures('strict')
 def test_a_guard_that_comes_late_would_be_seen():
-    late = Program(guarded_late, Opaque(refuse), ('x',))
+    late = Program(guarded_late, Constants(Opaque(refuse)), ('x',))
     with pytest.raises(ValueError, match='math domain error'):
         late.scalar(-1.0)
     with pytest.raises(FloatingPointError):
@@ -394,7 +411,7 @@ def test_a_structure_is_compiled_once_and_numbers_are_bound():
     solvers = [Solver(x) for x in (CRANK_ROCKER, other, massless(other))]
     assert solvers[0].source == solvers[1].source != solvers[2].source
     assert solvers[0].state(0.3, 1.0) != solvers[1].state(0.3, 1.0)
-    one, same = (Program(with_table, (Opaque(f), 0.8), ('x',)) for f in (lookup, abs))
+    one, same = (Program(with_table, Constants((Opaque(f), 0.8)), ('x',)) for f in (lookup, abs))
     assert one.compile().__code__ is same.compile().__code__
     assert one.scalar(1.0) != same.scalar(1.0)
 
@@ -427,7 +444,7 @@ def test_a_program_that_runs_within_itself_has_its_own_buffers():
         depth.append(x)
         return program.arrays(x)[0]
 
-    program = Program(nested, (Opaque(inner), 3.0), ('x',))
+    program = Program(nested, Constants((Opaque(inner), 3.0)), ('x',))
     xs = np.linspace(1, 2, 100)
     summed, root = program.arrays(xs)
     assert np.allclose(summed, sum(np.sqrt((xs + i) * 3.0) * 2 for i in range(4)), rtol=1e-14)
@@ -448,12 +465,12 @@ def with_table(constants, x):
 
 
 def test_a_table_works_in_all_forms_and_tracebacks_pass_it():
-    program = Program(with_table, (Opaque(lookup), 0.8), ('x',))
+    program = Program(with_table, Constants((Opaque(lookup), 0.8)), ('x',))
     for x in np.linspace(-1, 6, 50).tolist():
         height = float(lookup(x * 0.8))
         expected = bits((height + math.sin(height), max(height, 1.0)))
         assert {bits(form(x)) for form in forms_of(program)} == {expected}
-    broken = Program(with_table, (Opaque(lambda _: 1 / 0), 2.0), ('x',))
+    broken = Program(with_table, Constants((Opaque(lambda _: 1 / 0), 2.0)), ('x',))
     for call in (lambda: broken.scalar(1.0), lambda: broken.arrays(np.array([1.0]))):
         with pytest.raises(ZeroDivisionError) as raised:
             call()
@@ -505,9 +522,9 @@ def halved(_, x, target):
 
 def test_a_sum_may_be_long_and_a_program_called_in_a_loop():
     """Python nests 200 parentheses at most; a fixed point, as of friction, keeps its bits."""
-    program = Program(series, tuple(1.0 / n for n in range(1, 401)), ('x',))
+    program = Program(series, Constants(tuple(1.0 / n for n in range(1, 401))), ('x',))
     assert len({bits(form(0.7)) for form in forms_of(program)}) == 1
-    program, targets = Program(halved, (), ('x', 'target')), np.linspace(1, 9, 50)
+    program, targets = Program(halved, Constants(()), ('x', 'target')), np.linspace(1, 9, 50)
     x, xs = [1.0] * len(targets), np.ones(len(targets))
     for _ in range(8):
         x = [program.scalar(*pair) for pair in zip(x, targets.tolist(), strict=True)]

@@ -7,6 +7,7 @@ from contract import Peer
 
 from linkage_ros import Solver
 from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.trees import Constants
 
 
 def pose(loop, crank):
@@ -27,7 +28,7 @@ class Adapter(Peer):
     def __init__(self, mechanism, speed, first):
         super().__init__(mechanism, speed, first)
         self.state = Solver(mechanism).state
-        self.pose = Program(pose, mechanism.loop(), ('crank',)).compile()
+        self.pose = Program(pose, Constants(mechanism.loop()), ('crank',)).compile()
 
     def torque(self, angles):
         state, speed = self.state, self.speed

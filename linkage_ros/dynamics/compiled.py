@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import itertools
 import math
 import re
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.trees import is_number, leaves, transformed
+from linkage_ros.dynamics.trees import leaves, transformed
 from linkage_ros.errors import ConfigurationError, missing_library
 
 
@@ -43,7 +44,7 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
     given = np.array([row.ravel() for row in rows], dtype=np.float64)
     tree = program.tape.result
     found = np.empty((len(leaves(tree)), given.shape[1]))
-    numbers = filter(is_number, leaves(program.constants))
+    numbers = itertools.compress(program.constants.numbers, program.code.used)
     constants = (x if isinstance(x, float) else math.nan for x in numbers)
     refused = _loop(program.source)(*constants, given, found)
     if refused >= 0 and given.size:

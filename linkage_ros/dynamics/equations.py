@@ -35,108 +35,118 @@ from linkage_ros.formulas import (
     total,
     where,
 )
-from linkage_ros.model.loads import Load, Weight
+from linkage_ros.model.loads import Load
 from linkage_ros.model.pose import LinkPose, Loop, Pose
-from linkage_ros.model.structure import Dyad, Mechanism, Structure
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
 
 
-class Coupling(NamedTuple):
-    """C_jk of two links that turn.
+class Weight(NamedTuple):
+    """The weights of all bodies, as a load; see `linkage_ros.model.loads.Load`.
 
     Attributes:
-        j: Index of the first link.
-        k: Index of the second link.
-        real: kg m^2.
-        imag: ZERO where the centres of mass lie on the lines between the pins.
+        links: The links.
+        gravity: Acceleration of gravity, m/s^2.
     """
 
-    j: int
-    k: int
-    real: Real
-    imag: Real
+    links: tuple[Link, ...]
+    gravity: Vector
 
-    def turned(self, links: Sequence[LinkPose]) -> tuple[Real, Real]:
-        """C_jk e^(i (phi_k - phi_j)) as A and B."""
-        first, second = links[self.j], links[self.k]
-        cos, sin = dot(first.direction, second.direction), cross(first.direction, second.direction)
-        return self.real * cos - self.imag * sin, self.real * sin + self.imag * cos
+    def _moment(self, j: int) -> Vector:
+        """Conj(W_j) g as x and y, N m; of a link that slides m g, N."""
+        if self.links[j].slides:
+            return self.gravity * self.links[j].mass
+        turning = (link for link in self.links if not link.slides)
+        arm = total(link.center.weights[j] * link.mass for link in turning)
+        return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
+
+    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+        """See `Load`: Re(conj(i W_j e^(i phi_j)) g)."""
+        del rates
+        return {
+            j: (dot if self.links[j].slides else cross)(link.direction, self._moment(j))
+            for j, link in enumerate(links)
+        }
+
+    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+        """See `Load`: there is none."""
+        del links, rates
+        return {}
+
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """See `Load`."""
+        energy = ZERO
+        for j, link in enumerate(links):
+            along = dot(link.direction, self._moment(j))
+            energy = energy - (along * link.position if self.links[j].slides else along)
+        return energy
 
 
 class Model(NamedTuple):
-    """All constants of a mechanism.
+    """All constants of a mechanism, for formulas.
 
     Attributes:
         loop: Constants of the kinematics.
-        inertias: C_jj for each link, kg m^2; of a link that slides its mass, kg; or ZERO.
-        couplings: C_jk of links that a body couples.
-        weight: The weights of all bodies.
-        loads: What else acts on the links.
+        links: The links.
+        pins: The pin joints, empty where they are not known.
+        places: Their points, in the same order.
         dyads: Which links meet in pins.
-        slides: For each link, whether it slides.
+        gravity: Acceleration of gravity, m/s^2.
+        loads: What acts on the links besides their weights.
         refuse: Refuses q, u and a that are not finite, or that make a result not finite.
         refuse_torque: Refuses q, u and a torque, likewise.
+        refuse_straight: Refuses q at which forces in the joints have no finite value.
         massless: Refuses a mass matrix that is not positive.
     """
 
     loop: Loop
-    inertias: tuple[Real, ...]
-    couplings: tuple[Coupling, ...]
-    weight: Weight
-    loads: tuple[Load, ...]
+    links: tuple[Link, ...]
+    pins: tuple[Pin, ...]
+    places: tuple[Point, ...]
     dyads: tuple[Dyad, ...]
-    slides: tuple[bool, ...]
+    gravity: Vector
+    loads: tuple[Load, ...]
     refuse: Opaque
     refuse_torque: Opaque
+    refuse_straight: Opaque
     massless: Opaque
 
+    @classmethod
+    def of(cls, mechanism: Mechanism, structure: Structure, *refusals: Opaque) -> Model:
+        """The constants of a mechanism, with the last fields as given."""
+        pins, gravity = structure.pins, Vector(*mechanism.gravity)
+        places = tuple(structure.points[pin.name] for pin in pins)
+        loads = mechanism.link_loads()
+        return cls(
+            mechanism.loop(), structure.links, pins, places, structure.dyads, gravity, loads,
+            *refusals,
+        )  # fmt: skip
 
-def model_of(mechanism: Mechanism, structure: Structure, *refusals: Opaque) -> Model:
-    """Sums the bodies of a mechanism into the constants of the equations of motion.
+    def all_loads(self) -> tuple[Load, ...]:
+        """The weights and what else acts on the links."""
+        return (Weight(self.links, self.gravity), *self.loads)
 
-    Args:
-        mechanism: The mechanism.
-        structure: How its links hang together.
-        *refusals: The last fields of `Model`.
+    def coupling(self, j: int, k: int) -> Vector:
+        """C_jk as real and imaginary part, kg m^2; ZERO: no body couples the links."""
+        result = Vector(ZERO, ZERO)
+        for link in self.links:
+            if not link.slides:
+                first, second = link.center.weights[j] * link.mass, link.center.weights[k]
+                result += Vector(dot(first, second), cross(first, second))
+        return result
 
-    Returns:
-        The constants.
-    """
-    links = structure.links
-    turning = [link for link in links if not link.slides]
-    gravity = complex(*mechanism.gravity)
+    def inertia(self, j: int) -> Real:
+        """C_jj of a link, kg m^2; of a link that slides its mass, kg."""
+        link = self.links[j]
+        return link.mass if link.slides else self.coupling(j, j).x + link.inertia
 
-    def moment(j: int, k: int) -> complex:
-        return sum(
-            (b.mass * b.center.weights[j].conjugate() * b.center.weights[k] for b in turning), 0j
-        )
-
-    def weight(j: int) -> complex:
-        if links[j].slides:
-            return links[j].mass * complex(-gravity.imag, gravity.real)
-        return sum((b.mass * b.center.weights[j] for b in turning), 0j).conjugate() * gravity
-
-    inertias = (
-        link.mass if link.slides else moment(j, j).real + link.inertia
-        for j, link in enumerate(links)
-    )
-    couplings = (
-        Coupling(j, k, *Vector.of(c))
-        for j, k in itertools.combinations(range(len(links)), 2)
-        if (c := moment(j, k))
-    )
-    weights = tuple(Vector.of(weight(j)) for j in range(len(links)))
-    slides = tuple(link.slides for link in links)
-    return Model(
-        mechanism.loop(),
-        tuple(inertia or ZERO for inertia in inertias),
-        tuple(couplings),
-        Weight(weights, slides),
-        mechanism.link_loads(),
-        structure.dyads,
-        slides,
-        *refusals,
-    )
+    def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
+        """C_jk e^(i (phi_k - phi_j)) as A and B."""
+        coupling, first, second = (
+            self.coupling(j, k), pose.links[j].direction, pose.links[k].direction,
+        )  # fmt: skip
+        cos, sin = dot(first, second), cross(first, second)
+        return coupling.x * cos - coupling.y * sin, coupling.x * sin + coupling.y * cos
 
 
 def velocities(pose: Pose, u: Sequence[Real]) -> list[Real]:
@@ -174,13 +184,12 @@ def balance(
     Returns:
         For each coordinate, N m where it is an angle, else N.
     """
-    forces = [x * change for x, change in zip(model.inertias, changes, strict=True)]
-    for load in (model.weight, *model.loads):
+    forces = [model.inertia(j) * change for j, change in enumerate(changes)]
+    for load in model.all_loads():
         for j, force in load.forces(pose.links, rates).items():
             forces[j] -= force
-    for coupling in model.couplings:
-        j, k, *_ = coupling
-        a, b = coupling.turned(pose.links)
+    for j, k in itertools.combinations(range(len(forces)), 2):
+        a, b = model.coupled(pose, j, k)
         forces[j] = forces[j] + a * changes[k] - b * (rates[k] * rates[k])
         forces[k] = forces[k] + a * changes[j] + b * (rates[j] * rates[j])
     return [_product(column, forces) for column in _columns(pose)]
@@ -190,11 +199,10 @@ def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
     """The mass matrix M, kg m^2 between angles, kg between slides."""
     size, columns = len(pose.links), _columns(pose)
     inertias = [[ZERO] * size for _ in range(size)]
-    for j, inertia in enumerate(model.inertias):
-        inertias[j][j] = inertia
-    for coupling in model.couplings:
-        j, k, *_ = coupling
-        inertias[j][k] = inertias[k][j] = coupling.turned(pose.links)[0]
+    for j in range(size):
+        inertias[j][j] = model.inertia(j)
+    for j, k in itertools.combinations(range(size), 2):
+        inertias[j][k] = inertias[k][j] = model.coupled(pose, j, k)[0]
     momenta = [[_product(row, column) for row in inertias] for column in columns]
     # M is symmetric: each of its values is computed once.
     return [
@@ -273,7 +281,7 @@ def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meetin
     for dyad, sine in zip(model.dyads, pose.sines, strict=True):
         first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
         # A link that slides meets the other with its normal, and does not turn.
-        slides = model.slides[dyad.second]
+        slides = model.links[dyad.second].slides
         slope = dot(first, second.left() if slides else second)
         rate = slope * ((ZERO if slides else rates[dyad.second]) - rates[dyad.first])
         found.append(Meeting(abs(sine), dot(first, second), where(sine >= 0, rate, -rate)))
@@ -290,7 +298,7 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
         for row, one in zip(matrix, u, strict=True)
         for mass, other in zip(row, u, strict=True)
     )
-    potential = total(load.potential(pose.links) for load in (model.weight, *model.loads))
+    potential = total(load.potential(pose.links) for load in model.all_loads())
     require(is_finite(kinetic, potential), model.refuse, *q, *u)
     return kinetic, potential
 

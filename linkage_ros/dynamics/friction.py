@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros.dynamics.equations import Model, state, velocities
-from linkage_ros.dynamics.reactions import Joints, reactions
+from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.dynamics.state import State
 from linkage_ros.formulas import ZERO, number, sqrt, where
 from linkage_ros.model.pose import LinkPose
@@ -83,7 +83,7 @@ class Round(NamedTuple):
 
 
 def friction_round(
-    constants: tuple[Model, Joints, Coefficients],
+    constants: tuple[Model, Coefficients],
     q: Sequence[Real],
     u: Sequence[Real],
     a: Sequence[Real],
@@ -91,23 +91,25 @@ def friction_round(
     outer: tuple[Real, ...],
 ) -> Round:
     """The motion under a friction, and the friction that its forces make."""
-    model, joints, coefficients = constants
+    model, coefficients = constants
     model = model._replace(loads=(*model.loads, FrictionLoad(inner, outer)))
     found = state(model, q, u, a)
-    forces, guides, *others = reactions((model, joints), q, u, a)
+    forces, guides, *others = reactions(model, q, u, a)
     rates = velocities(model.loop.pose(tuple(q)), u)
     sizes = [sqrt(force.x * force.x + force.y * force.y) for force in forces]
     pushes, frame = [ZERO] * len(rates), [ZERO] * len(rates)
-    for pin, size in zip(joints.pins, sizes, strict=True):
+    for pin, size in zip(model.pins, sizes, strict=True):
         # A link that slides does not turn: its guide passes the couple on to the frame.
-        turning = [j for j in (pin.first, pin.second) if j is not None and not model.slides[j]]
+        turning = [
+            j for j in (pin.first, pin.second) if j is not None and not model.links[j].slides
+        ]
         row = pushes if len(turning) == 2 else frame
         apart = rates[turning[-1]] - (rates[turning[0]] if len(turning) == 2 else ZERO)
         couple = coefficients.arm * (size * _sign(apart))
         row[turning[-1]] -= couple
         if len(turning) == 2:
             row[turning[0]] += couple
-    sliding = [j for j, slides in enumerate(model.slides) if slides]
+    sliding = [j for j, link in enumerate(model.links) if link.slides]
     for j, force in zip(sliding, guides, strict=True):
         sizes.append(abs(force))
         frame[j] -= coefficients.guide * (sizes[-1] * _sign(rates[j]))

@@ -5,8 +5,9 @@
 A formula is an ordinary function of constants and arguments. It runs once on recording numbers:
 equal terms are shared, terms that nothing reads fall out, and terms of constants alone are
 computed when the constants are bound. The order of operations is kept, so that results have the
-bits of the formula itself. Constants are floats and `Opaque` functions in nested tuples; None,
-booleans, whole numbers and text among them belong to the structure, on which a formula may branch.
+bits of the formula itself. Constants are floats, complex numbers and `Opaque` functions in nested
+tuples; None, booleans, whole numbers and text among them belong to the structure, on which a
+formula may branch, and so does 0.0: what it makes vanish is not computed.
 """
 
 from __future__ import annotations
@@ -17,157 +18,24 @@ import itertools
 import linecache
 import math
 import re
-import sys
 from collections.abc import Callable
-from types import FrameType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkage_ros import formulas
-from linkage_ros.dynamics.trees import is_number, leaves, paths, structure_of, transformed
+from linkage_ros.dynamics.tape import OPERATORS, Argument, Recorder, Tape
+from linkage_ros.dynamics.trees import Constants, leaves, transformed
 from linkage_ros.numeric import Real, by_element
 
-# An argument of a formula: the name of a number, or the names of a tuple of numbers.
-Argument: TypeAlias = str | tuple[str, ...]
-
 _CHUNK = 16384  # values of an array at a time: what lies between stays in the processor's cache
-_OPERATORS = {
-    'add': '+', 'sub': '-', 'mul': '*', 'truediv': '/',
-    'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<=',
-}  # fmt: skip
 _INFIX = {
-    **{sign: f'{{}} {sign} {{}}' for sign in _OPERATORS.values()},
+    **{sign: f'{{}} {sign} {{}}' for sign in OPERATORS.values()},
     'neg': '-{}', 'where': '{1} if {0} else {2}',
 }  # fmt: skip
 _FUNCTIONS = {'sin': np.sin, 'cos': np.cos, 'sqrt': np.sqrt, 'atan2': np.arctan2}
 _LONG = 200  # characters of a term that gets a line of its own
-# x * 1, x / 1, x - 0.0 and x + -0.0 are x for every double, signed zeros included.
-_NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
 _serial = itertools.count(1)
-
-
-class Recorder:
-    """A number that writes what is done with it on a tape."""
-
-    __array_ufunc__ = None
-    __hash__ = None  # type: ignore[assignment]
-
-    def __init__(self, tape: Tape, line: int) -> None:
-        self.tape, self.line = tape, line
-
-    def apply(self, operation: str, *values: Real) -> Recorder:
-        """Records an operation on values."""
-        return self.tape.record(operation, *values)
-
-    def binary(self, sign: str, a: Real, b: Real) -> Real:
-        """Records an operation between two values; ZERO drops out by its own operators."""
-        if a is formulas.ZERO or b is formulas.ZERO:
-            return NotImplemented
-        return self.tape.record(sign, a, b)
-
-    def __call__(self, *values: Real) -> Recorder:
-        """Records a call of an opaque function."""
-        return self.tape.record('call', self, *values)
-
-    def __bool__(self) -> bool:
-        raise TypeError('a formula cannot branch on a value: use where() or require()')
-
-    def __eq__(self, other: object) -> bool:
-        return bool(self)
-
-
-for _name, _sign in _OPERATORS.items():
-    setattr(Recorder, f'__{_name}__', lambda a, b, sign=_sign: a.binary(sign, a, b))
-    setattr(Recorder, f'__r{_name}__', lambda a, b, sign=_sign: a.binary(sign, b, a))
-for _name in ('abs', 'neg'):
-    setattr(Recorder, f'__{_name}__', lambda a, name=_name: a.tape.record(name, a))
-
-
-class Line(NamedTuple):
-    """One operation on a tape.
-
-    Attributes:
-        operation: Name of the operation.
-        operands: Numbers of earlier lines.
-        text: Source text of an input, constant or literal.
-    """
-
-    operation: str
-    operands: tuple[int, ...]
-    text: str = ''
-
-
-class Tape:
-    """The operations of one formula, each once, in the formula's order.
-
-    Attributes:
-        title: Name of the formula.
-        lines: The operations.
-        names: What the formulas call the results of lines.
-        result: Result of the formula, in recording numbers.
-    """
-
-    def __init__(
-        self, formula: Callable[..., Any], constants: Any, arguments: tuple[Argument, ...]
-    ) -> None:
-        """Records a formula.
-
-        Args:
-            formula: From constants and arguments to numbers in nested tuples.
-            constants: Constants of the structure to record; their values do not matter.
-            arguments: Their names.
-        """
-        self.title = formula.__name__
-        self.names: dict[int, str] = {}
-        self._numbers: dict[Line, int] = {}
-        named = zip(leaves(constants), leaves(paths(constants, 'k')), strict=True)
-        given = iter([self._add('constant', (), path) if is_number(x) else x for x, path in named])
-        is_free = (
-            sys.getprofile() is None
-        )  # a profiler at work is left alone: names are missing then
-        if is_free:
-            sys.setprofile(self._take_names)
-        try:
-            result = formula(
-                transformed(lambda _: next(given), constants),
-                *(transformed(lambda name: self._add('input', (), name), x) for x in arguments),
-            )
-        finally:
-            if is_free:
-                sys.setprofile(None)
-        self.result = transformed(formulas.number, result)
-        self.lines = list(self._numbers)
-
-    def record(self, operation: str, *operands: Real) -> Recorder:
-        """Records an operation, or finds it done already.
-
-        Args:
-            operation: Name of the operation.
-            *operands: Recording numbers and literals.
-
-        Returns:
-            Its result.
-        """
-        known = [
-            x if isinstance(x, Recorder) else self._add('literal', (), repr(float(x)))
-            for x in operands
-        ]
-        neutral = self._numbers.get(Line('literal', (), _NEUTRAL.get(operation, '')))
-        for kept, other in (known, known[::-1]) if neutral is not None else ():
-            if other.line == neutral and (operation in '*+' or other is known[1]):
-                return kept
-        return self._add(operation, tuple(x.line for x in known))
-
-    def _add(self, *line: Any) -> Recorder:
-        return Recorder(self, self._numbers.setdefault(Line(*line), len(self._numbers)))
-
-    def _take_names(self, frame: FrameType, event: str, _: object) -> None:
-        """Takes the names that a function of the formulas has used, when it returns."""
-        if event == 'return' and frame.f_code.co_filename not in (__file__, formulas.__file__):
-            for name, value in frame.f_locals.items():
-                if isinstance(value, Recorder) and value.tape is self:
-                    self.names.setdefault(value.line, name)
 
 
 class Writer:
@@ -175,6 +43,7 @@ class Writer:
 
     Attributes:
         namespace: Named tuples that the text refers to.
+        used: For each number of the constants, whether the text needs it.
     """
 
     def __init__(self, tape: Tape, arrays: frozenset[str]) -> None:
@@ -192,6 +61,7 @@ class Writer:
             live.update(lines[i].operands if i in live else ())
         self._live = sorted(live)
         self._reads = collections.Counter([*result, *(x for i in live for x in lines[i].operands)])
+        self.used = [i in live for i, line in enumerate(lines) if line.operation == 'constant']
         self._inner: set[int] = set()  # lines that depend on inputs
         self._varying: set[int] = set()  # lines that are arrays
         for i in self._live:
@@ -210,10 +80,9 @@ class Writer:
             (i in self._inner, self._statement(i)) for i in self._live if i not in self._words
         ]
         before, within = ([x for part, x in written if x and part == wanted] for wanted in (0, 1))
-        given, constants = (
-            ', '.join(line.text for line in tape.lines if line.operation == kind)
-            for kind in ('input', 'constant')
-        )
+        given = ', '.join(line.text for line in tape.lines if line.operation == 'input')
+        numbers = (line.text for line in tape.lines if line.operation == 'constant')
+        constants = ', '.join(itertools.compress(numbers, self.used))
         result = f'return {self._tree(tape.result)}'
         body = [f'def {tape.title}({given}):', *within, result]
         if self._varying:
@@ -270,9 +139,22 @@ def _free_memory(statements: list[str]) -> None:
         read |= found
 
 
+class Code(NamedTuple):
+    """A compiled program whose constants are not bound yet.
+
+    Attributes:
+        bind: A function of the constants that are used; it returns the program.
+        text: Its source.
+        used: For each number of the constants, whether it is used.
+    """
+
+    bind: Callable[..., Any]
+    text: str
+    used: list[bool]
+
+
 @functools.cache
-def _compile(tape: Tape, arrays: frozenset[str], *, by_math: bool) -> tuple[Any, str]:
-    """A function of the constants that returns the program, and its source."""
+def _compile(tape: Tape, arrays: frozenset[str], *, by_math: bool) -> Code:
     writer = Writer(tape, arrays)
     text, path = writer.text(), f'<{tape.title} {next(_serial)}>'
     space = {
@@ -284,7 +166,7 @@ def _compile(tape: Tape, arrays: frozenset[str], *, by_math: bool) -> tuple[Any,
         space[f'array_{name}'] = by_element(space[name]) if by_math else function
     exec(compile(text, path, 'exec'), space)  # noqa: S102
     linecache.cache[path] = len(text), None, text.splitlines(keepends=True), path
-    return space['bind'], text
+    return Code(space['bind'], text, writer.used)
 
 
 _tapes: dict[Any, Tape] = {}
@@ -303,13 +185,13 @@ class Program:
     """
 
     def __init__(
-        self, formula: Callable[..., Any], constants: Any, arguments: tuple[Argument, ...]
+        self, formula: Callable[..., Any], constants: Constants, arguments: tuple[Argument, ...]
     ) -> None:
         """Takes a formula.
 
         Args:
             formula: From constants and arguments to numbers in nested tuples.
-            constants: Floats and `Opaque` functions in nested tuples.
+            constants: Its constants.
             arguments: The names of the arguments.
         """
         self.formula, self.constants, self._arguments = formula, constants, arguments
@@ -325,27 +207,32 @@ class Program:
         return self.compile()(*values)
 
     def _bind(self, arrays: frozenset[str], *, by_math: bool = False) -> Any:
-        bind, _ = _compile(self.tape, arrays, by_math=by_math)
-        return bind(*filter(is_number, leaves(self.constants)))
+        code = _compile(self.tape, arrays, by_math=by_math)
+        return code.bind(*itertools.compress(self.constants.numbers, code.used))
 
     @functools.cached_property
     def tape(self) -> Tape:
         """The recorded formula."""
-        key = self.formula, structure_of(self.constants), self._arguments
+        key = self.formula, self.constants.structure, self._arguments
         if key not in _tapes:
-            _tapes[key] = Tape(self.formula, self.constants, self._arguments)
+            _tapes[key] = Tape(self.formula, self.constants.tree, self._arguments)
         return _tapes[key]
+
+    @property
+    def code(self) -> Code:
+        """The program for floats, its constants not bound."""
+        return _compile(self.tape, frozenset(), by_math=False)
 
     @property
     def source(self) -> str:
         """The program for floats as Python text."""
-        return _compile(self.tape, frozenset(), by_math=False)[1]
+        return self.code.text
 
     def untraced(self, *values: float) -> Any:
         """The formula itself on floats: to step through, and to compare with."""
         given = iter(values)
         result = self.formula(
-            self.constants, *(transformed(lambda _: next(given), x) for x in self._arguments)
+            self.constants.tree, *(transformed(lambda _: next(given), x) for x in self._arguments)
         )
         return transformed(formulas.number, result)
 

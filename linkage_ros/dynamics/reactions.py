@@ -14,10 +14,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from linkage_ros.dynamics.equations import Model, accelerations, velocities
-from linkage_ros.dynamics.state import Track
-from linkage_ros.formulas import ZERO, Opaque, Vector, cross, dot, is_finite, require
+from linkage_ros.formulas import ZERO, Vector, cross, dot, is_finite, require
 from linkage_ros.model.pose import Pose
-from linkage_ros.model.structure import Dyad, Mechanism, Pin, Structure
+from linkage_ros.model.structure import Dyad
 from linkage_ros.numeric import Real
 
 # Relative to the coordinate: no double lies on a change point, and k * math.pi misses by 2 ulp.
@@ -45,82 +44,33 @@ class Reactions(NamedTuple):
     torque: Real
 
 
-class LinkMass(NamedTuple):
-    """A link's mass for Newton and Euler.
-
-    Attributes:
-        mass: kg.
-        inertia: kg m^2.
-        center: Centre of mass.
-        slides: Whether it slides.
-    """
-
-    mass: float
-    inertia: Real
-    center: Track
-    slides: bool
-
-
-class Joints(NamedTuple):
-    """The constants that reactions need besides the model's.
-
-    Attributes:
-        bodies: One for each link.
-        pins: The pin joints.
-        places: Their points, in the same order.
-        gravity: m/s^2.
-        refuse: Refuses coordinates at which the forces have no finite value.
-    """
-
-    bodies: tuple[LinkMass, ...]
-    pins: tuple[Pin, ...]
-    places: tuple[Track, ...]
-    gravity: Vector
-    refuse: Opaque
-
-
-def joints_of(mechanism: Mechanism, structure: Structure, refuse: Opaque) -> Joints:
-    """The constants of a mechanism's reactions."""
-    return Joints(
-        tuple(
-            LinkMass(link.mass, link.inertia or ZERO, Track.of(link.center), link.slides)
-            for link in structure.links
-        ),
-        structure.pins,
-        tuple(Track.of(structure.points[pin.name]) for pin in structure.pins),
-        Vector(*mechanism.gravity),
-        refuse,
-    )
-
-
 def reactions(
-    constants: tuple[Model, Joints], q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
+    model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
 ) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
     """The forces in the joints of a mechanism in motion, as fields of `Reactions`.
 
     They grow without bound towards a change point or a limit of the crank.
     """
-    model, joints = constants
     require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
-    balance = _Balance(model, joints, pose, velocities(pose, u), accelerations(pose, u, a))
+    balance = _Balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
     for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
-        _require_open(joints, pose, dyad, sine, q)
+        _require_open(model, pose, dyad, sine, q)
         balance.solve(dyad, sine)
     for j in reversed(range(len(pose.links))):
         balance.complete(j)
-    forces = tuple(balance.forces[pin.name] for pin in joints.pins)
+    forces = tuple(balance.forces[pin.name] for pin in model.pins)
     torque = balance.moment(0, Vector(ZERO, ZERO))
     guides, shaking, moment = balance.on_frame()
     return forces, guides, shaking, moment - torque, torque
 
 
-def _require_open(joints: Joints, pose: Pose, dyad: Dyad, sine: Real, q: Sequence[Real]) -> None:
+def _require_open(model: Model, pose: Pose, dyad: Dyad, sine: Real, q: Sequence[Real]) -> None:
     """Refuses coordinates that are those of a change point, rounded."""
     first, second = pose.links[dyad.first], pose.links[dyad.second]
     for angle, k1, k2 in zip(q, first.jacobian, second.jacobian, strict=True):
-        slope = (ZERO if joints.bodies[dyad.second].slides else k2) - k1
-        require(abs(sine) > _ROUNDING * abs(slope) * (1 + abs(angle)), joints.refuse, *q)
+        slope = (ZERO if model.links[dyad.second].slides else k2) - k1
+        require(abs(sine) > _ROUNDING * abs(slope) * (1 + abs(angle)), model.refuse_straight, *q)
 
 
 class _Balance:
@@ -133,19 +83,18 @@ class _Balance:
     def __init__(
         self,
         model: Model,
-        joints: Joints,
         pose: Pose,
         rates: Sequence[Real],
         changes: Sequence[Real],
     ) -> None:
-        self._joints = joints
+        self._model = model
         self._directions = [link.direction for link in pose.links]
         self._place = {
-            pin.name: track.follow(self._directions, rates, changes).position
-            for pin, track in zip(joints.pins, joints.places, strict=True)
+            pin.name: place.follow(self._directions, rates, changes)[0]
+            for pin, place in zip(model.pins, model.places, strict=True)
         }
-        pushes = [ZERO] * len(joints.bodies)
-        self._resistance = [ZERO] * len(joints.bodies)
+        pushes = [ZERO] * len(model.links)
+        self._resistance = [ZERO] * len(model.links)
         for load in model.loads:
             for j, force in load.forces(pose.links, rates).items():
                 pushes[j] += force
@@ -153,11 +102,11 @@ class _Balance:
                 self._resistance[j] += force
         self._centers, self._needed, self._couples = [], [], []
         for body, direction, push, change in zip(
-            joints.bodies, self._directions, pushes, changes, strict=True
+            model.links, self._directions, pushes, changes, strict=True
         ):
-            center = body.center.follow(self._directions, rates, changes)
-            force = (center.acceleration - joints.gravity) * body.mass
-            self._centers.append(center.position)
+            center, _, acceleration = body.center.follow(self._directions, rates, changes)
+            force = (acceleration - model.gravity) * body.mass
+            self._centers.append(center)
             self._needed.append(force - direction * push if body.slides else force)
             self._couples.append(ZERO if body.slides else body.inertia * change - push)
         self.forces: dict[str, Vector] = {}
@@ -166,7 +115,7 @@ class _Balance:
         """Where known pin forces act on a link, and these forces."""
         return [
             (self._place[pin.name], force if pin.second == j else -force)
-            for pin in self._joints.pins
+            for pin in self._model.pins
             if j in (pin.first, pin.second) and (force := self.forces.get(pin.name))
         ]
 
@@ -190,7 +139,7 @@ class _Balance:
         first, second = self._directions[dyad.first], self._directions[dyad.second]
         outer = self._place[dyad.outer[0]]
         across_first = -self.moment(dyad.first, outer) / dot(inner - outer, first)
-        if self._joints.bodies[dyad.second].slides:
+        if self._model.links[dyad.second].slides:
             across_second = -dot(self._rest(dyad.second), second)
             second = second.left()
         else:
@@ -200,16 +149,16 @@ class _Balance:
 
     def complete(self, j: int) -> None:
         """Finds the force in the one pin of a link that is not solved yet."""
-        pins = [pin for pin in self._joints.pins if j in (pin.first, pin.second)]
+        pins = [pin for pin in self._model.pins if j in (pin.first, pin.second)]
         unknown = [pin for pin in pins if pin.name not in self.forces]
-        if unknown and not self._joints.bodies[j].slides:
+        if unknown and not self._model.links[j].slides:
             (pin,), rest = unknown, self._rest(j)
             self.forces[pin.name] = rest if pin.second == j else -rest
 
     def on_frame(self) -> tuple[tuple[Real, ...], Vector, Real]:
         """The forces of the guides on their sliders; force and moment about A0 on the frame."""
         guides, shaking, moment = [], Vector(ZERO, ZERO), ZERO
-        for j, body in enumerate(self._joints.bodies):
+        for j, body in enumerate(self._model.links):
             resistance = self._resistance[j]
             if body.slides:
                 guide = self._directions[j]
@@ -219,7 +168,7 @@ class _Balance:
                 moment += cross(self._centers[j], force)
             else:
                 moment -= resistance
-        for pin in self._joints.pins:
+        for pin in self._model.pins:
             if pin.first is None:
                 force = self.forces[pin.name]
                 shaking, moment = shaking - force, moment - cross(self._place[pin.name], force)

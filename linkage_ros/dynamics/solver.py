@@ -14,18 +14,19 @@ import numpy as np
 
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.compiled import compiled_arrays
-from linkage_ros.dynamics.equations import Meeting, model_of
+from linkage_ros.dynamics.equations import Meeting, Model
 from linkage_ros.dynamics.friction import Coefficients, Round, friction_round, settle
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import Joints, Reactions, joints_of, reactions
-from linkage_ros.dynamics.state import PointMotion, State, Track
+from linkage_ros.dynamics.reactions import Reactions, reactions
+from linkage_ros.dynamics.state import PointMotion, State
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, is_finite, require
 from linkage_ros.model.friction import Friction
 from linkage_ros.model.loads import Load
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.model.reach import Reach
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.structure import Mechanism, Point
 from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
 
@@ -67,13 +68,15 @@ class Solver:
             tuple(f'{x}_{word}' for x in self.coordinates) for word in ('speed', 'acceleration')
         )
         self._names = {'q': q, 'u': u, 'a': a}
-        self._model = model = model_of(
+        self._model = Model.of(
             mechanism,
             self.structure,
             Opaque(functools.partial(_refuse, (*q, *u, *a))),
             Opaque(functools.partial(_refuse, (*q, *u, 'torque'))),
+            Opaque(self._refuse_change_point),
             Opaque(_refuse_massless),
         )
+        self._constants = model = Constants(self._model)
         self._steady = Program(equations.state, model, (q, u, ()))
         self._moving = Program(equations.state, model, (q, u, a))
         self._forward = Program(equations.forward, model, (q, u, 'torque'))
@@ -261,7 +264,8 @@ class Solver:
                 tuple(f'{link}_{field}' for link in self.links) for field in State._fields[:3]
             )
             refuse = Opaque(functools.partial(_refuse, tuple(itertools.chain(*names))))
-            self._points[name] = Program(_point_motion, (Track.of(points[name]), refuse), names)
+            point = Constants((points[name], refuse))
+            self._points[name] = Program(_point_motion, point, names)
         row = itertools.chain(*self._rows(state))
         motion: PointMotion = self._run(self._points[name], *row, by_math=by_math)
         return motion
@@ -348,22 +352,16 @@ class Solver:
         return sine, f'{first.name} and {second.name} are {"folded" if is_folded else "stretched"}'
 
     @functools.cached_property
-    def _joints(self) -> Joints:
-        return joints_of(self.mechanism, self.structure, Opaque(self._refuse_change_point))
-
-    @functools.cached_property
     def _reactions(self) -> Program:
-        return Program(reactions, (self._model, self._joints), tuple(self._names.values()))
+        return Program(reactions, self._constants, tuple(self._names.values()))
 
     @functools.cached_property
     def _round(self) -> Program:
-        friction, guides = self._friction or Friction(), any(self._model.slides)
-        coefficients = Coefficients(
-            friction.pin * friction.pin_radius or ZERO, (guides and friction.guide) or ZERO
-        )
+        friction = self._friction or Friction()
+        coefficients = Coefficients(friction.pin * friction.pin_radius, friction.guide)
         pushes = (tuple(f'{word}_{link}' for link in self.links) for word in ('inner', 'outer'))
-        constants = self._model, self._joints, coefficients
-        return Program(friction_round, constants, (*self._names.values(), *pushes))
+        names = (*self._names.values(), *pushes)
+        return Program(friction_round, Constants((self._model, coefficients)), names)
 
     def _settle(self, *given: Any, by_math: bool = False) -> Round:
         """The motion under friction."""
@@ -450,14 +448,15 @@ def _refuse(names: Sequence[str], *values: float) -> NoReturn:
 
 
 def _point_motion(
-    constants: tuple[Track, Opaque],
+    constants: tuple[Point, Opaque],
     angles: Sequence[Real],
     rates: Sequence[Real],
     changes: Sequence[Real],
 ) -> PointMotion:
-    track, refuse = constants
+    point, refuse = constants
     require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
-    return track.follow([Vector.at(angle) for angle in angles], rates, changes)
+    directions = [Vector.at(angle) for angle in angles]
+    return PointMotion(*point.follow(directions, rates, changes))
 
 
 def _refuse_massless() -> NoReturn:

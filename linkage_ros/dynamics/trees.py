@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from linkage_ros.formulas import Opaque
+from linkage_ros.formulas import ZERO, Opaque, Vector
 
 
 def leaves(tree: Any) -> list[Any]:
@@ -32,13 +32,43 @@ def transformed(function: Callable[[Any], Any], tree: Any) -> Any:
     return tuple.__new__(type(tree), [transformed(function, part) for part in tree])
 
 
+_NOTHING = Vector(ZERO, ZERO), (Vector, ZERO, ZERO)
+
+
+class Constants:
+    """What programs bind to a formula, found once for all programs that share it.
+
+    Attributes:
+        tree: As formulas take it: vectors in place of complex numbers, ZERO in place of 0.0.
+        numbers: Its numbers and opaque functions, in order.
+        structure: The tree without these, as a key.
+    """
+
+    def __init__(self, tree: Any) -> None:
+        """Takes floats, complex numbers, `Opaque` functions and what else, in nested tuples."""
+        self.numbers: list[Any] = []
+        self.tree, self.structure = self._take(tree)
+
+    def _take(self, tree: Any) -> tuple[Any, Any]:
+        """A part of the tree, and of its structure."""
+        kind = type(tree)
+        if kind is complex:
+            return self._take(Vector(tree.real, tree.imag)) if tree else _NOTHING
+        if isinstance(tree, tuple):
+            parts, keys = [], [kind]
+            for one in tree:
+                part, key = self._take(one)
+                parts.append(part)
+                keys.append(key)
+            return tuple.__new__(kind, parts), tuple(keys)
+        if not is_number(tree):
+            return tree, tree
+        if tree == 0.0:
+            return ZERO, ZERO
+        self.numbers.append(tree)
+        return tree, float
+
+
 def is_number(leaf: Any) -> bool:
     """Whether a value is a number or an opaque function, and no part of the structure."""
     return isinstance(leaf, (float, Opaque))
-
-
-def structure_of(tree: Any) -> Any:
-    """Nested tuples without their numbers, as a key."""
-    if not isinstance(tree, tuple):
-        return float if is_number(tree) else tree
-    return type(tree), tuple([structure_of(part) for part in tree])

@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import Model, accelerations, balance, model_of, velocities
+from linkage_ros.dynamics.equations import Model, accelerations, balance, velocities
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.formulas import ZERO, Opaque, Vector
+from linkage_ros.dynamics.trees import Constants
+from linkage_ros.formulas import ZERO, Opaque, Vector, total
 from linkage_ros.model.parts import Body
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array, Real, require_finite
@@ -164,28 +165,23 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
     """
     if mechanism.friction is not None:
         return _with_friction(mechanism, static=static)
-    model = _model(mechanism)
-    if static:
-        model = model._replace(inertias=(ZERO,) * len(model.inertias), couplings=())
-    return _torque(_driving_torque, model)
+    return _torque(_static_torque if static else _driving_torque, _model(mechanism))
 
 
 def _torque(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
-    program = Program(formula, constants, ('angle', 'speed'))
+    program = Program(formula, Constants(constants), ('angle', 'speed'))
     return TorqueProgram(program.compile(), program.source)
 
 
 def inertia_program(mechanism: Mechanism) -> Program:
     """The torque of inertia alone, N m, from crank angle, speed and acceleration."""
-    model = _model(mechanism)
-    weightless = model.weight._replace(moments=(Vector(ZERO, ZERO),) * len(model.inertias))
-    constants = model._replace(weight=weightless, loads=())
-    return Program(_driving_torque, constants, ('angle', 'speed', 'acceleration'))
+    weightless = _model(mechanism)._replace(gravity=Vector(0.0, 0.0), loads=())
+    return Program(_driving_torque, Constants(weightless), ('angle', 'speed', 'acceleration'))
 
 
 def _model(mechanism: Mechanism) -> Model:
     refuse = Opaque(require_finite)
-    return model_of(mechanism, mechanism.structure(), refuse, refuse, refuse)
+    return Model.of(mechanism, mechanism.structure(), *(refuse,) * 4)
 
 
 def torques(program: TorqueProgram, angles: Array, speed: float) -> Array:
@@ -200,6 +196,13 @@ def _driving_torque(model: Model, angle: Real, speed: Real, *change: Real) -> tu
     pose = model.loop.pose((angle,))
     rates = velocities(pose, (speed,))
     return (balance(model, pose, rates, accelerations(pose, (speed,), change))[0],)
+
+
+def _static_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
+    pose = model.loop.pose((angle,))
+    rates = velocities(pose, (speed,))
+    acting = [load.forces(pose.links, rates) for load in model.all_loads()]
+    return (-total(x * pose.links[j].jacobian[0] for forces in acting for j, x in forces.items()),)
 
 
 class _Series(NamedTuple):

@@ -271,7 +271,7 @@ class FourBar(Mechanism):
         at_far = math.fsum((d, r, -b, c)) * math.fsum((d, r, b, -c)) / four_bc
         at_near = math.fsum((b, c, -d, r)) * math.fsum((b, c, d, -r)) / four_bc
         return Transmission(
-            (delta, ZERO),
+            (delta, 0.0),
             math.sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
             cos=Square.of(far * (sum_bc + sum_dr) / four_bc, at_near),
             sin=Square.of(near * other / four_bc, at_far),

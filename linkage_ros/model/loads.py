@@ -4,16 +4,16 @@
 
 The power of a load is the sum of its forces times the links' rates, so that a link that turns gets
 a torque about its own axis, and a link that slides a force along its guide. Loads are named tuples
-of floats; ZERO marks a term that is not there.
+of floats; in formulas a term that is not there is ZERO.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from linkage_ros.formulas import ZERO, Vector, dot, where
+from linkage_ros.formulas import ZERO, where
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
 
@@ -64,10 +64,10 @@ class LinkForce(NamedTuple):
     """
 
     link: int
-    force: Real = ZERO
-    damping: Real = ZERO
-    stiffness: Real = ZERO
-    rest: Real = ZERO
+    force: Real = 0.0
+    damping: Real = 0.0
+    stiffness: Real = 0.0
+    rest: Real = 0.0
     middle: Real = None
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
@@ -92,15 +92,10 @@ class LinkForce(NamedTuple):
         return continuous(links[self.link].position, self.middle) - self.rest
 
 
-def link_forces(
-    link: int, force: float, damping: float, stiffness: float, rest: float, middle: float | None
-) -> tuple[LinkForce, ...]:
+def link_forces(link: int, force: float, damping: float, stiffness: float, *spring: Any) -> Any:
     """What acts on a link, empty where nothing does; see `LinkForce`."""
-    if not (force or damping or stiffness):
-        return ()
-    if not stiffness:
-        return (LinkForce(link, force or ZERO, damping or ZERO),)
-    return (LinkForce(link, force or ZERO, damping or ZERO, stiffness, rest or ZERO, middle),)
+    acts = force or damping or stiffness
+    return (LinkForce(link, force, damping, stiffness, *spring),) if acts else ()
 
 
 def continuous(position: Real, middle: Real) -> Real:
@@ -117,40 +112,3 @@ def continuous(position: Real, middle: Real) -> Real:
         return position
     apart, turn = position - middle, 2 * math.pi
     return position + where(apart > math.pi, -turn, where(apart < -math.pi, turn, 0.0))
-
-
-class Weight(NamedTuple):
-    """The weights of all bodies, summed for each link j as W_j = sum_bodies m rho_j.
-
-    Attributes:
-        moments: For each link, conj(W_j) g as x and y, N m; of a link that slides, m g turned by
-            90 degrees, N. ZERO where there is none.
-        slides: Whether the link slides.
-    """
-
-    moments: tuple[Vector, ...]
-    slides: tuple[bool, ...]
-
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: Re(conj(i W_j e^(i phi_j)) g)."""
-        del rates
-        return {
-            j: moment.y * link.direction.x - moment.x * link.direction.y
-            for j, (moment, link) in enumerate(zip(self.moments, links, strict=True))
-        }
-
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: there is none."""
-        del links, rates
-        return {}
-
-    def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`."""
-        forces, energy = self.forces(links, ()), ZERO
-        for j, (moment, slides, link) in enumerate(
-            zip(self.moments, self.slides, links, strict=True)
-        ):
-            energy = energy - (
-                forces[j] * link.position if slides else dot(moment, link.direction)
-            )
-        return energy

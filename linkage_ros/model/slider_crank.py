@@ -180,7 +180,7 @@ class SliderCrank(Mechanism):
         far, near = (short_sum(longest, *terms) for terms in self._sums().values())
         high, low = two_sum(guide, -HALF_PI[0])
         return Transmission(
-            (high, (low - HALF_PI[1]) or ZERO),
+            (high, low - HALF_PI[1]),
             math.sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
             cos=Square.of(far / (2 * b), short_sum(longest, b, e, r) / (2 * b)),
             sin=Square.of(near / (2 * b), short_sum(longest, b, -e, r) / (2 * b)),
@@ -202,7 +202,7 @@ class SliderCrank(Mechanism):
         """What acts on the slider and on the crank."""
         slider = self.slider
         terms = slider.force, slider.damping, slider.stiffness, slider.rest_position
-        return (*link_forces(2, *terms, None), *super().link_loads())
+        return (*link_forces(2, *terms), *super().link_loads())
 
     def reach(self) -> Reach:
         """What the crank can do."""

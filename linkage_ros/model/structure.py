@@ -4,16 +4,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.formulas import ZERO, Vector
 from linkage_ros.model.friction import Friction
 from linkage_ros.model.link_load import LinkLoad
 from linkage_ros.model.loads import Load
 from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.model.pose import Loop
 from linkage_ros.model.reach import Reach
+from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown
 
 
@@ -22,12 +25,12 @@ class Point(NamedTuple):
 
     Attributes:
         weights: The point is the sum of weights[j] e^(i phi_j), plus `fixed`, m; one for each
-            moving link, 0 for one that slides.
+            moving link, 0 for one that slides. In formulas they are vectors.
         fixed: x + iy, m.
     """
 
-    weights: tuple[complex, ...]
-    fixed: complex = 0j
+    weights: tuple[Any, ...]
+    fixed: Any = 0j
 
     @classmethod
     def at(cls, place: complex, links: int) -> Point:
@@ -39,6 +42,32 @@ class Point(NamedTuple):
         weights = list(self.weights)
         weights[link] += place
         return Point(tuple(weights), self.fixed)
+
+    def follow(
+        self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
+    ) -> tuple[Vector, Vector, Vector]:
+        """Follows the point in a formula (document 2, eq. a2, a3, 34, 35; their derivative).
+
+        Args:
+            directions: Unit vector of each link.
+            rates: Velocity of each link, rad/s.
+            changes: Acceleration of each link, rad/s^2.
+
+        Returns:
+            Position, m, velocity, m/s, and acceleration, m/s^2.
+        """
+        position, velocity, acceleration = self.fixed, Vector(ZERO, ZERO), Vector(ZERO, ZERO)
+        for weight, direction, rate, change in zip(
+            self.weights, directions, rates, changes, strict=True
+        ):
+            arm = Vector(
+                direction.x * weight.x - direction.y * weight.y,
+                direction.y * weight.x + direction.x * weight.y,
+            )
+            position += arm
+            velocity += arm.left() * rate
+            acceleration += arm.left() * change - arm * (rate * rate)
+        return position, velocity, acceleration
 
 
 class Link(NamedTuple):

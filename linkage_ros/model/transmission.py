@@ -99,7 +99,7 @@ class Transmission(NamedTuple):
         refuse: Refuses a crank angle.
     """
 
-    reference: tuple[float, Real]
+    reference: tuple[float, float]
     kappa: float
     cos: Square
     sin: Square

@@ -198,7 +198,7 @@ class WindPump(Mechanism):
         """What acts on the slider, the resistance of the pump included, and on the crank."""
         slider = self.slider
         terms = slider.force, slider.damping, slider.stiffness, slider.rest_position
-        return (*link_forces(3, *terms, None), *super().link_loads())
+        return (*link_forces(3, *terms), *super().link_loads())
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The slider's position, m, and velocity, m/s, at t = 0."""

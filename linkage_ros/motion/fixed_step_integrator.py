@@ -17,8 +17,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol, TypeAlias
 
 from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import LinkageError
-from linkage_ros.formulas import ZERO, total, where
+from linkage_ros.formulas import total, where
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.numeric import Real, within_two_turns
 
@@ -33,7 +34,7 @@ _TRIALS = 400  # of steps, within one part of at most 1 ms
 
 
 class Method(NamedTuple):
-    """The weights of a method's sums of slopes; ZERO where there is none.
+    """The weights of a method's sums of slopes; 0 where there is none.
 
     Attributes:
         stages: For the place of each slope but the first.
@@ -54,8 +55,8 @@ _DORMAND_PRINCE = Method(
         (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
         (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
     ),
-    (35 / 384, ZERO, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
-    (71 / 57600, ZERO, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+    (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
 )
 
 
@@ -223,10 +224,10 @@ def _sums(method: Method, size: int) -> _Sums:
 
     slopes = [row(f'slope{i}_') for i in range(len(method.error))]
     *moves, end = (
-        Program(_moved, weights, (row('phase'), 'h', *slopes[: len(weights)])).compile()
+        Program(_moved, Constants(weights), (row('phase'), 'h', *slopes[: len(weights)])).compile()
         for weights in (*method.stages, method.end)
     )
-    error = Program(_errors, method.error, (row('unit'), row('end'), 'h', *slopes))
+    error = Program(_errors, Constants(method.error), (row('unit'), row('end'), 'h', *slopes))
     return _Sums(tuple(moves), end, error.compile())
 
 

@@ -22,6 +22,7 @@ import operator
 from collections.abc import Callable, Sequence
 
 from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import ZERO, total
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Method, Values
 from linkage_ros.numeric import Real
@@ -99,7 +100,9 @@ def _solvers(size: int) -> list[Callable[..., Values]]:
 
     given = 'h', row('derivative', size * size // 2), row('slope')
     results = [row(f'k{i}_') for i in range(len(_COUPLINGS))]
-    programs = (Program(_solved, row, (*given, *results[: len(row)])) for row in _COUPLINGS)
+    programs = (
+        Program(_solved, Constants(row), (*given, *results[: len(row)])) for row in _COUPLINGS
+    )
     return [program.compile() for program in programs]
 
 

@@ -17,10 +17,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import model_of
+from linkage_ros.dynamics.equations import Model
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import joints_of
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import Opaque
 from linkage_ros.lab.methods import stages, torques
 from linkage_ros.lab.methods.linkages import Linkage
@@ -117,8 +117,7 @@ class Task:
         return stages.Links(
             mechanism.crank.length, mechanism.coupler.length, rocker, base,
             mechanism.frame.angle, 1.0 if mechanism.assembly == OPEN else -1.0,
-            self.speed, self.acceleration, model_of(mechanism, structure, refuse, refuse, refuse),
-            joints_of(mechanism, structure, refuse),
+            self.speed, self.acceleration, Model.of(mechanism, structure, *(refuse,) * 4),
             Opaque(math.acos if mode == ONE else np.arccos), tool,
         )  # fmt: skip
 
@@ -144,7 +143,7 @@ def function_of(
     """
     tool = method.tool(task, setting) if method.tool else None
     formula = _formula(QUANTITIES.index(quantity), method.stage, method.solve)
-    program = Program(formula, task.links(mode, tool), ('crank',))
+    program = Program(formula, Constants(task.links(mode, tool)), ('crank',))
     if method.narrow:
         return lambda crank: program.arrays(np.asarray(crank, np.float32))
     return program.compile() if mode == ONE else program.arrays

@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any
 
 from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import Opaque
 from linkage_ros.lab.methods import stages, tables, torques
 from linkage_ros.lab.methods.chain import (
@@ -39,7 +40,8 @@ def _looks_up(make: Callable[[Task, Setting], Callable[..., Any]]) -> Callable[.
 
 
 def _newton(task: Task, setting: Setting, *, warm: bool) -> tables.NewtonRaphson:
-    step = Program(stages.newton_step, task.links(ONE), ('crank', 'coupler', 'output')).compile()
+    links = Constants(task.links(ONE))
+    step = Program(stages.newton_step, links, ('crank', 'coupler', 'output')).compile()
     return tables.NewtonRaphson(step, task.guess, setting['tolerance'], warm=warm)
 
 

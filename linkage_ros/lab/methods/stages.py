@@ -18,7 +18,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_ros.dynamics.equations import Model
-from linkage_ros.dynamics.reactions import Joints
 from linkage_ros.formulas import Vector, atan2, cos, cross, sin, sqrt
 from linkage_ros.numeric import Real
 
@@ -40,7 +39,6 @@ class Links(NamedTuple):
         speed: Crank speed, rad/s.
         change: Crank acceleration, rad/s^2.
         model: The package's own constants.
-        joints: The bodies and the pins.
         acos: Inverse cosine, for floats or for arrays.
         tool: What the formula of a method asks for besides: a number or functions.
     """
@@ -54,7 +52,6 @@ class Links(NamedTuple):
     speed: Real
     change: Real
     model: Model
-    joints: Joints
     acos: Callable[[Real], Real]
     tool: Any
 

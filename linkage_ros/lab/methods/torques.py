@@ -34,9 +34,10 @@ def virtual_power(
     """The power of inertia, weights and loads through velocities per unit crank speed."""
     directions = [Vector.at(angle) for angle in position]
     power = ZERO
-    for body, slope, change in zip(links.joints.bodies, slopes, changes, strict=True):
-        push = body.center.follow(directions, rates, changes).acceleration - links.joints.gravity
-        velocity = body.center.follow(directions, slopes, changes).velocity
+    for body, slope, change in zip(links.model.links, slopes, changes, strict=True):
+        _, _, acceleration = body.center.follow(directions, rates, changes)
+        _, velocity, _ = body.center.follow(directions, slopes, changes)
+        push = acceleration - links.model.gravity
         power = power + body.mass * dot(push, velocity) + body.inertia * (change * slope)
     for load in links.model.loads:
         for j, force in load.forces((), rates).items():
@@ -60,17 +61,17 @@ def newton_euler(
     for instance Norton, Design of Machinery, sec. 11.4 and 11.5.
     """
     directions = [Vector.at(angle) for angle in position]
-    axis, joints = Vector.at(links.angle), links.joints
-    forces = {j: f for load in links.model.loads for j, f in load.forces((), rates).items()}
-    at = [place.follow(directions, rates, changes).position for place in joints.places]
+    axis, model = Vector.at(links.angle), links.model
+    forces = {j: f for load in model.loads for j, f in load.forces((), rates).items()}
+    at = [place.follow(directions, rates, changes)[0] for place in model.places]
     rows = []
-    for i, body in enumerate(joints.bodies):
+    for i, body in enumerate(model.links):
         center, _, acceleration = body.center.follow(directions, rates, changes)
-        push = (acceleration - joints.gravity) * body.mass
+        push = (acceleration - model.gravity) * body.mass
         if body.slides:
             push -= axis * forces.get(i, ZERO)
         x, y, turn = [], [], []
-        for pin, place in zip(joints.pins, at, strict=True):
+        for pin, place in zip(model.pins, at, strict=True):
             sign = float((pin.second == i) - (pin.first == i))
             arm = (place - center) * sign
             x += [sign, 0.0]

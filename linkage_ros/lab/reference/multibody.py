@@ -19,7 +19,7 @@ import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from linkage_ros.formulas import Vector, dot
+from linkage_ros.formulas import ZERO, Vector, dot
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.structure import Mechanism
 
@@ -73,7 +73,8 @@ class Multibody:
         # Loads are tuples of indices and numbers.
         loads: Any = mechanism.link_loads()
         self._loads = [
-            type(load)(*(number(x) if isinstance(x, float) else x for x in load)) for load in loads
+            type(load)(*((number(x) if x else ZERO) if isinstance(x, float) else x for x in load))
+            for load in loads
         ]
 
     def gap(self, places: Sequence[Vector]) -> Vector:

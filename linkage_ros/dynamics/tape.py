@@ -1,0 +1,147 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Records what a formula does: its operations on numbers that have no value yet, on a tape."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import Any, NamedTuple, TypeAlias
+
+from linkage_ros import formulas
+from linkage_ros.dynamics.trees import is_number, leaves, paths, transformed
+from linkage_ros.numeric import Real
+
+# An argument of a formula: the name of a number, or the names of a tuple of numbers.
+Argument: TypeAlias = str | tuple[str, ...]
+
+OPERATORS = {
+    'add': '+', 'sub': '-', 'mul': '*', 'truediv': '/',
+    'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<=',
+}  # fmt: skip
+# x * 1, x / 1, x - 0.0 and x + -0.0 are x for every double, signed zeros included.
+_NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
+
+
+class Recorder:
+    """A number that writes what is done with it on a tape."""
+
+    __array_ufunc__ = None
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, tape: Tape, line: int) -> None:
+        self.tape, self.line = tape, line
+
+    def apply(self, operation: str, *values: Real) -> Recorder:
+        """Records an operation on values."""
+        return self.tape.record(operation, *values)
+
+    def binary(self, sign: str, a: Real, b: Real) -> Real:
+        """Records an operation between two values; ZERO drops out by its own operators."""
+        if a is formulas.ZERO or b is formulas.ZERO:
+            return NotImplemented
+        return self.tape.record(sign, a, b)
+
+    def __call__(self, *values: Real) -> Recorder:
+        """Records a call of an opaque function."""
+        return self.tape.record('call', self, *values)
+
+    def __bool__(self) -> bool:
+        raise TypeError('a formula cannot branch on a value: use where() or require()')
+
+    def __eq__(self, other: object) -> bool:
+        return bool(self)
+
+
+for _name, _sign in OPERATORS.items():
+    setattr(Recorder, f'__{_name}__', lambda a, b, sign=_sign: a.binary(sign, a, b))
+    setattr(Recorder, f'__r{_name}__', lambda a, b, sign=_sign: a.binary(sign, b, a))
+for _name in ('abs', 'neg'):
+    setattr(Recorder, f'__{_name}__', lambda a, name=_name: a.tape.record(name, a))
+
+
+class Line(NamedTuple):
+    """One operation on a tape.
+
+    Attributes:
+        operation: Name of the operation.
+        operands: Numbers of earlier lines.
+        text: Source text of an input, constant or literal.
+    """
+
+    operation: str
+    operands: tuple[int, ...]
+    text: str = ''
+
+
+class Tape:
+    """The operations of one formula, each once, in the formula's order.
+
+    Attributes:
+        title: Name of the formula.
+        lines: The operations.
+        names: What the formulas call the results of lines.
+        result: Result of the formula, in recording numbers.
+    """
+
+    def __init__(
+        self, formula: Callable[..., Any], constants: Any, arguments: tuple[Argument, ...]
+    ) -> None:
+        """Records a formula.
+
+        Args:
+            formula: From constants and arguments to numbers in nested tuples.
+            constants: Constants of the structure to record; their values do not matter.
+            arguments: Their names.
+        """
+        self.title = formula.__name__
+        self.names: dict[int, str] = {}
+        self._numbers: dict[Line, int] = {}
+        named = zip(leaves(constants), leaves(paths(constants, 'k')), strict=True)
+        given = iter([self._add('constant', (), path) if is_number(x) else x for x, path in named])
+        is_free = (
+            sys.getprofile() is None
+        )  # a profiler at work is left alone: names are missing then
+        if is_free:
+            sys.setprofile(self._take_names)
+        try:
+            result = formula(
+                transformed(lambda _: next(given), constants),
+                *(transformed(lambda name: self._add('input', (), name), x) for x in arguments),
+            )
+        finally:
+            if is_free:
+                sys.setprofile(None)
+        self.result = transformed(formulas.number, result)
+        self.lines = list(self._numbers)
+
+    def record(self, operation: str, *operands: Real) -> Recorder:
+        """Records an operation, or finds it done already.
+
+        Args:
+            operation: Name of the operation.
+            *operands: Recording numbers and literals.
+
+        Returns:
+            Its result.
+        """
+        known = [
+            x if isinstance(x, Recorder) else self._add('literal', (), repr(float(x)))
+            for x in operands
+        ]
+        neutral = self._numbers.get(Line('literal', (), _NEUTRAL.get(operation, '')))
+        for kept, other in (known, known[::-1]) if neutral is not None else ():
+            if other.line == neutral and (operation in '*+' or other is known[1]):
+                return kept
+        return self._add(operation, tuple(x.line for x in known))
+
+    def _add(self, *line: Any) -> Recorder:
+        return Recorder(self, self._numbers.setdefault(Line(*line), len(self._numbers)))
+
+    def _take_names(self, frame: FrameType, event: str, _: object) -> None:
+        """Takes the names that a function of the formulas has used, when it returns."""
+        if event == 'return' and frame.f_code.co_filename not in (__file__, formulas.__file__):
+            for name, value in frame.f_locals.items():
+                if isinstance(value, Recorder) and value.tape is self:
+                    self.names.setdefault(value.line, name)
