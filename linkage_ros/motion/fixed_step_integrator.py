@@ -21,7 +21,7 @@ from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import total, where
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.numeric import Real, within_two_turns
+from linkage_ros.numeric import Array, Real, within_two_turns
 
 # Coordinates, then their rates.
 Values: TypeAlias = tuple[float, ...]
@@ -193,6 +193,30 @@ class FixedSteps:
         for move in self._sums.moves:
             slopes += self.driven.slope(move(*self.phase, h, *slopes))
         return slopes
+
+
+def leap(
+    slope: Callable[[tuple[Array, ...]], tuple[Array, ...]],
+    units: Values,
+    phase: tuple[Array, ...],
+    h: Array,
+) -> tuple[tuple[Array, ...], tuple[Real, ...]]:
+    """One step of many motions at a time.
+
+    Args:
+        slope: Rates and accelerations at coordinates and rates.
+        units: Units of errors; see `DrivenMechanism`.
+        phase: Coordinates, then their rates.
+        h: Length of each step, s.
+
+    Returns:
+        The end of each step, and its errors in those units, one array for each value.
+    """
+    slopes, end = [slope(phase)], phase
+    for weights in (*_DORMAND_PRINCE.stages, _DORMAND_PRINCE.end):
+        end = _moved(weights, phase, h, *slopes)
+        slopes.append(slope(end))
+    return end, _errors(_DORMAND_PRINCE.error, units, end, h, *slopes)
 
 
 def wound(phase: Values) -> tuple[Values, int]:

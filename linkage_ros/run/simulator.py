@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +53,9 @@ from linkage_ros.wire.topics import (
     effort_commands,
 )
 from linkage_ros.wire.urdf import joint_names, make_urdf
+
+# Of any size, so that an array of them holds objects.
+Whole = TypeVar('Whole', int, npt.NDArray[np.object_])
 
 
 class Snapshot(NamedTuple):
@@ -148,17 +151,19 @@ class Simulator:
             'drive: follow needs a crank that is measured: run linkage_node, or give drive: speed'
         )
 
-    def elapsed(self, tick: int) -> int:
+    def elapsed(self, tick: Whole) -> Whole:
         """Time from the first tick to another, ns: whole, and never off by accumulation."""
         numerator, denominator = self._rate
-        return tick * NS_PER_S * denominator // numerator
+        elapsed: Whole = tick * NS_PER_S * denominator // numerator
+        return elapsed
 
-    def tick_at(self, elapsed: int) -> int:
+    def tick_at(self, elapsed: Whole) -> Whole:
         """The last tick at or before an elapsed time, ns."""
         numerator, denominator = self._rate
-        tick = elapsed * numerator // (NS_PER_S * denominator)
+        tick: Whole = elapsed * numerator // (NS_PER_S * denominator)
         # `elapsed` rounds down, so that the next tick may already be due.
-        return tick + 1 if self.elapsed(tick + 1) <= elapsed else tick
+        tick += self.elapsed(tick + 1) <= elapsed
+        return tick
 
     def layout_of(self, channels: Iterable[tuple[int, Topic]]) -> RowLayout:
         """The layout of a state's messages in a log.

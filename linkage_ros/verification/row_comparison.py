@@ -80,15 +80,16 @@ class RowComparison:
         return largest
 
     def difference(self, logged: bytes, recomputed: bytearray) -> str:
-        """Names the first value of a row that differs.
+        """Names the first value that differs in the first of some rows.
 
         Args:
-            logged: One row.
-            recomputed: Another one.
+            logged: The rows.
+            recomputed: Others.
 
         Returns:
             The topic, the value, and the size of the difference.
         """
+        logged, recomputed = logged[: self._layout.size], recomputed[: self._layout.size]
         for place in self._layout.places:
             found, due = (self._layout.column(rows, place) for rows in (logged, recomputed))
             size = self._in_ulp(place, found, due)[0] if place.code == 'd' else 0.0

@@ -1,19 +1,17 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The states of a log beside those that the same machine makes, thousands at a time.
-
-Most states are those of the next ticks of the motion in force. Where they are not, one state is
-looked into: ticks may be missing, the motion may have changed, or it is the first difference.
-"""
+"""The states of a log beside those that the same machine makes, as many as possible at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.segments import Segment, SpeedSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.simulator import Simulator
@@ -23,6 +21,9 @@ from linkage_ros.verification.row_comparison import RowComparison
 from linkage_ros.verification.timeline import MotionPiece, Timeline, seconds
 from linkage_ros.verification.torque_check import TorqueCheck
 from linkage_ros.wire.rows import RowLayout
+from linkage_ros.wire.topics import DIAGNOSTICS
+
+Stamps: TypeAlias = npt.NDArray[np.int64]  # ns
 
 
 class StateCheck:
@@ -30,50 +31,43 @@ class StateCheck:
 
     Attributes:
         states: Found equal so far.
-        comparison: Compares their bytes.
-        timeline: Where the last state is.
     """
 
     def __init__(
-        self,
-        simulator: Simulator,
-        layout: RowLayout,
-        comparison: RowComparison,
-        timeline: Timeline,
-        torque: TorqueCheck | None,
-        *,
-        recorded: bool,
+        self, log: LogReader, simulator: Simulator, layout: RowLayout, comparison: RowComparison
     ) -> None:
         """Prepares a check.
 
         Args:
+            log: The log.
             simulator: Recomputes the states.
-            layout: Layout of the logged rows; at least one message has a stamp.
+            layout: Layout of the logged rows.
             comparison: Compares rows of this layout.
-            timeline: Timeline of the log.
-            torque: Recomputes a torque-driven motion; None: the speed is given.
-            recorded: Whether every tick has a state, logged at its stamp.
+
+        Raises:
+            LogError: Nothing explains or dates the states.
         """
-        self.states, self.comparison = 0, comparison
-        self.timeline, self._simulator, self._layout = timeline, simulator, layout
-        self._torque, self._recorded = torque, recorded
-        self._stamp = [
-            next(place for place in layout.places if place.name == f'header.stamp.{unit}')
-            for unit in ('sec', 'nanosec')
-        ]
-        self._motion: SpeedMotion | None = None
-        # What is wrong with the log time of the last state, unless the clock was set back there.
-        self._fell, self._latest = '', 0
-        self._piece_before = timeline.piece
+        places = {place.name: place for place in layout.places}
+        if 'header.stamp.sec' not in places:
+            raise LogError(f'{log.path} cannot be verified: none of its topics has stamps')
+        if not log.motions:
+            raise LogError(f'{log.path} cannot be verified: it has states but no motion record')
+        self.states, self._simulator, self._layout = 0, simulator, layout
+        self._comparison, self._timeline = comparison, Timeline(simulator, log.motions)
+        self._stamp = [places[f'header.stamp.{unit}'] for unit in ('sec', 'nanosec')]
+        # Whether every tick has a state, logged at its stamp. A run on simulated time may begin
+        # at 0 as well.
+        live = any(topic.type == DIAGNOSTICS.interface.name for topic in log.topics)
+        self._recorded = not live and log.motions[0].stamp == 0
+        drive, self._torque = simulator.configuration.drive, None
+        if isinstance(drive, TorqueDrive):
+            self._torque = TorqueCheck(simulator, drive, layout, recorded=self._recorded)
+        self._latest = self._before = 0  # log time, ns: the latest one, that of the last state
 
     @property
     def missed(self) -> int:
         """Ticks without a state so far."""
-        return self.timeline.missed
-
-    def end(self) -> str:
-        """Nothing is left to compare."""
-        return ''
+        return self._timeline.missed
 
     def add(self, rows: bytes) -> str:
         """Compares the next states.
@@ -84,134 +78,119 @@ class StateCheck:
         Returns:
             The first difference; empty if there is none.
         """
-        size, at, window = self._layout.size, 0, len(rows)
-        while at < len(rows):
-            part = rows[at : at + window]
-            equal = part[: self._run(part) * size]
-            if equal and (wrong := self._take(equal, self._stamps(equal))):
-                return wrong
-            at, window = at + len(equal), 8 * window
-            if len(equal) < len(part):
-                if wrong := self._resume(rows[at : at + size]):
-                    return wrong
-                at, window = at + size, size  # where ticks are missing, more may be
-        return ''
+        wrong = ''
+        while rows and not wrong:
+            count, wrong = self._next(rows)
+            self.states += count
+            rows = rows[count * self._layout.size :]
+        return wrong
 
-    def _run(self, rows: bytes) -> int:
-        """Compares states with those of the next ticks; returns how many are equal."""
-        stamps = self._stamps(rows)
-        due = self.timeline.following(len(stamps))
-        count = _in_common(stamps, due)
-        part = rows[: count * self._layout.size]
-        try:
-            made = self._make(self.timeline.piece.segment, stamps[:count], part)
-        except LinkageError:
-            return 0  # one of them is not a state
-        count = self.comparison.equal(part, made) if count else 0
-        if count:
-            self.timeline.advance(count, stamps[count - 1])
-        return count
+    def end(self) -> str:
+        """Says what is wrong with the last state; empty if nothing is."""
+        late = self._latest - 2 * CLOCK_STEP > self._before
+        return self._logged_early(0, self._timeline.last or 0) if late else ''
 
-    def _stamps(self, rows: bytes) -> list[int]:
+    def _next(self, rows: bytes) -> tuple[int, str]:
+        """Compares states at the beginning of rows.
+
+        Returns:
+            How many are equal, and what is wrong with one of them or the next one.
+        """
         whole, rest = (self._layout.column(rows, place).astype(np.int64) for place in self._stamp)
-        stamps: list[int] = (whole * NS_PER_S + rest).tolist()
-        return stamps
-
-    def _times(self, rows: bytes) -> npt.NDArray[np.int64]:
-        return self._layout.column(rows, self._layout.times).astype(np.int64)
+        stamps, difference = whole * NS_PER_S + rest, ''
+        name = self._state(1, stamps[0])
+        for piece, ticks in self._timeline.pieces_at(stamps):
+            try:
+                made = self._make(piece.segment, stamps[: len(ticks)].tolist(), rows)
+            except LinkageError as error:
+                return 0, f'{name} {error}'
+            if count := self._comparison.equal(rows[: len(made)], made):
+                return self._take(piece, ticks[:count], stamps[:count], rows)
+            words = self._comparison.difference(rows, made)  # of the first row
+            place = f'state {self.states + 1}, stamp {seconds(int(stamps[0]))}'
+            difference = difference or f'{words}; {place}, in piece of motion {piece.number}'
+        return 0, difference or f'{name} {self._timeline.why_none(int(stamps[0]))}'
 
     def _make(self, segment: Segment, stamps: list[int], rows: bytes) -> bytearray:
-        """The rows of stamps, with the log times of others.
+        """The rows of stamps, with the log times of others; fewer where one has no state.
 
         Raises:
-            LogError: What is logged describes no state.
+            LinkageError: What is logged first describes no state.
+            LogError: It belongs to another drive.
         """
-        if not stamps:
-            return bytearray()
-        ahead = None
-        if isinstance(segment, SpeedSegment):
-            if self._motion is None or self._motion.segment is not segment:
-                self._motion = SpeedMotion(segment)
-            coordinates = self._motion.at_all(stamps)
-            ahead = self._simulator.ahead(self._motion, stamps)
-        elif self._torque:
-            coordinates = self._torque.coordinates(rows)
-        else:
-            raise LogError('has a motion under a torque, the configuration a speed')
-        times = self._layout.column(rows, self._layout.times)
-        return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
+        rows, ahead = rows[: len(stamps) * self._layout.size], None
+        try:
+            if isinstance(segment, SpeedSegment):
+                motion = SpeedMotion(segment)
+                coordinates = motion.at_all(stamps)
+                ahead = self._simulator.ahead(motion, stamps)
+            elif self._torque:
+                coordinates = self._torque.coordinates(rows)
+            else:
+                raise LogError('has a motion under a torque, the configuration a speed')
+            times = self._layout.column(rows, self._layout.times)
+            return self._simulator.rows(
+                stamps, coordinates, ahead, times=times, layout=self._layout
+            )
+        except LinkageError:
+            if len(stamps) == 1:
+                raise
+        return self._make(segment, stamps[: len(stamps) // 2], rows)
 
-    def _resume(self, row: bytes) -> str:
-        """Compares a state that is not that of the next tick."""
-        (stamp,) = self._stamps(row)
-        likeliest: tuple[MotionPiece, bytearray] | None = None
-        for piece in self.timeline.pieces_at(stamp):
-            try:
-                made = self._make(piece.segment, [stamp], row)
-            except LinkageError as error:
-                return f'{self._state(stamp)} {error}'
-            if self.comparison.equal(row, made):
-                self.timeline.take(piece, stamp)
-                return self._take(row, [stamp])
-            likeliest = likeliest or (piece, made)
-        if likeliest is None:
-            return f'{self._state(stamp)} {self.timeline.why_none(stamp)}'
-        piece, made = likeliest
-        words = self.comparison.difference(row, made)
-        where = f'state {self.states + 1}, stamp {seconds(stamp)}'
-        return f'{words}; {where}, in piece of motion {piece.number}'
-
-    def _state(self, stamp: int) -> str:
-        return f'the stamp {seconds(stamp)} of state {self.states + 1}'
-
-    def _take(self, rows: bytes, stamps: Sequence[int]) -> str:
+    def _take(
+        self, piece: MotionPiece, ticks: list[int], stamps: Stamps, rows: bytes
+    ) -> tuple[int, str]:
         """Goes on behind states whose bytes are right.
 
         Returns:
-            What is wrong with their times or, under a torque, with what they follow from.
+            How many have right times and, under a torque, follow from the state before them; what
+            is wrong with the next one.
         """
-        times = self._times(rows)
-        number, wrong = self._mistimed(times, stamps)
-        if self._torque and not wrong:
-            first = self.timeline.tick - len(stamps) + 1
-            number, wrong = self._torque.follow(first, rows)
-        self.states += number
-        return f'{self._state(stamps[number])} {wrong}' if wrong else ''
-
-    def _mistimed(self, times: npt.NDArray[np.int64], stamps: Sequence[int]) -> tuple[int, str]:
-        """How many log times are right, and what is wrong with the next one."""
+        rows = rows[: len(ticks) * self._layout.size]
+        times = self._layout.column(rows, self._layout.times).astype(np.int64)
         if self._recorded:
-            return self._unlike_a_record(times, stamps)
-        piece, self._piece_before = self._piece_before, self.timeline.piece
-        fell, self._fell = self._fell, ''
-        if piece is not self._piece_before and self._piece_before.segment.old_stamp is not None:
-            # The clock may have been set back between the stamp of a state and its log time.
-            self._latest, fell = int(times[0]), ''
-        latest = np.maximum.accumulate([self._latest, *times.tolist()])
-        self._latest = int(latest[-1])
-        early = np.flatnonzero(times < latest[1:] - 2 * CLOCK_STEP)
-        if fell or not len(early):
-            return (0, fell) if fell else (len(times), '')
-        place = int(early[0])
-        words = f'was logged at {seconds(int(times[place]))}, before states that it follows'
-        if place < len(times) - 1:
-            return place, words
-        self._fell = words
-        return len(times), ''
+            number, wrong = self._unlike_a_record(ticks, stamps, times)
+        else:
+            number, wrong = self._mistimed(piece, stamps, times)
+        if self._torque and not wrong:
+            number, words = self._torque.follow(ticks, rows)
+            wrong = words and f'{self._state(number + 1, stamps[number])} {words}'
+        self._timeline.take(piece, ticks, int(stamps[-1]))
+        return number, wrong
 
-    def _unlike_a_record(
-        self, times: npt.NDArray[np.int64], stamps: Sequence[int]
-    ) -> tuple[int, str]:
-        if missed := self.timeline.missed:
-            return 0, f'comes after {missed} lost states: a record has every tick'
-        wrong = np.flatnonzero(times != np.array(stamps))
-        if not len(wrong):
+    def _state(self, number: int, stamp: int) -> str:
+        """A state in words: its number, counted from behind those that are equal."""
+        return f'the stamp {seconds(int(stamp))} of state {self.states + number}'
+
+    def _unlike_a_record(self, ticks: list[int], stamps: Stamps, times: Stamps) -> tuple[int, str]:
+        """How many states have the log times of a record, and what is wrong with the next."""
+        lost = np.diff(ticks, prepend=self._timeline.tick) - 1
+        wrong = (times != stamps) | (lost > 0)
+        if not wrong.any():
+            return len(ticks), ''
+        i = int(wrong.argmax())
+        words = f'was logged at {seconds(int(times[i]))}: a record has its stamp'
+        if lost[i]:
+            words = f'comes after {lost[i]} lost states: a record has every tick'
+        return i, f'{self._state(i + 1, stamps[i])} {words}'
+
+    def _mistimed(self, piece: MotionPiece, stamps: Stamps, times: Stamps) -> tuple[int, str]:
+        """The same of a live run, where only the state before a step of the clock may be early.
+
+        Each is looked at when the one behind it is known, the last one at the end.
+        """
+        if piece.anchor != self._timeline.piece.anchor:
+            self._latest = self._before = 0
+        before = np.array([self._before, *times[:-1]])
+        latest = np.maximum.accumulate(np.maximum(before, self._latest))
+        early = before < latest - 2 * CLOCK_STEP
+        self._latest, self._before = int(latest[-1]), int(times[-1])
+        if not early.any():
             return len(times), ''
-        place = int(wrong[0])
-        return place, f'was logged at {seconds(int(times[place]))}: a record has its stamp'
+        i = int(early.argmax())
+        self._before = int(before[i])
+        return i, self._logged_early(i, stamps[i - 1] if i else self._timeline.last or 0)
 
-
-def _in_common(found: Sequence[int], due: Sequence[int]) -> int:
-    """How many numbers at the beginning of two sequences are equal."""
-    pairs = zip(found, due, strict=False)
-    return next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(found), len(due)))
+    def _logged_early(self, number: int, stamp: int) -> str:
+        logged = f'was logged at {seconds(self._before)}, before states that it follows'
+        return f'{self._state(number, stamp)} {logged}'

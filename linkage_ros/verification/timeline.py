@@ -7,9 +7,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from linkage_ros.motion.segments import Segment
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_S, TIME_END
 
 
 def seconds(stamp: int) -> str:
@@ -31,13 +34,13 @@ class MotionPiece:
         segment: The segment.
         number: Which piece that is, from 1.
         anchor: Stamp of tick 0 on the clock as it stands, ns.
-        end: First stamp that belongs to the next piece, on this piece's clock; None: it is last.
+        end: First stamp that belongs to the next piece, on this piece's clock.
     """
 
     segment: Segment
     number: int
     anchor: int
-    end: int | None
+    end: int
 
 
 class Timeline:
@@ -57,74 +60,55 @@ class Timeline:
             simulator: Knows the ticks.
             motions: All segments, in order; at least one.
         """
-        self._simulator = simulator
-        self._pieces: list[MotionPiece] = []
-        anchor = motions[0].stamp
-        for number, motion in enumerate(motions, 1):
-            if motion.old_stamp is not None:
-                anchor += motion.stamp - motion.old_stamp
-            following = motions[number] if number < len(motions) else None
-            end = None if following is None else moment(following)
+        self._simulator, self._pieces = simulator, list[MotionPiece]()
+        anchor, ends = motions[0].stamp, [*map(moment, motions[1:]), TIME_END]
+        for number, (motion, end) in enumerate(zip(motions, ends, strict=True), 1):
+            anchor += motion.stamp - moment(motion)
             self._pieces.append(MotionPiece(motion, number, anchor, end))
-        self.piece, self.missed = self._pieces[0], 0
+        self.piece, self.missed, self.tick = self._pieces[0], 0, -1
         self.last: int | None = None
-        self.tick = -1
 
-    def late(self, stamp: int) -> int:
-        """How far a stamp is behind the last tick at or before it, ns; 0 on a tick."""
-        return self._late(self.piece, stamp)
+    def pieces_at(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[MotionPiece, list[int]]]:
+        """The pieces that the next stamps may lie in, the likeliest first.
 
-    def pieces_at(self, stamp: int) -> Iterator[MotionPiece]:
-        """The pieces that the next stamp may lie in, the likeliest first.
-
-        It is a tick of theirs, later than the last one. Where clocks overlap because one was set
-        back, only the values of the state tell which piece it is.
+        Where clocks overlap because one was set back, only the values of the states tell which
+        piece it is.
 
         Args:
-            stamp: The next one, ns.
+            stamps: The next ones, ns; at least one.
 
         Yields:
-            The pieces, in order.
+            A piece, and the ticks of all stamps at the beginning that are ticks of it, each later
+            than the one before.
         """
         for piece in self._pieces[self.piece.number - 1 :]:
-            if stamp < piece.segment.stamp or (piece.end is not None and stamp >= piece.end):
-                continue
-            if not self._late(piece, stamp) and self._tick_of(piece, stamp) > self.tick:
-                yield piece
+            if piece.segment.stamp <= stamps[0] < piece.end:
+                elapsed = stamps.astype(object) - piece.anchor
+                ticks = self._simulator.tick_at(elapsed)
+                off = self._simulator.elapsed(ticks) != elapsed
+                back = np.diff(ticks, prepend=self.tick) <= 0
+                wrong = off | back | (stamps < piece.segment.stamp) | (stamps >= piece.end)
+                count = int(wrong.argmax()) if wrong.any() else len(stamps)
+                if count:
+                    yield piece, ticks[:count].tolist()
 
-    def following(self, count: int) -> list[int]:
-        """The stamps of the next ticks, as far as they lie in the same piece; at most so many."""
-        anchor, end, first = self.piece.anchor, self.piece.end, self.tick + 1
-        stamps = [anchor + self._simulator.elapsed(tick) for tick in range(first, first + count)]
-        return [stamp for stamp in stamps if end is None or stamp < end]
-
-    def advance(self, count: int, last: int) -> None:
-        """Goes on by so many ticks, to a stamp, ns."""
-        self.tick, self.last = self.tick + count, last
-
-    def take(self, piece: MotionPiece, stamp: int) -> None:
-        """Goes on to a stamp.
+    def take(self, piece: MotionPiece, ticks: list[int], last: int) -> None:
+        """Goes on by some states.
 
         Args:
             piece: From `pieces_at`.
-            stamp: The next one, ns.
+            ticks: Their ticks.
+            last: The last one's stamp, ns.
         """
-        tick = self._tick_of(piece, stamp)
-        self.missed += tick - self.tick - 1
-        self.piece, self.tick, self.last = piece, tick, stamp
+        self.missed += ticks[-1] - self.tick - len(ticks)
+        self.piece, self.tick, self.last = piece, ticks[-1], last
 
     def why_none(self, stamp: int) -> str:
         """What is wrong with a stamp that lies in no piece."""
         if self.last is not None and stamp <= self.last:
             return f'is not after the one before it, {seconds(self.last)}'
-        if late := self.late(stamp):
+        elapsed = stamp - self.piece.anchor
+        if late := elapsed - self._simulator.elapsed(self._simulator.tick_at(elapsed)):
             rate = self._simulator.configuration.session.rate_hz
             return f'is no tick of rate_hz = {rate:g}: {late} ns late'
         return 'lies in no piece of motion'
-
-    def _tick_of(self, piece: MotionPiece, stamp: int) -> int:
-        return self._simulator.tick_at(stamp - piece.anchor)
-
-    def _late(self, piece: MotionPiece, stamp: int) -> int:
-        elapsed = stamp - piece.anchor
-        return elapsed - self._simulator.elapsed(self._simulator.tick_at(elapsed))

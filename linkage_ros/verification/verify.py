@@ -12,20 +12,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from linkage_ros.errors import LogError
 from linkage_ros.log.channels import Pairing, measured_channel, paired
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.follow_check import FollowCheck
 from linkage_ros.verification.motion_check import check_motions
 from linkage_ros.verification.row_comparison import RowComparison
 from linkage_ros.verification.state_check import StateCheck
-from linkage_ros.verification.timeline import Timeline, seconds
+from linkage_ros.verification.timeline import seconds
 from linkage_ros.verification.topic_check import check_topics, has_states
-from linkage_ros.verification.torque_check import TorqueCheck
-from linkage_ros.wire.rows import RowLayout
-from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
+from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 
 _BATCH = 1024  # states that are compared at a time
 _CONTEXT = 12  # bytes shown on either side of the first that differs
@@ -133,7 +130,7 @@ def _compare(
             others.check(message)
             following.hear(message)
     else:
-        check = _check(log, simulator, pairings, comparison, layout)
+        check = StateCheck(log, simulator, layout, comparison)
     waiting = bytearray()
     tail, stray, difference = b'', None, ''
     for rows, stray in log.rows(layout, hear):
@@ -156,32 +153,6 @@ def _compare(
     there = len([start for start in layout.starts if start < len(tail)])
     cut = tuple(names[there:]) if tail and not stray else ()
     return _Found(check.states, check.missed, cut, comparison.ulp, difference)
-
-
-def _check(
-    log: LogReader,
-    simulator: Simulator,
-    pairings: list[Pairing],
-    comparison: RowComparison,
-    layout: RowLayout,
-) -> StateCheck:
-    """What compares the states of a log.
-
-    Raises:
-        LogError: Nothing explains or dates them.
-    """
-    if not any(topic.interface.is_stamped for _, topic in pairings):
-        raise LogError(f'{log.path} cannot be verified: none of its topics has stamps')
-    if not log.motions:
-        raise LogError(f'{log.path} cannot be verified: it has states but no motion record')
-    # A run on simulated time may begin at 0 as well.
-    live = any(topic.type == DIAGNOSTICS.interface.name for topic in log.topics)
-    recorded = not live and log.motions[0].stamp == 0
-    drive, torque = simulator.configuration.drive, None
-    if isinstance(drive, TorqueDrive):
-        torque = TorqueCheck(simulator, drive, layout, recorded=recorded)
-    timeline = Timeline(simulator, log.motions)
-    return StateCheck(simulator, layout, comparison, timeline, torque, recorded=recorded)
 
 
 class _Others:
