@@ -14,7 +14,7 @@ import pytest
 from pages import ROOT, read
 
 from linkage_ros.log import writer
-from linkage_ros.log.untrusted_chunks import LARGEST
+from linkage_ros.log.mcap_file import LARGEST
 from linkage_ros.wire.topics import JOINT_COMMANDS, TOPICS, qualified
 
 DOCS = ROOT / 'docs'

@@ -13,12 +13,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import ConfigurationError, LogError, printable
 from linkage_ros.files import open_file
-from linkage_ros.log import untrusted_chunks, untrusted_mcap
+from linkage_ros.log.mcap_file import McapFile, Summary, parsed
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
@@ -27,7 +28,7 @@ from linkage_ros.log.metadata import (
     decode_end,
     decode_motion,
 )
-from linkage_ros.log.untrusted_chunks import message_of
+from linkage_ros.log.time_order import in_order
 from linkage_ros.units import TIME_END
 from linkage_ros.wire.rows import RowLayout, message_record
 
@@ -114,10 +115,14 @@ class LogReader(AbstractContextManager['LogReader']):
 
     def _open(self) -> None:
         self._summary = summary = self._read_summary()
+        statistics = summary.statistics
         offsets = [index.offset for index in summary.metadata]
         if any(b <= a for a, b in pairwise(offsets)):  # one large record, many times
             raise LogError('it is damaged: its metadata index goes back')
-        records = [untrusted_mcap.read_metadata(self._stream, offset) for offset in offsets]
+        found = [McapFile(self._stream).record(offset) for offset in offsets]
+        if any(opcode != Opcode.METADATA for opcode, *_ in found):
+            raise LogError('it is damaged: its index tells of metadata where there is none')
+        records = [parsed(opcode, body) for opcode, body, _ in found]
         # The index is under the summary's checksum, the records' names are under none.
         if [record.name for record in records] != [i.name for i in summary.metadata]:
             raise LogError('it is damaged: its metadata records are not those of its index')
@@ -126,12 +131,17 @@ class LogReader(AbstractContextManager['LogReader']):
             raise LogError('it is no log of linkage_ros: it has no configuration record')
         if len(about) > 1:
             raise LogError(f'it has {len(about)} configuration records: which one explains it?')
+        if statistics.chunk_count != len(summary.chunks):
+            raise LogError('it is damaged: its index leaves out parts of it')
+        places = [chunk.chunk_start_offset for chunk in summary.chunks]
+        if any(later <= earlier for earlier, later in pairwise(places)):
+            raise LogError('it is damaged: its chunks are not in the order of its index')
+        _share_offsets(summary.chunks)
         self.version, self.configuration = decode_configuration(about[0])
         self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
-        statistics = summary.statistics
         ends = [decode_end(r.metadata) for r in records if r.name == END_RECORD]
-        self.lost = ends[0] - summary.statistics.message_count if ends else 0
+        self.lost = ends[0] - statistics.message_count if ends else 0
         self.topics = tuple(
             _topic(channel, summary.schemas, statistics) for channel in summary.channels.values()
         )
@@ -139,7 +149,7 @@ class LogReader(AbstractContextManager['LogReader']):
         if not self.start <= self.end < TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are none of ROS')
 
-    def _read_summary(self) -> untrusted_mcap.Summary:
+    def _read_summary(self) -> Summary:
         """What stands at the end of the file, if that is whole and the file an MCAP file.
 
         Raises:
@@ -156,15 +166,9 @@ class LogReader(AbstractContextManager['LogReader']):
         self._stream.seek(self._stream.seek(0, os.SEEK_END) - _MAGIC_SIZE)
         if self._stream.read(_MAGIC_SIZE) != MCAP0_MAGIC:
             raise LogError(_CUT)
-        summary = untrusted_mcap.read_summary(self._stream)
+        summary = McapFile(self._stream).summary()
         if summary is None:
             raise LogError(_CUT)
-        if summary.statistics.chunk_count != len(summary.chunks):
-            raise LogError('it is damaged: its index leaves out parts of it')
-        places = [chunk.chunk_start_offset for chunk in summary.chunks]
-        if any(later <= earlier for earlier, later in pairwise(places)):
-            raise LogError('it is damaged: its chunks are not in the order of its index')
-        _share_offsets(summary.chunks)
         return summary
 
     def messages(
@@ -195,9 +199,7 @@ class LogReader(AbstractContextManager['LogReader']):
         }
         last = TIME_END if end is None else end
         with _damage_reported(self.path):
-            for message in untrusted_mcap.in_order(
-                self._stream, summary, wanted, start or 0, last
-            ):
+            for message in in_order(McapFile(self._stream), summary, wanted, start or 0, last):
                 yield self._message(message)
 
     def written(self) -> Iterator[LoggedMessage]:
@@ -235,7 +237,9 @@ class LogReader(AbstractContextManager['LogReader']):
                 yield item, None
                 continue
             # Rows may lie behind one that is not complete.
-            message = item if isinstance(item, Message) else message_of(layout.first(item))
+            message = (
+                item if isinstance(item, Message) else parsed(Opcode.MESSAGE, layout.first(item))
+            )
             if message.channel_id not in layout.channels:
                 other(self._message(message))
                 continue
@@ -265,18 +269,18 @@ class LogReader(AbstractContextManager['LogReader']):
         # By channel: a file that was merged from others may have several of one topic.
         expected, found = self._summary.statistics.channel_message_counts, Counter[int]()
         with _damage_reported(self.path), open_file(self.path) as stream:
-            allowance = untrusted_mcap.allowance_of(stream)
-            for data in untrusted_mcap.read_data(stream):
-                at = 0
+            file = McapFile(stream)
+            for part in file.parts():
+                data, at = part.data, 0
                 while at < len(data):
                     if layout and (count := layout.count(data, at)):
                         rows = data[at : at + count * layout.size]
-                        allowance.take_messages(count * len(layout.channels), len(rows))
+                        file.allowance.take(count * len(layout.channels), len(rows))
                         found.update(dict.fromkeys(layout.channels, count))
                         yield rows
                         at += len(rows)
                         continue
-                    record, at = untrusted_chunks.next_record(data, at, allowance)
+                    record, at = file.next_record(data, at)
                     if isinstance(record, Channel):
                         self._check_channel(record)
                     elif isinstance(record, Message):

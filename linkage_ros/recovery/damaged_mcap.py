@@ -13,39 +13,20 @@ import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from mmap import mmap
-from typing import NamedTuple
 
 import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from linkage_ros.log.untrusted_chunks import (
-    HEAD,
-    LARGEST,
-    Allowance,
-    parsed,
-    stream,
-    unpack,
-    unpacked_records,
-)
+from linkage_ros.log.mcap_file import HEAD, KINDS, LARGEST, McapFile, Part, parsed
 
-_KEPT: dict[int, type[Header | Schema | Channel | Metadata | Attachment]] = {
-    Opcode.HEADER: Header,
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.METADATA: Metadata,
-    Opcode.ATTACHMENT: Attachment,
-}
-# What else a data section holds; another opcode is damage. The lengths of what ends it.
-_OTHERS = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX)
-_ENDS: dict[int, int] = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
-# Bytes, beside a multiple of the file size, that damaged records may cost before it gives up:
-# thousands of places that look like the beginning of a long record would else be tried in turn.
-_PATIENCE = 1 << 30
+# What a data section holds, and the lengths of what ends it; another opcode is damage.
+_HELD = {Opcode.HEADER, *range(Opcode.SCHEMA, Opcode.MESSAGE_INDEX + 1), Opcode.ATTACHMENT,
+         Opcode.METADATA}  # fmt: skip
+_ENDS = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
 # The beginning of a chunk or of a metadata record of linkage_ros, wherever it is.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
+_LANDMARK_SIZE = 45
 
 
 @dataclass
@@ -67,153 +48,106 @@ class Losses:
     tail: int = 0
 
 
-class Stretch(NamedTuple):
-    """A part of the file: its end, the records in it, and whether they made up a chunk."""
-
-    end: int
-    records: list[McapRecord]
-    is_chunk: bool
-
-
-def walk(data: mmap, losses: Losses) -> Iterator[Stretch]:
+def walk(file: McapFile, losses: Losses) -> Iterator[Part]:
     """Reads the records that can be read, up to the end of the data section.
 
     Args:
-        data: The file, which begins as MCAP files do.
+        file: The file, which begins as MCAP files do.
         losses: Is told what cannot be read.
 
     Yields:
-        Stretches of the file, in order.
+        Records, in order; of the last one perhaps the beginning.
 
     Raises:
-        LogError: It unpacks to too much.
+        LogError: It unpacks to too much, or is damaged in too many places.
     """
-    at, hurt, patience = len(MCAP0_MAGIC), False, _PATIENCE + 16 * len(data)
-    chunked = False
-    allowance = Allowance(len(data))
-    while at < len(data):
-        opcode, end = _frame(data, at)
-        if _is_the_end(data, at):
-            return
+    at, hurt, chunked = len(MCAP0_MAGIC), False, False
+    while at < file.size:
+        opcode = file.read(at, 1)[0]
         # One wrong bit makes a header or an index a message: none comes first, or beside chunks.
         is_forged = opcode == Opcode.MESSAGE and (chunked or at == len(MCAP0_MAGIC))
-        is_credible = _is_whole(data, at) and not is_forged
-        records = _read(data, at, opcode, end, allowance) if is_credible else None
-        chunked = chunked or opcode == Opcode.CHUNK
-        allowance.check()
-        if records is not None:
+        chunked |= opcode == Opcode.CHUNK
+        part = None if is_forged else _whole(file, at)
+        file.allowance.check()
+        if part and part.opcode in _ENDS:
+            return
+        if part:
             if opcode == Opcode.MESSAGE_INDEX and hurt:
-                losses.messages += (end - at - HEAD.size - 6) // 16
-            hurt = hurt and opcode != Opcode.CHUNK
-            yield Stretch(end, records, opcode == Opcode.CHUNK)
-            at = end
+                losses.messages += (part.end - at - HEAD.size - 6) // 16
+            hurt &= opcode != Opcode.CHUNK
+            yield part
+            at = part.end
             continue
         hurt = opcode == Opcode.CHUNK
-        # Where the length of a chunk is right, the next record is known; elsewhere it may lie
-        # within what the damaged length claims.
-        is_framed = hurt and _is_whole(data, at) and _is_whole(data, end)
-        after = end if is_framed else _next_landmark(data, at + 1)
-        patience -= _effort(data, at)
-        if after is None or patience < 0:
-            losses.tail = len(data) - at
-            yield Stretch(len(data), _begun(data, at, allowance), is_chunk=True)
-            return
+        after = _next_place(file, at)
+        if after is None:
+            losses.tail = file.size - at
+            yield Part(Opcode.CHUNK, _begun(file, at), file.size)
+            break
         losses.places += 1
         losses.damaged += after - at
         at = after
+    file.allowance.check()
 
 
-def _frame(data: mmap, at: int) -> tuple[int, int]:
-    """Opcode and end of the record at a place; (0, the file's end) where there is none."""
-    if at + HEAD.size > len(data):
-        return 0, len(data)
-    opcode, length = HEAD.unpack_from(data, at)
-    return opcode, at + HEAD.size + length
+def _whole(file: McapFile, at: int) -> Part | None:
+    """The record at a place; None if it is damaged, or too large to be read."""
+    with suppress(Exception):  # nothing bounds what damage makes a parser raise
+        if _is_possible(file, at):
+            part = file.part(at)
+            if part.opcode in KINDS and part.opcode != Opcode.CHUNK:
+                _, body, _ = file.record(at)
+                return part._replace(record=parsed(part.opcode, body))
+            return part
+    return None
 
 
-def _is_the_end(data: mmap, at: int) -> bool:
-    """Whether the data section ends at a place: one wrong bit makes a chunk look so."""
-    opcode, end = _frame(data, at)
-    return end <= len(data) and end - at - HEAD.size == _ENDS.get(opcode)
+def _is_possible(file: McapFile, at: int) -> bool:
+    """Whether a record of a data section may be at a place: its opcode and end are right.
+
+    Raises:
+        Exception: There is none.
+    """
+    opcode, end = file.frame(at)
+    return opcode in _HELD or end - at - HEAD.size == _ENDS.get(Opcode(opcode))
 
 
-def _is_whole(data: mmap, at: int) -> bool:
-    """Whether a record at a place lies within the file, and its length fits its parts."""
-    opcode, end = _frame(data, at)
-    if _is_the_end(data, at):
-        return True
-    if (opcode not in _KEPT and opcode not in _OTHERS) or end > len(data):
-        return False
-    body = at + HEAD.size
-    if opcode == Opcode.MESSAGE_INDEX:
-        return end == body + 6 + _number(data, body + 2, 4)
-    if opcode == Opcode.CHUNK:
-        start = body + 32 + _number(data, body + 28, 4)
-        return end == start + 8 + _number(data, start, 8)
-    return True
+def _next_place(file: McapFile, at: int) -> int | None:
+    """Where to go on behind a damaged record; None if nothing is behind it.
+
+    Where the length of a chunk is right, the next record is known; elsewhere it may lie within
+    what the damaged length claims.
+
+    Raises:
+        LogError: Too many places were tried.
+    """
+    # To try this one may have taken as much: thousands that look like chunks are not tried.
+    file.allowance.take(0, LARGEST)
+    with suppress(Exception):
+        opcode, end = file.frame(at)
+        if opcode == Opcode.CHUNK and _is_possible(file, end):
+            return end
+    at += 1
+    while len(data := file.read(at, LARGEST)) >= _LANDMARK_SIZE:
+        for found in _LANDMARK.finditer(data):
+            with suppress(Exception):
+                if _is_possible(file, at + found.start()):
+                    return at + found.start()
+        at += len(data) - _LANDMARK_SIZE + 1
+    return None
 
 
-def _effort(data: mmap, at: int) -> int:
-    """Bytes that were copied and unpacked to find out that a record is damaged."""
-    if not _is_whole(data, at):
-        return 0
-    opcode, end = _frame(data, at)
-    unpacked = _number(data, at + HEAD.size + 16, 8) if opcode == Opcode.CHUNK else 0
-    return end - at + min(unpacked, LARGEST)
-
-
-def _number(data: mmap, at: int, size: int) -> int:
-    return int.from_bytes(data[at : at + size], 'little')
-
-
-def _next_landmark(data: mmap, at: int) -> int | None:
-    places = (found.start() for found in _LANDMARK.finditer(data, at))
-    return next((place for place in places if _is_whole(data, place)), None)
-
-
-def _read(
-    data: mmap, at: int, opcode: int, end: int, allowance: Allowance
-) -> list[McapRecord] | None:
-    """The records in a stretch of the file; None if it is damaged, or too large to be read."""
-    if end - at > HEAD.size + LARGEST and opcode != Opcode.ATTACHMENT:
-        return None
-    body = data[at + HEAD.size : end]
-    source = stream(body)
-    try:
-        if opcode == Opcode.CHUNK:
-            return _unpacked(unpack(Chunk.read(source)), allowance)
-        if opcode == Opcode.MESSAGE:
-            return [parsed(opcode, body)]
-        kind = _KEPT.get(opcode)
-        found: list[McapRecord] = [kind.read(source)] if kind else []
-        # A damaged length would swallow what lies behind the record.
-        return None if kind and source.count != len(body) else found
-    except Exception:  # noqa: BLE001, nothing bounds what damage makes a parser raise
-        return None
-
-
-def _unpacked(data: bytes, allowance: Allowance) -> list[McapRecord]:
-    """The whole records at the beginning of a chunk's data."""
-    records: list[McapRecord] = []
-    with suppress(Exception):  # as above
-        records.extend(unpacked_records(data, allowance))
-    return records
-
-
-def _begun(data: mmap, at: int, allowance: Allowance) -> list[McapRecord]:
+def _begun(file: McapFile, at: int) -> bytes:
     """What can be unpacked of a chunk that the end of the file cuts off."""
-    opcode, end = _frame(data, at)
-    if opcode != Opcode.CHUNK or end <= len(data):
-        return []
-    body = at + HEAD.size
     try:
-        chunk = Chunk.read(stream(data[body : body + LARGEST]))
+        opcode, length = HEAD.unpack(file.read(at, HEAD.size))
+        if opcode != Opcode.CHUNK or at + HEAD.size + length <= file.size:
+            return b''
+        chunk = parsed(Opcode.CHUNK, file.read(at + HEAD.size, LARGEST))
         unpacking = zstandard.ZstdDecompressor(max_window_size=LARGEST)
-        unpacked = unpacking.stream_reader(chunk.data).read(LARGEST)
+        data: bytes = unpacking.stream_reader(chunk.data).read(LARGEST)
     except Exception:  # noqa: BLE001, as above
-        return []
+        return b''
     # All of it is there where only the length is damaged, and then it has to be right.
-    size, expected = chunk.uncompressed_size, chunk.uncompressed_crc
-    if len(unpacked) >= size and zlib.crc32(unpacked) != expected:
-        return []
-    return _unpacked(unpacked, allowance)
+    is_wrong = len(data) >= chunk.uncompressed_size and zlib.crc32(data) != chunk.uncompressed_crc
+    return b'' if is_wrong else data

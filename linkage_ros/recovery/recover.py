@@ -7,19 +7,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
-from mcap.records import Metadata
+from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from linkage_ros.errors import LogError
 from linkage_ros.files import is_written, open_file, path_exists
-from linkage_ros.log.metadata import CONFIGURATION_RECORD
-from linkage_ros.log.untrusted_mcap import Summary, read_summary
-from linkage_ros.recovery.damaged_mcap import Losses, Stretch, walk
-from linkage_ros.recovery.record_copy import CHUNK_SIZE, RecordCopy, is_undamaged
+from linkage_ros.log.mcap_file import McapFile, Summary
+from linkage_ros.recovery.damaged_mcap import Losses, walk
+from linkage_ros.recovery.record_copy import CHUNK_SIZE, RecordCopy
 from linkage_ros.units import NS_PER_S
 
 
@@ -60,25 +58,18 @@ def recover(
             cannot be written or is the source.
     """
     source, target = Path(source), Path(target)
-    with _opened(source) as log:
-        if not _has_configuration(log):
-            raise LogError(f'{source} has no configuration record: it cannot be recovered')
+    with _opened(source) as file:
         if path_exists(target) and target.samefile(source):
             raise LogError(f'{target} is the broken log itself: choose another name')
-        with _replaced(target, overwrite=overwrite) as part:
-            return _copy(log, part, progress)
-
-
-class _Source(NamedTuple):
-    """The broken log: its name, the open file, and its bytes."""
-
-    path: Path
-    stream: BinaryIO
-    data: mmap
+        with _replaced(target, overwrite=overwrite) as path:
+            try:
+                return _copy(file, path, progress)
+            except LogError as error:
+                raise LogError(f'{source} cannot be recovered: {error}') from error
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[_Source]:
+def _opened(path: Path) -> Iterator[McapFile]:
     """Opens a log.
 
     Raises:
@@ -90,8 +81,7 @@ def _opened(path: Path) -> Iterator[_Source]:
             size = os.fstat(stream.fileno()).st_size
             if not size or stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
                 raise LogError(f'{path} is no MCAP file: nothing in it can be recovered')
-            with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
-                yield _Source(path, stream, data)
+            yield McapFile(stream)
     except OSError as error:
         raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
 
@@ -129,51 +119,26 @@ def _replaced(target: Path, *, overwrite: bool) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
-def _stretches(source: _Source, losses: Losses) -> Iterator[Stretch]:
-    """What can be read of a log.
+def _copy(file: McapFile, path: Path, progress: Callable[[int], object]) -> Recovered:
+    """Copies a log.
 
     Raises:
-        LogError: It unpacks to too much.
+        LogError: It unpacks to too much, or has no configuration.
     """
-    try:
-        yield from walk(source.data, losses)
-    except LogError as error:
-        raise LogError(f'{source.path} cannot be recovered: {error}') from error
-
-
-def _has_configuration(source: _Source) -> bool:
-    """Whether the log explains itself; looked for up to the first such record."""
-    return any(
-        isinstance(record, Metadata)
-        and record.name == CONFIGURATION_RECORD
-        and is_undamaged(record)
-        for stretch in _stretches(source, Losses())
-        for record in stretch.records
-    )
-
-
-def _spare(source: _Source) -> Summary | None:
-    """The schemas and channels that a complete file repeats at its end, if it is complete."""
-    try:
-        return read_summary(source.stream)
-    except Exception:  # noqa: BLE001, nothing bounds what damage makes a parser raise
-        return None
-
-
-def _copy(source: _Source, path: Path, progress: Callable[[int], object]) -> Recovered:
-    losses, before = Losses(), 0
+    losses, before, spare = Losses(), 0, Summary()
+    with suppress(Exception):  # of a file that is not complete, or damaged there
+        spare = file.summary() or spare
     with path.open('wb') as stream:
         writer = Writer(stream, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD)
-        copy = RecordCopy(writer, losses, _spare(source))
-        for end, records, is_chunk in _stretches(source, losses):
-            for record in records:
-                copy.add(record)
-            if is_chunk:
-                copy.write_messages()
+        copy = RecordCopy(writer, file, losses, spare)
+        for part in walk(file, losses):
+            copy.add(part)
+            if part.opcode == Opcode.CHUNK:
                 writer.flush()
-            progress(end - before)
-            before = end
-        copy.write_messages()
+            progress(part.end - before)
+            before = part.end
+        if not copy.is_configured:
+            raise LogError('it has no configuration record')
         writer.finish()
     found = copy.chunks.statistics
     duration = (found.message_end_time - found.message_start_time) / NS_PER_S
