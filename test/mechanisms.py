@@ -278,9 +278,10 @@ def is_close(got, expected, ulps, mechanism):
 def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, period=8, floor=1e-20):
     """Errors of position, velocity, acceleration, torque and points, over their largest values.
 
-    Angles count in rad. The largest values are those over these angles and `period` more,
-    spread over two turns. A quantity below `floor` of its natural size, such as the spin of a
-    parallelogram's coupler or the place of a slider that stays at 0, is held to that.
+    Angles count in rad. The largest values are those over these angles, and by the solver over
+    `period` more, spread over two turns. A quantity below `floor` of its natural size, such as
+    the spin of a parallelogram's coupler or the place of a slider that stays at 0, is held to
+    that.
 
     Args:
         solver: The solver under test.
@@ -297,14 +298,18 @@ def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, peri
     oracle = Oracle(solver.mechanism, lengths)
     start = 0.1 if oracle.is_free else float(mp.mpf(angles[0]) - oracle.angle(angles[0])) + 0.1
     spread = [start + 4 * math.pi * i / period for i in range(period)]
-    asked = [asked_of_oracle(solver.mechanism, x, speed, acceleration) for x in (*angles, *spread)]
+    asked = [asked_of_oracle(solver.mechanism, x, speed, acceleration) for x in angles]
     states = [oracle.state(*x) for x in asked]
     rows = [_row(state) for state in states]
-    largest = [max(map(abs, column)) for column in zip(*rows, strict=True)]
+    natural = oracle.natural(speed, acceleration)
+    usual = moving(solver, np.array(spread), speed, acceleration)
+    columns = zip(
+        zip(*rows, strict=True), map(_beyond_rounding, _row(usual), natural), strict=True
+    )
+    largest = [max(map(abs, (*own, *others))) for own, others in columns]
     count = len(oracle.turning)
     for i, turns in enumerate(oracle.turning):
         largest[i] = mp.mpf(1) if turns else largest[i]
-    natural = oracle.natural(speed, acceleration)
     scales = [x if x > floor * n else mp.mpf(n) for x, n in zip(largest, natural, strict=True)]
     if oracle.is_free:  # there the torque is given, and goes through the accelerations
         fastest = [float(max(largest[i * count : (i + 1) * count])) for i in (1, 2)]
@@ -322,7 +327,7 @@ def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, peri
     square = speed**2 + abs(acceleration)
     units = [solver.mechanism.crank.length * x for x in (1, abs(speed) or 1, square)]
     traced = [oracle.trace(state) for state in states]
-    of_points = _point_errors(solver, traced, (alone, together), units)
+    of_points = _point_errors(solver, traced, usual, (alone, together), units)
     return *(max(worst[i * count : (i + 1) * count]) for i in range(3)), worst[-1], of_points
 
 
@@ -330,14 +335,20 @@ def _row(state):
     return *state.position, *state.velocity, *state.acceleration, state.torque
 
 
-def _point_errors(solver, traced, asked, units):
+def _beyond_rounding(values, size):
+    """Those values that are more than the rounding of something of this size."""
+    return [x for x in np.atleast_1d(values).tolist() if abs(x) > 1e-12 * size]
+
+
+def _point_errors(solver, traced, usual, asked, units):
     """The largest error of any point, relative to the largest length of its vector."""
     (alone, together), worst = asked, 0.0
     for name in traced[0]:
         arrays = [vector(x) for x in solver.point(together, name)]
         for order, array in enumerate(arrays):
             right = [each[name][order] for each in traced]
-            size = max(map(abs, right))
+            others = _beyond_rounding(vector(solver.point(usual, name)[order]), units[order])
+            size = max(map(abs, (*right, *others)))
             # B of a folded slider-crank rests at A0.
             size = size if size > 1e-20 * units[order] else units[order]
             one_by_one = [complex(*solver.point(state, name)[order]) for state in alone]
