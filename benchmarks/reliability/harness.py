@@ -13,9 +13,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -125,16 +126,24 @@ def running(*arguments: object, domain: int, prefix: Sequence[str] = ()) -> Iter
             process.end(signal.SIGKILL)
 
 
-def node(domain: int, prefix: Sequence[str] = (), **parameters: object) -> Any:
-    """`running` for linkage_node with some parameters."""
-    arguments = '-m', 'linkage_ros.node', *words(parameters)
+def node(
+    domain: int,
+    prefix: Sequence[str] = (),
+    remaps: Mapping[str, str] = MappingProxyType({}),
+    **parameters: object,
+) -> Any:
+    """`running` for linkage_node with some parameters, and other names for some topics."""
+    names = (word for pair in remaps.items() for word in ('-r', ':='.join(pair)))
+    arguments = '-m', 'linkage_ros.node', *words(parameters), *names
     return running(*arguments, domain=domain, prefix=prefix)
 
 
 @contextmanager
-def listening(domain: int, path: Path, prefix: Sequence[str] = ()) -> Iterator[Process]:
+def listening(
+    domain: int, path: Path, prefix: Sequence[str] = (), topic: str = 'joint_states'
+) -> Iterator[Process]:
     """A subscriber in another process, which leaves what it heard (see `listener.py`)."""
-    with running(LISTENER, path, domain=domain, prefix=prefix) as process:
+    with running(LISTENER, path, topic, domain=domain, prefix=prefix) as process:
         wait_for(lambda: 'listening' in process.output)
         yield process
 

@@ -1,0 +1,92 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A node that follows a measured crank, beside the speed-driven node that it hears.
+
+The speed-driven node, as the robot, publishes joint states at 100, 500 and 1000 Hz; the other one
+hears them from its own process and answers each. Both log, and a subscriber in another process
+hears each: how old their states are at its arrival, and what both take of a core, in one run.
+The log of the answers must verify, which compares each with its measurement, and its joints and
+rates are compared with the reference of 100 digits.
+
+    python benchmarks/reliability/follow.py --out docs    docs/follow.json, in four minutes
+
+Exit code 1 where a promise does not hold.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from harness import DOMAIN, finish, listening, node, options, wait_for
+from realtime import SETTLE, heard
+
+from linkage_ros.lab.reference.states import Reference
+from linkage_ros.log.reader import LogReader
+from linkage_ros.run.simulator import Simulator
+from linkage_ros.verification.verify import verify
+
+RATES = (100.0, 500.0, 1000.0)  # Hz
+MEASURED, ANSWERS = '/joint_states', '/linkage/joint_states'
+REMAPS = {'measured_joint_states': MEASURED, 'joint_states': ANSWERS}
+COMPARED = 200  # states
+
+
+def compared(path: Path) -> dict[str, Any]:
+    """Verifies a log, and compares joints, rad, and rates, relative to the crank's."""
+    errors = []
+    with LogReader(path) as log:
+        simulator, difference = Simulator(log.configuration), verify(log).difference
+        answers = [simulator.joint_states.decode(m.data) for m in log.messages([ANSWERS])]
+    for _, values in answers[:: 1 + len(answers) // COMPARED]:
+        crank, coupler, rocker, speed, *rates = values[:6]
+        exact = Reference(simulator.configuration.mechanism, speed, 0.0).state(crank)
+        ours = coupler + crank, rocker, rates[0] / speed + 1.0, rates[1] / speed
+        true = *exact['position'], *(rate / speed for rate in exact['rate'])
+        apart = (float(a - b) for a, b in zip(ours, true, strict=True))
+        errors += [abs(math.remainder(one, 2 * math.pi)) for one in apart]
+    return {'answers': len(answers), 'difference': difference, 'error': max(errors)}
+
+
+def measure(rate: float, seconds: float) -> dict[str, Any]:
+    """Both nodes at one rate."""
+    with tempfile.TemporaryDirectory() as folder:
+        names = 'first.npy', 'second.npy', 'robot.mcap', 'follow.mcap'
+        first, second, log, followed = (Path(folder, name) for name in names)
+        with (
+            listening(DOMAIN, first) as one,
+            listening(DOMAIN, second, topic=ANSWERS) as other,
+            node(DOMAIN, remaps=REMAPS, drive='follow', log=followed) as following,
+            node(DOMAIN, rate_hz=rate, log=log) as robot,
+        ):
+            wait_for(lambda: 'heard' in other.output)
+            time.sleep(SETTLE)
+            before = robot.computed(), following.computed()
+            time.sleep(seconds)
+            shares = robot.computed() - before[0], following.computed() - before[1]
+            codes = [process.end() for process in (robot, following, one, other)]
+            assert codes[:2] == [0, 0], robot.output + following.output
+        return {
+            'speed': {'cpu_percent': 100 * shares[0] / seconds, **heard(first, rate, seconds)},
+            'follow': {'cpu_percent': 100 * shares[1] / seconds, **heard(second, rate, seconds)},
+            **compared(followed),
+        }
+
+
+def main() -> int:
+    """Prints the figures."""
+    given, found, kept = options(__doc__, seconds=(60.0, 's at each rate')), {}, {}
+    for name in map('{:g}'.format, RATES):
+        one = found[name] = measure(float(name), given.seconds)
+        print(f'{name} Hz: {one}', flush=True)
+        kept[f'{name} Hz: each measurement is answered once'] = not one['difference']
+        kept[f'{name} Hz: joints and rates within 1e-12'] = one['error'] <= 1e-12
+    return finish('follow', given.out, found, kept)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
