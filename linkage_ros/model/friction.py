@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.quantities import Checked, quantity
 
 
@@ -30,3 +31,11 @@ class Friction(Checked):
     guide: float = quantity(
         'number', 'friction coefficient of the guide', span=(0.0, 100.0), default=0.0
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.pin) != bool(self.pin_radius):
+            raise ConfigurationError(
+                f'friction.pin = {self.pin:g} with friction.pin_radius = {self.pin_radius:g}: '
+                'give both above 0, or leave both out'
+            )
