@@ -9,13 +9,13 @@ import sys
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
 
 from linkage_ros import cli
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.quantities import Quantity
 
 _NAME = 'linkage_chart'
+_MODULES = {'accuracy': 'methods', 'stability': 'methods'}  # others have their command's name
 # What the options may be.
 _RPM = Quantity('number', "crank speed instead of the file's", 'rpm', -1e6, 1e6)
 _BESIDES = replace(_RPM, meaning="crank speeds besides the file's")
@@ -26,25 +26,6 @@ _FLUCTUATION = Quantity(
 _TOLERANCE = Quantity('number', 'error that is allowed, a share of the peak', '', 1e-9, 1.0)
 _START = Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6)
 
-
-class _Command(NamedTuple):
-    """A command, which is a function of its own name.
-
-    Attributes:
-        module: Where the function is, in the room of commands; imported only where it is run.
-        purpose: One sentence.
-        examples: Command lines without the names.
-        options: Its own options.
-        usage: Instead of what argparse writes; empty: that.
-    """
-
-    module: str
-    purpose: str
-    examples: tuple[str, ...]
-    options: tuple[cli.Option, ...]
-    usage: str = ''
-
-
 _OUT: cli.Option = (('--out',), None, {
     'type': cli.path, 'default': Path(), 'metavar': 'DIR',
     'help': 'folder for the results, which are replaced (default: this one)',
@@ -54,11 +35,11 @@ _QUICK: cli.Option = (('--quick',), None, {
 })  # fmt: skip
 
 
-def _commands() -> dict[str, _Command]:
+def _commands() -> dict[str, cli.Command]:
     presets = f'parameter file, or a preset: {", ".join(preset_names())}'
     return {
-        'motion': _Command(
-            'motion', 'position, rate, acceleration and torque over one period: PNG and CSV',
+        'motion': cli.Command(
+            _draw, 'position, rate, acceleration and torque over one period: PNG and CSV',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
              'my_linkage.yaml --fluctuation 0.02'),
             (
@@ -71,18 +52,19 @@ def _commands() -> dict[str, _Command]:
                  {'metavar': 'F', 'note': '; adds the flywheel, and judges the motor: PNG'}),
                 (('--reactions',), None,
                  {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
+                _OUT,
             ),
         ),
-        'accuracy': _Command(
-            'methods', 'speed against accuracy of all methods: PNG and JSON',
-            ('--quick --out charts',), (_QUICK,),
+        'accuracy': cli.Command(
+            _draw, 'speed against accuracy of all methods: PNG and JSON',
+            ('--quick --out charts',), (_QUICK, _OUT),
         ),
-        'stability': _Command(
-            'methods', 'outcome of each method in the situations where some fail: PNG and JSON',
-            ('--quick --out charts',), (_QUICK,),
+        'stability': cli.Command(
+            _draw, 'outcome of each method in the situations where some fail: PNG and JSON',
+            ('--quick --out charts',), (_QUICK, _OUT),
         ),
-        'economy': _Command(
-            'economy', 'error of the torque without each of its terms: PNG and JSON',
+        'economy': cli.Command(
+            _draw, 'error of the torque without each of its terms: PNG and JSON',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 60 --tolerance 0.02 --quick --out charts'),
             (
                 (('params',), None, {'metavar': 'PARAMS', 'help': 'parameter file, or a preset'}),
@@ -91,11 +73,12 @@ def _commands() -> dict[str, _Command]:
                  {'nargs': '+', 'metavar': 'N', 'note': ' (default: a quarter to four times it)'}),
                 (('--tolerance',), _TOLERANCE,
                  {'default': 0.01, 'metavar': 'E', 'note': ' (default 0.01)'}),
+                _OUT,
             ),
             '%(prog)s PARAMS [options]',  # behind --rpm it would be one of them
         ),
-        'pump': _Command(
-            'pump', 'steady states of a wind pump over start and motor torque: PNG and JSON',
+        'pump': cli.Command(
+            _draw, 'steady states of a wind pump over start and motor torque: PNG and JSON',
             ('', 'my_pump.yaml --speeds 1 4 --quick --out charts'),
             (
                 (('params',), None,
@@ -104,6 +87,7 @@ def _commands() -> dict[str, _Command]:
                 _QUICK,
                 (('--speeds',), _START,
                  {'nargs': '+', 'default': [2.0, 6.0], 'metavar': 'W', 'note': ' (default 2 6)'}),
+                _OUT,
             ),
             '%(prog)s [PARAMS] [options]',  # behind --speeds they would be one of them
         ),
@@ -119,24 +103,21 @@ def _parser() -> argparse.ArgumentParser:
          'accuracy --quick --out charts', 'stability --out charts', 'economy quadrilateral',
          'pump --out charts'),
     )  # fmt: skip
-    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for name, own in _commands().items():
-        command = cli.add_command(commands, _NAME, name, own.purpose, own.examples)
-        cli.add_options(command, [*own.options, _OUT])
-        command.usage = own.usage or None
-        command.set_defaults(module=own.module)
+    cli.add_commands(parser, _commands())
     return parser
 
 
-def _run(options: argparse.Namespace) -> None:
-    module = import_module(f'linkage_ros.lab.commands.{options.module}')
+def _draw(options: argparse.Namespace) -> None:
+    """Runs the function of the command's name; its module is imported only now."""
+    room = 'linkage_ros.lab.commands'
+    module = import_module(f'{room}.{_MODULES.get(options.command, options.command)}')
     getattr(module, options.command)(options)
 
 
 def main() -> int:
     """Entry point."""
     options = _parser().parse_args()
-    return cli.run(_NAME, lambda: _run(options))
+    return cli.run(_NAME, lambda: options.run(options))
 
 
 if __name__ == '__main__':

@@ -13,10 +13,10 @@ import select
 import signal
 import sys
 import textwrap
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn, TextIO, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TextIO, TypeAlias
 
 from linkage_ros import __version__
 from linkage_ros.errors import ConfigurationError, LinkageError, missing_library, one_line
@@ -125,24 +125,32 @@ def add_options(parser: Any, options: Iterable[Option]) -> None:
             parser.add_argument(*names, **others)
 
 
-def add_command(
-    commands: Any, tool: str, name: str, purpose: str, examples: tuple[str, ...]
-) -> argparse.ArgumentParser:
+class Command(NamedTuple):
     """A command of an executable that has several.
 
-    Args:
-        commands: From `add_subparsers`.
-        tool: The executable.
-        name: Name of the command.
+    Attributes:
+        run: Does the work, with the options of the command line; returns an exit code or None.
         purpose: One sentence.
         examples: Command lines without both names.
-
-    Returns:
-        Its parser.
+        options: What it takes.
+        usage: Instead of what argparse writes; None: that.
     """
-    words = _described(f'{tool} {name}', purpose, examples)
-    parser: argparse.ArgumentParser = commands.add_parser(name, help=purpose, **words)
-    return parser
+
+    run: Callable[[argparse.Namespace], int | None]
+    purpose: str
+    examples: tuple[str, ...]
+    options: tuple[Option, ...]
+    usage: str | None = None
+
+
+def add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
+    """Adds commands to a parser; `options.run(options)` then runs the one that is given."""
+    parsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    for name, (run, purpose, examples, options, usage) in commands.items():
+        words = _described(f'{parser.prog} {name}', purpose, examples)
+        command = parsers.add_parser(name, help=purpose, usage=usage, **words)
+        add_options(command, options)
+        command.set_defaults(run=run)
 
 
 def _described(

@@ -7,7 +7,6 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
@@ -85,17 +84,16 @@ def _write(options: argparse.Namespace, text: str) -> None:
     print(out)
 
 
-# Function, file, further example, purpose.
-_COMMANDS = (
-    (
-        urdf, 'OUT.urdf', '--ros2-control',
-        'the URDF of the open tree, as on robot_description',
-    ),
-    (
-        mjcf, 'OUT.xml', '--overwrite',
-        "MuJoCo's format, with the loop closed, a motor on the crank and sensors",
-    ),
-)  # fmt: skip
+def _options(file: str) -> tuple[cli.Option, ...]:
+    """What both commands take."""
+    presets = f'parameter file, or a preset: {", ".join(preset_names())}'
+    prefix = 'put before every joint and link name (default: joint_prefix of the file)'
+    return (
+        (('params',), None, {'metavar': 'PARAMS', 'help': presets}),
+        (('out',), None, {'metavar': file, 'type': cli.path, 'help': 'the file to write'}),
+        (('--joint-prefix',), None, {'metavar': 'TEXT', 'help': prefix}),
+        (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
+    )
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -104,31 +102,31 @@ def _parser() -> argparse.ArgumentParser:
         'Write a mechanism as a file for other tools; needs no ROS.',
         ('urdf quadrilateral linkage.urdf', 'mjcf my_linkage.yaml linkage.xml'),
     )
-    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for write, file, option, purpose in _COMMANDS:
-        name, out = write.__name__, Path(file).with_stem('linkage')
-        examples = f'quadrilateral {out}', f'my_linkage.yaml {out} --joint-prefix left_ {option}'
-        command = cli.add_command(commands, _NAME, name, purpose, examples)
-        add = command.add_argument
-        # fmt: off
-        add('params', metavar='PARAMS',
-            help=f'parameter file, or a preset: {", ".join(preset_names())}')
-        add('out', metavar=file, type=cli.path, help='the file to write')
-        add('--joint-prefix', metavar='TEXT',
-            help='put before every joint and link name (default: joint_prefix of the file)')
-        if write is urdf:
-            add('--ros2-control', action='store_true',
-                help='add the tag by which ros2_control drives the crank of a node')
-        add('--overwrite', action='store_true', help='replace an existing file')
-        # fmt: on
-        command.set_defaults(write=write)
+    control: cli.Option = (('--ros2-control',), None, {
+        'action': 'store_true',
+        'help': 'add the tag by which ros2_control drives the crank of a node',
+    })  # fmt: skip
+    cli.add_commands(parser, {
+        'urdf': cli.Command(
+            urdf, 'the URDF of the open tree, as on robot_description',
+            ('quadrilateral linkage.urdf',
+             'my_linkage.yaml linkage.urdf --joint-prefix left_ --ros2-control'),
+            (*_options('OUT.urdf'), control),
+        ),
+        'mjcf': cli.Command(
+            mjcf, "MuJoCo's format, with the loop closed, a motor on the crank and sensors",
+            ('quadrilateral linkage.xml',
+             'my_linkage.yaml linkage.xml --joint-prefix left_ --overwrite'),
+            _options('OUT.xml'),
+        ),
+    })  # fmt: skip
     return parser
 
 
 def main() -> int:
     """Entry point."""
     options = _parser().parse_args()
-    return cli.run(_NAME, lambda: options.write(options))
+    return cli.run(_NAME, lambda: options.run(options))
 
 
 if __name__ == '__main__':

@@ -169,15 +169,25 @@ _VERIFY = (
     'recompute every state from the logged configuration and motions; exit code 0: all are equal '
     'to the bit or within 4 ulp, 1: one differs, 2: the log cannot be read'
 )
-# Name, function, log, example and purpose.
-_COMMANDS = (
-    ('info', _info, 'LOG.mcap', 'run.mcap', 'topics, counts, times, configuration, mechanism'),
-    ('verify', _verify, 'LOG.mcap', 'run.mcap', _VERIFY),
-    (
-        'recover', _recover, 'BROKEN.mcap', 'run.mcap saved.mcap',
-        'save what a killed run or a damaged disk left',
-    ),
+_LOG: cli.Option = (
+    ('log',), None, {'metavar': 'LOG.mcap', 'type': cli.path, 'help': 'log of linkage_ros'}
 )  # fmt: skip
+_OUT: cli.Option = (
+    ('out',), None, {'metavar': 'OUT.mcap', 'type': cli.path, 'help': 'the complete log to write'}
+)  # fmt: skip
+_OVERWRITE: cli.Option = (
+    ('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}
+)  # fmt: skip
+_COMMANDS = {
+    'info': cli.Command(
+        _info, 'topics, counts, times, configuration, mechanism', ('run.mcap',), (_LOG,)
+    ),
+    'verify': cli.Command(_verify, _VERIFY, ('run.mcap',), (_LOG,)),
+    'recover': cli.Command(
+        _recover, 'save what a killed run or a damaged disk left', ('run.mcap saved.mcap',),
+        (_LOG, _OUT, _OVERWRITE),
+    ),
+}  # fmt: skip
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -186,16 +196,7 @@ def _parser() -> argparse.ArgumentParser:
         'Look into a log of linkage_ros, recompute it, save what a killed run left.',
         ('info run.mcap', 'verify run.mcap', 'recover run.mcap saved.mcap'),
     )
-    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for name, run, log, example, purpose in _COMMANDS:
-        command = cli.add_command(commands, _NAME, name, purpose, (example,))
-        command.add_argument('log', metavar=log, type=cli.path, help='log of linkage_ros')
-        command.set_defaults(run=run)
-    # The last command, recover, writes a log as well.
-    command.add_argument(
-        'out', metavar='OUT.mcap', type=cli.path, help='the complete log to write'
-    )
-    command.add_argument('--overwrite', action='store_true', help='replace an existing file')
+    cli.add_commands(parser, _COMMANDS)
     return parser
 
 
