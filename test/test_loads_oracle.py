@@ -250,18 +250,40 @@ def test_places_on_a_rocker_count_without_whole_turns(turns):
     assert max(found.values()) < 1e-13, found
 
 
-@pytest.mark.parametrize('friction', [Friction(guide=0.6), Friction(1.0, 0.25, 0.2)])
-def test_friction_until_it_nearly_locks(friction):
-    found = errors(with_loads(SLIDERS['offset_right'], friction), [1.0, 4.2])
-    assert max(found.values()) < CLOSE, found
+@pytest.mark.parametrize(
+    ('friction', 'crank', 'locks'),
+    [
+        (Friction(guide=1.0), 1.0, 0.8484727408779),
+        (Friction(guide=1.0), 4.2, 8.287186818148),
+        (Friction(1.0, 1.0, 0.2), 1.0, 0.5333537900804),
+        (Friction(1.0, 0.25, 1.0), 0.3, 0.9645420075187),
+        (Friction(1.0, 0.25, 1.0), 2.2, 1.372153762702),
+    ],
+)
+def test_friction_is_solved_until_it_locks(friction, crank, locks):
+    """Forces up to 1e3 times those without friction; beyond, the reference finds none either."""
+    name = 'guide' if friction.guide == 1.0 else 'pin_radius'
 
+    def rubs(share):
+        rubbing = replace(friction, **{name: share * locks})
+        return with_loads(SLIDERS['offset_right'], rubbing)
 
-def test_friction_beyond_locking_is_refused_where_no_forces_balance():
-    mechanism = with_loads(SLIDERS['offset_right'], Friction(guide=3.0))
-    with pytest.raises(UnreachableError, match='friction locks'):
-        Solver(mechanism).state(1.0, 2.0)
+    for share in (0.8, 0.99, 0.999):
+        found = errors(rubs(share), [crank])
+        assert max(found.values()) < CLOSE, found
+    Solver(rubs(1 - 1e-9)).state(crank, 2.0, 1.5)
+    with pytest.raises(UnreachableError, match='friction locks the mechanism: no forces'):
+        Solver(rubs(1 + 1e-9)).state(crank, 2.0, 1.5)
     with pytest.raises(ArithmeticError, match='no friction'):
-        Oracle(mechanism).state(1.0, 2.0)
+        Oracle(rubs(1 + 1e-6)).state(crank, 2.0, 1.5)
+
+
+def test_an_array_near_locking_has_the_bits_of_its_states():
+    mechanism = with_loads(SLIDERS['offset_right'], Friction(1.0, 0.05, 0.55))
+    solver, cranks = Solver(mechanism), np.linspace(0.0, TURN, 60)
+    together = solver.state(cranks, 2.0, 1.5, by_math=True)
+    alone = [solver.state(crank, 2.0, 1.5).torque for crank in cranks.tolist()]
+    assert together.torque.tolist() == alone
 
 
 # Work and energy.

@@ -234,28 +234,35 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
     held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
     matrix = mass_matrix(model, pose)
     driven = [torque - held[0], *(-force for force in held[1:])]
-    inertia = number(_determinant(matrix))
+    inertia = number(determinant(matrix))
     require(inertia > 0, model.massless)
-    found = tuple(
-        _determinant(
-            [[*row[:i], force, *row[i + 1 :]] for row, force in zip(matrix, driven, strict=True)]
-        )
-        / inertia
-        for i in range(len(driven))
-    )  # Cramer's rule
+    found = solved(matrix, driven, inertia)
     for change in found:
         require(is_finite(change), model.refuse_torque, *q, *u, torque)
     return found
 
 
-def _determinant(rows: Sequence[Sequence[Real]]) -> Real:
+def solved(
+    matrix: Sequence[Sequence[Real]], right: Sequence[Real], whole: Real
+) -> tuple[Real, ...]:
+    """Solves linear equations whose determinant is known, by Cramer's rule."""
+    return tuple(
+        determinant(
+            [[*row[:i], side, *row[i + 1 :]] for row, side in zip(matrix, right, strict=True)]
+        )
+        / whole
+        for i in range(len(right))
+    )
+
+
+def determinant(rows: Sequence[Sequence[Real]]) -> Real:
     """By expansion along the first row."""
     first, *others = rows
     if not others:
         return first[0]
     result: Real = ZERO
     for i, factor in enumerate(first):
-        term = factor * _determinant([[*row[:i], *row[i + 1 :]] for row in others])
+        term = factor * determinant([[*row[:i], *row[i + 1 :]] for row in others])
         result = result - term if i % 2 else result + term
     return result
 

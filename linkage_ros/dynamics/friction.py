@@ -2,28 +2,38 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dry friction: the forces in the joints make it, and it changes these forces.
 
-Both are found together by fixed-point iteration from the motion without friction: the forces in
-the joints give the friction, which gives these forces anew. Where these do not settle, the
-mechanism locks itself, or is near to it, and is refused.
+For a given motion, the forces are linear in the frictions: F_k = F0_k + sum_m R_km s_m, where s_m
+is the magnitude of the force in joint m, and R_km holds the coefficient of friction. Newton's
+method solves s_k = |F_k|. Its matrix, 1_km - F_k . R_km / |F_k|, has the determinant 1 without
+friction. Several solutions may exist; the right one is that which develops from the forces without
+friction while the coefficients grow, and on the way to it the determinant stays positive. Where
+the determinant reaches 0, forces pass all bounds or stop to exist: the mechanism locks itself.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import Model, state, velocities
+from linkage_ros.dynamics.equations import Model, determinant, solved, state, velocities
+from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.dynamics.state import State
-from linkage_ros.formulas import ZERO, number, sqrt, where
+from linkage_ros.dynamics.trees import Constants, leaves
+from linkage_ros.formulas import ZERO, Vector, dot, number, sqrt, where
+from linkage_ros.model.friction import Friction
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
 
 _PART = 1e-12  # of the largest force, by which a state that is solved still changes
-_ROUNDS = 100
-_PATIENCE = 5  # rounds after which the change must be smaller
+_ROUNDING = 1e-6  # the same where rounding errors no longer let the change shrink
+_SINGULAR = 1e-12  # a determinant whose digits are all wrong
+_STEP = 1e-9  # the smallest step of the coefficients, as a share of them
+_ROUNDS = 1000
 
 
 class Coefficients(NamedTuple):
@@ -66,20 +76,73 @@ class FrictionLoad(NamedTuple):
         return ZERO
 
 
+class Contact(NamedTuple):
+    """A joint that rubs.
+
+    Attributes:
+        is_inner: Whether it is a pin between two links that turn.
+        levers: Friction on links per force in the joint: m, of a link that slides a number.
+    """
+
+    is_inner: bool
+    levers: dict[int, Real]
+
+
+class Search(NamedTuple):
+    """How far the search for the forces of a state has come.
+
+    Attributes:
+        share: Share of the coefficients for which they are sought, from 0 to 1.
+        solved: Share for which they are known.
+        change: Their change in the last round, N; inf before the first round of a share.
+        sizes: Magnitudes of the forces in the joints that rub, as far as they are found, N.
+        known: The same at the share that is solved.
+    """
+
+    share: Real
+    solved: Real
+    change: Real
+    sizes: tuple[Real, ...]
+    known: tuple[Real, ...]
+
+
 class Round(NamedTuple):
     """The outcome of one round.
 
     Attributes:
-        state: The state with the friction that was given.
+        state: The state under the friction of the forces that were found before.
         reactions: The fields of `Reactions`, in its order.
-        sizes: Magnitudes of the forces in pins and guides, N.
-        friction: What these forces make.
+        friction: This friction.
+        search: What the next round begins with; where the forces are solved, the same again.
+        left: 0 where they are solved, -1 where the mechanism locks itself, 1 elsewhere.
     """
 
     state: State
     reactions: tuple[Any, ...]
-    sizes: tuple[Real, ...]
     friction: FrictionLoad
+    search: Search
+    left: Real
+
+
+def friction_program(
+    model: Model, friction: Friction, motion: Sequence[tuple[str, ...]]
+) -> Program:
+    """The program of a round.
+
+    Args:
+        model: The constants of the mechanism.
+        friction: The coefficients.
+        motion: Names of the coordinates, of their rates and of their accelerations.
+
+    Returns:
+        `friction_round`, as a function of the motion and the fields of `Search`.
+    """
+    coefficients = Coefficients(friction.pin * friction.pin_radius, friction.guide)
+    names = [pin.name for pin in model.pins] if coefficients.arm else []
+    names += ['guide'] if coefficients.guide else []
+    rows = (tuple(f'{word}_{name}' for name in names) for word in ('size', 'known'))
+    arguments = (*motion, Search._fields[:3], *rows)
+    return Program(friction_round, Constants((model, coefficients)), arguments)
 
 
 def friction_round(
@@ -87,88 +150,177 @@ def friction_round(
     q: Sequence[Real],
     u: Sequence[Real],
     a: Sequence[Real],
-    inner: tuple[Real, ...],
-    outer: tuple[Real, ...],
+    begun: tuple[Real, Real, Real],
+    sizes: tuple[Real, ...],
+    known: tuple[Real, ...],
 ) -> Round:
-    """The motion under a friction, and the friction that its forces make."""
+    """The motion under the friction of some forces, and a step of Newton's method from these.
+
+    Args:
+        constants: The constants.
+        q: Coordinates.
+        u: Their rates.
+        a: Their accelerations.
+        begun: The first three fields of `Search`.
+        sizes: Its next field.
+        known: Its last field.
+
+    Returns:
+        The round.
+    """
     model, coefficients = constants
-    model = model._replace(loads=(*model.loads, FrictionLoad(inner, outer)))
-    found = state(model, q, u, a)
-    forces, guides, *others = reactions(model, q, u, a)
     rates = velocities(model.loop.pose(tuple(q)), u)
-    sizes = [sqrt(force.x * force.x + force.y * force.y) for force in forces]
-    pushes, frame = [ZERO] * len(rates), [ZERO] * len(rates)
-    for pin, size in zip(model.pins, sizes, strict=True):
+    search = Search(*begun, sizes, known)
+    contacts = _contacts(model, coefficients, rates)
+    exert = functools.partial(_friction, contacts, search.share, len(rates))
+    load = exert(sizes)
+    rubbing = model._replace(loads=(*model.loads, load))
+    found = reactions(rubbing, q, u, a)
+    forces = _in_contacts(coefficients, found)
+
+    # The friction alone, of a force of 1 N in one joint after the other: R_km.
+    links = tuple(link._replace(mass=ZERO, inertia=ZERO) for link in model.links)
+    weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
+    units = [[1.0 if k == m else ZERO for k in range(len(sizes))] for m in range(len(sizes))]
+    alone = [weightless._replace(loads=(exert(unit),)) for unit in units]
+    slopes = [_in_contacts(coefficients, reactions(other, q, u, a)) for other in alone]
+    ahead, left = _advanced(search, forces, slopes)
+    return Round(state(rubbing, q, u, a), found, load, ahead, left)
+
+
+def _contacts(model: Model, coefficients: Coefficients, rates: Sequence[Real]) -> list[Contact]:
+    """The joints that rub, pins first."""
+    contacts = []
+    for pin in model.pins if coefficients.arm is not ZERO else ():
         # A link that slides does not turn: its guide passes the couple on to the frame.
-        turning = [
-            j for j in (pin.first, pin.second) if j is not None and not model.links[j].slides
-        ]
-        row = pushes if len(turning) == 2 else frame
-        apart = rates[turning[-1]] - (rates[turning[0]] if len(turning) == 2 else ZERO)
-        couple = coefficients.arm * (size * _sign(apart))
-        row[turning[-1]] -= couple
-        if len(turning) == 2:
-            row[turning[0]] += couple
-    sliding = [j for j, link in enumerate(model.links) if link.slides]
-    for j, force in zip(sliding, guides, strict=True):
-        sizes.append(abs(force))
-        frame[j] -= coefficients.guide * (sizes[-1] * _sign(rates[j]))
-    return Round(
-        found,
-        (forces, guides, *others),
-        tuple(sizes),
-        FrictionLoad(tuple(map(number, pushes)), tuple(map(number, frame))),
-    )
+        first, *others = (
+            j for j in (pin.second, pin.first) if j is not None and not model.links[j].slides
+        )
+        apart = rates[first] - (rates[others[0]] if others else ZERO)
+        lever = coefficients.arm * _sign(apart)
+        contacts.append(Contact(bool(others), {first: -lever, **dict.fromkeys(others, lever)}))
+    for j, link in enumerate(model.links):
+        if link.slides and coefficients.guide is not ZERO:
+            contacts.append(Contact(False, {j: -(coefficients.guide * _sign(rates[j]))}))
+    return contacts
 
 
 def _sign(rate: Real) -> Real:
     return where(rate > 0, 1.0, where(rate < 0, -1.0, 0.0))
 
 
-def settle(run: Callable[..., Round], links: int, refuse: Callable[[Any], object]) -> Round:
-    """Repeats rounds until nothing changes.
+def _friction(
+    contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
+) -> FrictionLoad:
+    """The friction that forces of some magnitudes make, with a share of the coefficients."""
+    inner, outer = [ZERO] * links, [ZERO] * links
+    for contact, size in zip(contacts, sizes, strict=True):
+        row = inner if contact.is_inner else outer
+        for j, lever in contact.levers.items():
+            row[j] += lever * (share * size)
+    return FrictionLoad(tuple(inner), tuple(outer))
+
+
+def _in_contacts(coefficients: Coefficients, found: tuple[Any, ...]) -> list[Vector]:
+    """The forces in the joints that rub, in the order of `_contacts`."""
+    pins, guides, *_ = found
+    return [
+        *(pins if coefficients.arm is not ZERO else ()),
+        *(Vector(x, ZERO) for x in guides if coefficients.guide is not ZERO),
+    ]
+
+
+def _advanced(
+    search: Search, forces: Sequence[Vector], slopes: Sequence[Sequence[Vector]]
+) -> tuple[Search, Real]:
+    """The search after a step of Newton's method.
 
     Args:
-        run: `friction_round` of one motion, or of an array of them: a function of what the
-            friction exerts, two numbers for each link.
-        links: Number of links.
-        refuse: Called with where it does not settle, True or an array; raises an error.
+        search: The search before it.
+        forces: F_k.
+        slopes: R_km in the order [m][k].
 
     Returns:
-        The last round.
+        The search, and `Round.left`.
+    """
+    sizes = [sqrt(dot(force, force)) for force in forces]
+    matrix = [
+        [
+            (1.0 if k == m else ZERO) - dot(forces[k], row[k]) / where(sizes[k] > 0, sizes[k], 1.0)
+            for m, row in enumerate(slopes)
+        ]
+        for k in range(len(forces))
+    ]
+    lacking = [found - size for found, size in zip(sizes, search.sizes, strict=True)]
+    whole = number(determinant(matrix))
+    steps = solved(matrix, lacking, where(whole > _SINGULAR, whole, 1.0))
+    return _next(search, steps, whole, _largest(sizes))
+
+
+def _next(
+    search: Search, steps: Sequence[Real], whole: Real, largest: Real
+) -> tuple[Search, Real]:
+    """What the next round begins with, and `Round.left`.
+
+    Args:
+        search: What this round began with.
+        steps: Newton's steps, N.
+        whole: The determinant.
+        largest: The largest force, N.
+    """
+    share, change = search.share, _largest([abs(step) for step in steps])
+    shrinks = change < 0.5 * search.change
+    close = change <= where(shrinks, _PART, _ROUNDING) * largest
+
+    def case(is_close: Real, shrinks_only: Real, fails: Real) -> Real:
+        otherwise = where(shrinks, shrinks_only, fails)
+        return where(whole > _SINGULAR, where(close, is_close, otherwise), fails)
+
+    grown = share - search.solved
+    further, nearer = share + 2.0 * grown, share - 0.5 * grown
+    further = where(further < 1, further, 1.0)
+    sizes = [size + step for size, step in zip(search.sizes, steps, strict=True)]
+    ahead = Search(
+        case(further, share, nearer),
+        case(share, search.solved, search.solved),
+        case(where(share < 1, math.inf, search.change), change, math.inf),
+        tuple(
+            case(where(share < 1, size, before), size, known)
+            for size, before, known in zip(sizes, search.sizes, search.known, strict=True)
+        ),
+        tuple(case(size, known, known) for size, known in zip(sizes, search.known, strict=True)),
+    )
+    left = case(where(share < 1, 1.0, 0.0), 1.0, where(grown > _STEP, 1.0, -1.0))
+    return ahead, left
+
+
+def _largest(values: Sequence[Real]) -> Real:
+    return functools.reduce(lambda x, y: where(x > y, x, y), values)
+
+
+def settle(run: Callable[..., Round], count: int, refuse: Callable[[Any], object]) -> Round:
+    """Repeats rounds until the forces are solved.
+
+    Args:
+        run: `friction_round` of one motion, or of an array of them: a function of the numbers of
+            a `Search`.
+        count: How many these are.
+        refuse: Called with where the mechanism locks itself, True or an array; raises an error.
+
+    Returns:
+        The last round. What is solved stays, so that arrays have the bits of their states.
 
     Raises:
         AssertionError: `refuse` has not raised an error.
     """
-    given: list[Real] = [0.0] * (2 * links)
-    sizes: Sequence[Real] = ()
-    changes: list[Any] = []
-    settled: Any = False
+    search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (count - 3)]
     for _ in range(_ROUNDS):
-        found = run(*given)
-        before, sizes = sizes, found.sizes
-        if before:
-            changes.append(_largest([abs(x - y) for x, y in zip(sizes, before, strict=True)]))
-            settled = settled | (changes[-1] <= _PART * _largest(sizes))
-            if _all(settled):
-                return found
-        if len(changes) > _PATIENCE:
-            shrinks = settled | (changes[-1] < changes[-1 - _PATIENCE])
-            if not _all(shrinks):
-                refuse(np.logical_not(shrinks))
-        # What has settled stays: the bits of an array are those of its states one by one.
-        made = (*found.friction.inner, *found.friction.outer)
-        given = [
-            new if isinstance(settled, bool) else np.where(settled, old, new)
-            for old, new in zip(given, made, strict=True)
-        ]
-    refuse(np.logical_not(settled))
+        found = run(*search)
+        left = np.asarray(found.left)
+        if not left.any():
+            return found
+        if (left < 0).any():
+            break
+        search = leaves(found.search)
+    refuse(left != 0)
     raise AssertionError('refuse must raise an error')
-
-
-def _largest(values: Sequence[Real]) -> Real:
-    return max(values) if isinstance(values[0], float) else np.max(np.array(values), axis=0)
-
-
-def _all(holds: Any) -> bool:
-    return holds if isinstance(holds, bool) else bool(np.all(holds))

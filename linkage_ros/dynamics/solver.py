@@ -15,7 +15,7 @@ import numpy as np
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import Meeting, Model
-from linkage_ros.dynamics.friction import Coefficients, Round, friction_round, settle
+from linkage_ros.dynamics.friction import Round, friction_program, settle
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Reactions, reactions
 from linkage_ros.dynamics.state import PointMotion, State
@@ -112,8 +112,8 @@ class Solver:
 
     @property
     def source(self) -> str:
-        """The program of `state` as Python text."""
-        return self._moving.source
+        """The program of `state` as Python text; with friction, that of one round."""
+        return self._moving.source if self._friction is None else self._round.source
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
         """Solves positions, rates, accelerations and the driving torque.
@@ -358,10 +358,7 @@ class Solver:
     @functools.cached_property
     def _round(self) -> Program:
         friction = self._friction or Friction()
-        coefficients = Coefficients(friction.pin * friction.pin_radius, friction.guide)
-        pushes = (tuple(f'{word}_{link}' for link in self.links) for word in ('inner', 'outer'))
-        names = (*self._names.values(), *pushes)
-        return Program(friction_round, Constants((self._model, coefficients)), names)
+        return friction_program(self._model, friction, tuple(self._names.values()))
 
     def _settle(self, *given: Any, by_math: bool = False) -> Round:
         """The motion under friction."""
@@ -370,14 +367,15 @@ class Solver:
             q, where_not = np.broadcast_arrays(given[0], where_not)
             crank = float(q[where_not][0])
             raise UnreachableError(
-                f'at {math.degrees(crank):.9g} deg friction locks the mechanism, or nearly so: '
-                'its forces do not settle; lower the coefficients or the pin radius',
+                f'at {math.degrees(crank):.9g} deg friction locks the mechanism: no forces in its '
+                'joints balance; lower the coefficients or the pin radius',
                 crank_angle=crank,
                 arcs=self.mobility.arcs if self.mobility else (),
             )
 
-        run = functools.partial(self._run, self._round, *given, by_math=by_math)
-        return settle(run, len(self.links), refuse)
+        program = self._round
+        run = functools.partial(self._run, program, *given, by_math=by_math)
+        return settle(run, len(program.names) - len(given), refuse)
 
     def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
         """The values of all coordinates.

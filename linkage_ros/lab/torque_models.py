@@ -148,7 +148,7 @@ def _with_friction(mechanism: Mechanism, *, static: bool) -> TorqueProgram:
     solver = Solver(build(type(mechanism), values | damped))
     return TorqueProgram(
         lambda angle, speed: (solver.state(angle, pace * speed).torque,),
-        solver._round.source,  # noqa: SLF001
+        solver.source,
         takes_arrays=True,
     )
 

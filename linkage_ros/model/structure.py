@@ -89,8 +89,8 @@ class Link(NamedTuple):
     """
 
     name: str
-    mass: float
-    inertia: float
+    mass: Real
+    inertia: Real
     center: Point
     parent: int | None = None
     origin: complex = 0j
