@@ -15,6 +15,7 @@ from pages import ROOT, read
 
 from linkage_ros.log import writer
 from linkage_ros.log.mcap_file import LARGEST
+from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.wire.topics import JOINT_COMMANDS, TOPICS, qualified
 
 DOCS = ROOT / 'docs'
@@ -77,6 +78,30 @@ def test_what_controllers_quotes_was_measured():
         peaks.append(alone['peak_ripple'] / fed['peak_ripple'])
     words = 'The peaks, {} to {} times less'
     check_quote('docs/controllers.md', words, min(peaks), max(peaks))
+
+
+def test_what_controllers_quotes_of_a_measured_crank_was_measured():
+    records, page = measured('accuracy_follow'), 'docs/controllers.md'
+
+    def errors(bits, *, velocity):
+        return {
+            r['follow_bandwidth']: 100 * r['max_error'] for r in records
+            if (r['bits'], r['measured_velocity']) == (bits, velocity)
+        }  # fmt: skip
+
+    default = FollowDrive().follow_bandwidth
+    for bits in (12, 14, 16, 18, 20):
+        numbers = []
+        for velocity in (False, True):
+            found = errors(bits, velocity=velocity)
+            best = min(found, key=found.get)
+            numbers += [found[default], found[best], best]
+        check_quote(page, f'| {bits} bit ' + '| {} % | {} % at {} Hz ' * 2 + '|', *numbers)
+    coarse, best = errors(12, velocity=False), errors(14, velocity=False)
+    check_quote(
+        page, '12 bit 30 Hz would give {} % instead of {} %', coarse[30.0], coarse[default]
+    )
+    check_quote(page, 'default of {} Hz is for a robot', min(best, key=best.get))
 
 
 def test_what_reliability_quotes_was_measured():

@@ -18,9 +18,11 @@ from test_chart import chart
 
 from linkage_ros import __version__
 from linkage_ros.lab.charts.accuracy import draw_accuracy
+from linkage_ros.lab.charts.follow import draw_follow
 from linkage_ros.lab.charts.stability import draw_stability
 from linkage_ros.lab.methods.accuracy import NEAR, Measurement
 from linkage_ros.lab.methods.chain import BATCH, ONE, OWN, QUANTITIES, label
+from linkage_ros.lab.methods.follow_accuracy import FollowError
 from linkage_ros.lab.methods.motion_bench import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import LIMIT, OUTCOMES, Cell
@@ -45,7 +47,7 @@ def run_quick(command, folder):
         output.setattr('builtins.print', lambda *lines, **_: printed.extend(lines))
         assert chart(patch, command, '--quick', '--out', folder) == 0
     assert set(printed) == set(folder.iterdir())
-    for path in printed[1:]:
+    for path in set(printed) - {*folder.glob('*.json')}:
         assert path.read_bytes().startswith(b'\x89PNG')
         assert path.stat().st_size > 50_000
     content = json.loads(printed[0].read_text(), parse_constant=pytest.fail)
@@ -54,9 +56,14 @@ def run_quick(command, folder):
 
 
 @pytest.fixture(scope='module')
-def accuracy(tmp_path_factory):
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp('accuracy')
+
+
+@pytest.fixture(scope='module')
+def accuracy(folder):
     """Names of files, and records, of one quick run."""
-    return run_quick('accuracy', tmp_path_factory.mktemp('accuracy'))
+    return run_quick('accuracy', folder)
 
 
 @pytest.fixture(scope='module')
@@ -73,7 +80,8 @@ def errors(accuracy):
 def test_every_panel_has_a_front_of_right_points(accuracy):
     written, records = accuracy
     pictures = (*EASY, 'near_a_change_point', 'motions')
-    assert written == ['accuracy.json', *(f'accuracy_{name}.png' for name in pictures)]
+    pictures = [f'accuracy_{name}.png' for name in pictures]
+    assert written == ['accuracy.json', *pictures, 'accuracy_follow.json', 'accuracy_follow.png']
     assert {record['method'] for record in records} == EVERY
     assert all(record['us_per_state'] is None or record['us_per_state'] > 0 for record in records)
     panels = {}
@@ -96,6 +104,24 @@ def test_every_integrator_is_measured_at_every_setting(errors):
         # Only steps up to a ms have a slowest ms.
         short = [label(s) for s in method.settings if s.get('step', 0) <= 1e-3]
         assert list(errors[mechanism, TRAJECTORY, method.name, SLOWEST]) == short
+
+
+def test_a_followed_crank_lags_or_is_noisy_as_in_the_docs(accuracy, folder):
+    """Nothing of it depends on the machine: the numbers of the docs are these."""
+    assert accuracy
+    records = json.loads((folder / 'accuracy_follow.json').read_text())['records']
+    known, found = (
+        {tuple(key): error for *key, error in map(dict.values, kept)}
+        for kept in (committed('accuracy_follow'), records)
+    )
+    assert len(found) == 3 * 2 * 3
+    assert found == pytest.approx({key: known[key] for key in found}, rel=1e-6)
+    for bits in (12, 16, 20):
+        lag, _, least = (found[bits, True, bandwidth] for bandwidth in (5.0, 20.0, 80.0))
+        assert least < lag / 5  # the lag falls with the bandwidth
+    # The acceleration amplifies the steps of an angle by the square of the bandwidth.
+    assert found[12, False, 80.0] / found[12, False, 20.0] > 8
+    assert found[20, False, 80.0] < found[20, False, 20.0]
 
 
 @each_easy
@@ -183,6 +209,7 @@ def test_charts_can_be_read_at_half_their_size(monkeypatch):
     cells = [Cell(**record) for record in committed('stability')]
     size = len(METHODS) * len(SITUATIONS)
     draw_stability(cells[:size], cells[size:], 'it', Path())
+    draw_follow([FollowError(**record) for record in committed('accuracy_follow')], 'it', Path())
     for figure in figures:
         pixels = 700 / figure.get_figwidth() / 72  # of a point
         sizes = [text.get_fontsize() * pixels for text in figure.findobj(Text) if text.get_text()]

@@ -7,9 +7,11 @@ from __future__ import annotations
 import argparse
 
 from linkage_ros.lab.charts.accuracy import draw_accuracy
+from linkage_ros.lab.charts.follow import draw_follow
 from linkage_ros.lab.charts.stability import draw_stability
 from linkage_ros.lab.commands.output import about, folder, progress, save_records
 from linkage_ros.lab.methods.accuracy import linkages, measure_accuracy, motions
+from linkage_ros.lab.methods.follow_accuracy import FollowBench, measure_follow
 from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import measure_outcomes
 from linkage_ros.lab.methods.registry import INTEGRATORS, METHODS
@@ -42,7 +44,14 @@ def accuracy(options: argparse.Namespace) -> None:
             what = name.replace('_', '-') if points is not moved else 'motions under a torque'
             pictures.append(options.out / f'accuracy_{name.replace(" ", "_")}.png')
             draw_accuracy(points, f'Speed against accuracy: {what}\n{on}', pictures[-1])
-    print(records, *pictures, sep='\n')
+        bench = FollowBench()
+        errors = measure_follow(bench, quick=quick, progress=progress)
+        followed, picture = (options.out / f'accuracy_follow.{kind}' for kind in ('json', 'png'))
+        save_records(followed, [one._asdict() for one in errors])
+        slowest, fastest = bench.rpm
+        words = f'quadrilateral, {slowest:.0f} to {fastest:.0f} rpm, measured at 1 kHz'
+        draw_follow(errors, f'Torque of a crank that is measured: {words}', picture)
+    print(records, *pictures, followed, picture, sep='\n')
 
 
 def stability(options: argparse.Namespace) -> None:
