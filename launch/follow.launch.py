@@ -1,10 +1,17 @@
-"""A linkage whose crank is measured: its passive joints, and its torque for a controller.
+"""A linkage whose crank is measured: its passive joints, also in tf, and its torque.
 
 ros2 launch linkage_ros follow.launch.py params:=linkage.yaml measured:=/joint_states
 """
 
 from linkage_ros.parameters.launched import follow
-from linkage_ros.ros.launching import NAMES, OUTPUTS, description, program
+from linkage_ros.ros.launching import (
+    FRAMES,
+    NAMES,
+    OUTPUTS,
+    description,
+    program,
+    state_publisher,
+)
 
 # An empty argument leaves the value of the parameter file.
 ARGUMENTS = {
@@ -14,18 +21,26 @@ ARGUMENTS = {
     'follow_bandwidth': ('', 'of the filter, Hz'),
     'effort_command_topic': ('', 'topic of the driving torque for a controller'),
     'lead_time': ('', 'time ahead of the stamp for which it is computed, s'),
+    **FRAMES,
     **NAMES,
     **OUTPUTS,
 }
 
 
 def start(arguments: dict[str, str]) -> list:
-    """Starts the node."""
+    """Starts the node, and robot_state_publisher if it is installed."""
+    run, namespace = follow(arguments), arguments['namespace']
+    own = 'joint_states', arguments['joint_states']
     remappings = [
         ('measured_joint_states', arguments['measured']),
-        ('joint_states', arguments['joint_states']),
+        own,
+        # The robot has a robot_description as well, which is not this one.
+        ('robot_description', 'linkage/robot_description'),
     ]
-    return [program('linkage_node', arguments['namespace'], follow(arguments), remappings)]
+    return [
+        program('linkage_node', namespace, run.node, remappings),
+        state_publisher(namespace, run.publisher, [own]),
+    ]
 
 
 def generate_launch_description():  # noqa: ANN201, launch has no types

@@ -18,18 +18,22 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 import yaml
+from rclpy.serialization import deserialize_message
 from ros_harness import Listener, environment, fresh_domain, running, wait_for
 from sensor_msgs.msg import JointState
 from test_node import stop
+from test_urdf import transform
 
 from linkage_ros import ConfigurationError
-from linkage_ros.parameters.configuration import configure
+from linkage_ros.parameters.configuration import configure, load
 
 ROOT = Path(__file__).resolve().parents[1]
-DEMO, CONTROLLER, FOLLOW = (
-    ROOT / 'launch' / f'{name}.launch.py' for name in ('demo', 'controller', 'follow')
+DEMO, CONTROLLER, FOLLOW, TWO = (
+    ROOT / 'launch' / f'{name}.launch.py'
+    for name in ('demo', 'controller', 'follow', 'two_linkages')
 )
 # Each argument that the task of these files needs; frame_prefix is for robot_state_publisher.
 COMMON = {'rpm', 'namespace', 'use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer'}
@@ -57,12 +61,15 @@ def stand_in(monkeypatch):
     """Puts classes that only record their arguments in the place of launch and launch_ros."""
     names = {
         'launch': ('LaunchContext', 'LaunchDescription'),
-        'launch.actions': ('DeclareLaunchArgument', 'LogInfo', 'OpaqueFunction', 'Shutdown'),
+        'launch.actions': (
+            'DeclareLaunchArgument', 'GroupAction', 'IncludeLaunchDescription', 'LogInfo',
+            'OpaqueFunction', 'Shutdown',
+        ),
         'launch.events': (),
         'launch.events.process': ('ProcessExited',),
         'launch_ros': (),
         'launch_ros.actions': ('Node',),
-    }
+    }  # fmt: skip
     monkeypatch.delitem(sys.modules, 'linkage_ros.ros.launching', raising=False)
     for module, classes in names.items():
         made = ModuleType(module)
@@ -73,7 +80,10 @@ def stand_in(monkeypatch):
 
 @pytest.fixture
 def launched(monkeypatch, tmp_path):
-    """Runs a launch file with arguments; returns what it starts, by executable, and its words."""
+    """Runs a launch file; returns what it starts, by executable, and its words.
+
+    The names of two linkages have their namespace before them.
+    """
     stand_in(monkeypatch)
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
 
@@ -88,8 +98,16 @@ def launched(monkeypatch, tmp_path):
         assert set(arguments) <= set(given)
         context = SimpleNamespace(launch_configurations={**given, **arguments})
         actions = function.function(context)
-        nodes = {action.executable: action for action in actions if hasattr(action, 'executable')}
-        return nodes, [action.msg for action in actions if hasattr(action, 'msg')]
+        started = [action for action in actions if hasattr(action, 'executable')]
+        words = [action.msg for action in actions if hasattr(action, 'msg')]
+        for group in (action for action in actions if hasattr(action, 'forwarding')):
+            assert not group.forwarding  # or an argument of one would be one of the other
+            (include,) = group.positional[0]
+            nodes, more = launch(*include.positional, *installed, **dict(include.launch_arguments))
+            started, words = [*started, *nodes.values()], words + more
+        if file == TWO:
+            return {f'{action.namespace}/{action.executable}': action for action in started}, words
+        return {action.executable: action for action in started}, words
 
     return launch
 
@@ -112,7 +130,7 @@ def test_every_argument_is_declared_with_a_meaning(file, launched):
     names = {action.positional[0] for action in declared if action.description}
     assert names >= (COMMON - {'rpm'} if file == FOLLOW else COMMON)
     assert len(names) == len(declared)
-    assert ('frame_prefix' in names) == (file == DEMO)
+    assert ('frame_prefix' in names) == (file != CONTROLLER)
 
 
 @pytest.mark.parametrize(
@@ -265,7 +283,15 @@ def test_controller_and_plant_take_what_their_launch_file_gives_them(launched):
 
 def test_a_node_that_follows_takes_what_its_launch_file_gives_it(launched):
     """A preset says how its crank turns; what a measured crank does not have is left out."""
-    nodes, _ = launched(FOLLOW, params='quadrilateral', namespace='left', follow_bandwidth='7')
+    nodes, _ = launched(
+        FOLLOW, 'robot_state_publisher', params='quadrilateral', namespace='left',
+        follow_bandwidth='7',
+    )  # fmt: skip
+    # The robot has both topics as well: its own, which these must not reach.
+    for node in nodes.values():
+        taken = dict(node.remappings)
+        assert taken['joint_states'] == 'linkage/joint_states'
+        assert taken['robot_description'] != 'robot_description'
     domain, topic = fresh_domain(), '/left/linkage/joint_states'
     with (
         Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as heard,
@@ -278,6 +304,76 @@ def test_a_node_that_follows_takes_what_its_launch_file_gives_it(launched):
         code, output = stop(node)
     assert code == 0, output
     assert 'follows a measured crank, filter of 7 Hz' in output
+
+
+def test_two_linkages_are_one_tree_and_the_right_one_follows_the_left_one(launched):
+    """Both loops, which no URDF has, close in the tree of all frames."""
+    nodes, words = launched(TWO, 'robot_state_publisher', 'tf2_ros', right='wiper', rpm='60')
+    sides, domain = ('left', 'right'), fresh_domain()
+    topics = {f'/{side}/joint_states': 'sensor_msgs/msg/JointState' for side in sides}
+    left, right = (ros_arguments(nodes[f'{side}/linkage_node']) for side in sides)
+    with (
+        Listener(domain, topics) as heard,
+        running('node', *right, domain=domain) as second,
+        running('node', *left, domain=domain) as first,
+    ):
+        wait_for(lambda: len(heard.received['/right/joint_states']) > 50)
+        codes = stop(first)[0], stop(second)[0]
+    assert (codes, words) == ((0, 0), [])
+    turned, followed = (by_stamp(heard.received[topic]) for topic in topics)
+    common = turned.keys() & followed.keys()
+    assert len(common) > 25
+    assert all(followed[stamp]['crank'] == turned[stamp]['crank'] for stamp in common)
+    stamp = max(common)
+    frames = {}
+    for side, joints in zip(sides, (turned[stamp], followed[stamp]), strict=True):
+        values, mount = (
+            nodes[f'{side}/{name}']
+            for name in ('robot_state_publisher', 'static_transform_publisher')
+        )
+        add_frames(frames, values_of(values), joints)
+        words = mount.arguments
+        options = dict(zip(words[::2], words[1::2], strict=True))
+        place = np.eye(4)
+        place[:3, 3] = [float(options[name]) for name in ('--x', '--y', '--z')]
+        frames[options['--child-frame-id']] = options['--frame-id'], place
+    assert {parent for parent, _ in frames.values()} - set(frames) == {'base_link'}
+    for side, preset, z in (('left', 'quadrilateral', 0.0), ('right', 'wiper', 0.1)):
+        mechanism = load(preset).mechanism
+        ends = [
+            pose(frames, f'{side}/{name}_link') @ [getattr(mechanism, name).length, 0, 0, 1]
+            for name in ('coupler', 'rocker')
+        ]
+        assert np.allclose(ends[0], ends[1], rtol=0, atol=1e-14)
+        assert ends[0][2] == z
+
+
+def by_stamp(messages):
+    """Positions of the joints by name, by stamp."""
+    found = (deserialize_message(data, JointState) for data in messages)
+    return {
+        (one.header.stamp.sec, one.header.stamp.nanosec): dict(
+            zip(one.name, one.position, strict=True)
+        )
+        for one in found
+    }
+
+
+def add_frames(frames, values, joints):
+    """Adds what robot_state_publisher makes of a description and joints: parent and transform."""
+    prefix = values['frame_prefix']
+    for joint in ET.fromstring(values['robot_description']).iterfind('joint'):
+        parent, child = (prefix + joint.find(end).get('link') for end in ('parent', 'child'))
+        assert child not in frames
+        frames[child] = parent, transform(joint, joints[joint.get('name')])
+
+
+def pose(frames, name):
+    """A frame in the root."""
+    if name not in frames:
+        return np.eye(4)
+    parent, step = frames[name]
+    return pose(frames, parent) @ step
 
 
 # ---------------------------------------------------------------- the real command line

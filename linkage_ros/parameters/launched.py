@@ -27,23 +27,20 @@ from linkage_ros.wire.urdf import make_urdf
 # Arguments that are text even where they look like a number; empty arguments are not given.
 _TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic')
 _COMMON = ('use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer')
-_RVIZ = Quantity('switch', 'open RViz as well')
 
 
-class Demo(NamedTuple):
-    """What demo.launch.py starts.
+class Linkage(NamedTuple):
+    """A node and the robot_state_publisher beside it.
 
     Attributes:
         node: Parameters of linkage_node.
         publisher: Parameters of robot_state_publisher.
         fixed_frame: Name in tf of the link that carries the fixed pivots.
-        rviz: Whether to open RViz as well.
     """
 
     node: dict[str, object]
     publisher: dict[str, object]
     fixed_frame: str
-    rviz: bool
 
 
 def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, object]:
@@ -60,14 +57,14 @@ def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, objec
     return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
 
 
-def follow(arguments: Mapping[str, str]) -> dict[str, object]:
+def follow(arguments: Mapping[str, str]) -> Linkage:
     """The parameters of a node that follows a measured crank.
 
     Args:
         arguments: Arguments of follow.launch.py, all of them.
 
     Returns:
-        Those of the file that such a node has, and arguments that replace them.
+        What to start, with those values of the file that such a node has.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -79,12 +76,10 @@ def follow(arguments: Mapping[str, str]) -> dict[str, object]:
     kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
     known = {leaf.name for leaf in parameter_leaves(kind)}
     kept = {name: value for name, value in file.items() if name in known}
-    values = {**kept, 'drive': 'follow', **given(arguments, names)}
-    configure(values)
-    return values
+    return _linkage({**kept, 'drive': 'follow', **given(arguments, names)}, arguments)
 
 
-def demo(arguments: Mapping[str, str]) -> Demo:
+def demo(arguments: Mapping[str, str]) -> Linkage:
     """The parameters of the demo: those of the file, and arguments that replace them.
 
     Args:
@@ -97,9 +92,11 @@ def demo(arguments: Mapping[str, str]) -> Demo:
     Raises:
         ConfigurationError: The file or a value cannot be used.
     """
-    names = ('rpm', *_COMMON)
     file = read_values(arguments['params'], arguments['namespace'])
-    values = {**file, **given(arguments, names)}
+    return _linkage({**file, **given(arguments, ('rpm', *_COMMON))}, arguments)
+
+
+def _linkage(values: dict[str, object], arguments: Mapping[str, str]) -> Linkage:
     configuration = configure(values)
     session, prefix = configuration.session, arguments['frame_prefix']
     fixed_frame = prefix + session.frame_id
@@ -110,8 +107,17 @@ def demo(arguments: Mapping[str, str]) -> Demo:
         'frame_prefix': prefix,
         'use_sim_time': values.get('use_sim_time', False),
     }
-    rviz = _RVIZ.clean('rviz', given(arguments, ['rviz']).get('rviz', False)) is True
-    return Demo({**values, 'frame_id': fixed_frame}, publisher, fixed_frame, rviz)
+    return Linkage({**values, 'frame_id': fixed_frame}, publisher, fixed_frame)
+
+
+def is_asked_for(arguments: Mapping[str, str], name: str) -> bool:
+    """Whether an argument that is a switch, as rviz, is on.
+
+    Raises:
+        ConfigurationError: It is neither true nor false.
+    """
+    switch = Quantity('switch', name)
+    return switch.clean(name, given(arguments, [name]).get(name, False)) is True
 
 
 def parameter_file(values: Mapping[str, object]) -> str:
@@ -131,7 +137,7 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
 
     Args:
         template: The file for a linkage without prefixes.
-        fixed_frame: As in `Demo`.
+        fixed_frame: As in `Linkage`.
         frame_prefix: Frame prefix of robot_state_publisher. RViz adds a '/' to its own.
 
     Returns:

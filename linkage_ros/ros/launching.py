@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
-from linkage_ros.parameters.launched import parameter_file
+from linkage_ros.parameters.launched import how_to_install, is_installed, parameter_file
 from linkage_ros.parameters.session import VIEWERS
 
 # Default and meaning of launch arguments, by name.
@@ -24,6 +24,8 @@ NAMES: Arguments = {
     'use_sim_time': ('', 'true: take the time from /clock'),
     'joint_prefix': ('', 'put before every joint and link name, such as left_'),
 }
+# Of those that start robot_state_publisher.
+FRAMES: Arguments = {'frame_prefix': ('', 'put before every tf frame, such as left/')}
 OUTPUTS: Arguments = {
     'log': ('', '.mcap file to write'),
     'log_overwrite': ('', 'true: replace an existing log or .rrd file'),
@@ -78,6 +80,47 @@ def program(
         output='screen',
         on_exit=_end,
     )
+
+
+def state_publisher(
+    namespace: str,
+    values: Mapping[str, object],
+    remappings: Sequence[tuple[str, str]] = (),
+) -> Any:
+    """Starts robot_state_publisher, if it is installed.
+
+    Args:
+        namespace: Of its node.
+        values: Its parameters.
+        remappings: Names of topics, and what they become.
+
+    Returns:
+        The action.
+    """
+    # Node and publisher would both publish it, latched; the node's belongs to the log.
+    own = 'robot_description', 'robot_state_publisher/robot_description'
+    publisher = Node(
+        package='robot_state_publisher',
+        executable='robot_state_publisher',
+        namespace=namespace,
+        parameters=[parameter_file(values)],
+        remappings=[own, *remappings],
+    )
+    return where_installed('robot_state_publisher', 'tf', publisher)
+
+
+def where_installed(package: str, feature: str, action: Any) -> Any:
+    """An action that needs a ROS package.
+
+    Args:
+        package: Its name.
+        feature: What is missing without it.
+        action: The action.
+
+    Returns:
+        The action, or one that says what to install.
+    """
+    return action if is_installed(package) else LogInfo(msg=how_to_install(package, feature))
 
 
 def _end(event: ProcessExited, _: LaunchContext) -> list[Any]:
