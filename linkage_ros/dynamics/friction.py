@@ -179,7 +179,8 @@ def friction_round(
     forces = _in_contacts(coefficients, found)
 
     # The friction alone, of a force of 1 N in one joint after the other: R_km.
-    links = tuple(link._replace(mass=ZERO, inertia=ZERO) for link in model.links)
+    nothing: Any = ZERO
+    links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
     weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
     units = [[1.0 if k == m else ZERO for k in range(len(sizes))] for m in range(len(sizes))]
     alone = [weightless._replace(loads=(exert(unit),)) for unit in units]

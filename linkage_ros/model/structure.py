@@ -89,8 +89,8 @@ class Link(NamedTuple):
     """
 
     name: str
-    mass: Real
-    inertia: Real
+    mass: float
+    inertia: float
     center: Point
     parent: int | None = None
     origin: complex = 0j
