@@ -102,7 +102,7 @@ WRONG = {
     'negative': (f'{SLIDER}, friction: {{guide: -0.1}}',
                  r'friction\.guide = -0\.1: must be a number from 0 to 100'),
     'no radius': (f'{FOUR}, {ROCKER}, friction: {{pin: 0.1}}',
-                  r'friction\.pin = 0\.1 with friction\.pin_radius = 0: give both above 0, or leave'),
+                  r'friction\.pin = 0\.1 with friction\.pin_radius = 0: give both above'),
     'radius alone': (f'{SLIDER}, friction: {{pin_radius: 0.02, guide: 0.1}}',
                      r'friction\.pin = 0 with friction\.pin_radius = 0\.02: give both above 0'),
     'no guide': (f'{FOUR}, {ROCKER}, friction: {{guide: 0.1}}',
