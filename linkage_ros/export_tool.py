@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import is_same_file, open_file
+from linkage_ros.files import create_file, is_same_file
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.presets import find_file, preset_names
 from linkage_ros.run.simulator import Simulator
@@ -72,15 +72,10 @@ def _write(options: argparse.Namespace, text: str) -> None:
     out = options.out
     if is_same_file(str(out), str(find_file(options.params))):
         raise ConfigurationError(f'{out} holds the parameters and is kept: choose another name')
-    try:
-        with open_file(out, 'wb' if options.overwrite else 'xb') as stream:
-            stream.write(text.encode())
-    except FileExistsError as error:
-        raise ConfigurationError(
-            f'{out} exists already and is kept: choose another name, or give --overwrite'
-        ) from error
-    except OSError as error:
-        raise ConfigurationError(f'{out} cannot be written: {error.strerror or error}') from error
+    with create_file(
+        out, ConfigurationError, overwrite=options.overwrite, cure='give --overwrite'
+    ) as stream:
+        stream.write(text.encode())
     print(out)
 
 

@@ -12,6 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Literal
 
+from linkage_ros.errors import LinkageError
+
 
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
     """Opens a file without waiting.
@@ -38,6 +40,36 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
         raise OSError(errno.EINVAL, str(error)) from error
     os.set_blocking(stream.fileno(), True)
     return stream
+
+
+def create_file(
+    path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str
+) -> BinaryIO:
+    """Creates a file with `open_file`, or replaces it.
+
+    Args:
+        path: The file.
+        kind: Error to raise.
+        overwrite: Whether to replace an existing file.
+        cure: How a user lets an existing file be replaced.
+
+    Returns:
+        The file, to be closed by the caller.
+
+    Raises:
+        LinkageError: Of that kind: the file exists and is kept, or cannot be created.
+    """
+    try:
+        return open_file(path, 'wb' if overwrite else 'xb')
+    except FileExistsError:
+        problem = 'cannot be replaced: choose another name'
+        if is_replaceable(path):
+            problem = f'exists already and is kept: choose another name, or {cure}'
+    except BlockingIOError:
+        problem = 'is being written by another run and is kept: choose another name'
+    except OSError as error:
+        problem = f'cannot be written: {error.strerror or error}'
+    raise kind(f'{path} {problem}')
 
 
 def _open_nonblocking(path: str, flags: int) -> int:

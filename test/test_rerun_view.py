@@ -195,10 +195,10 @@ VALID = re.escape('is not one of: spawn, web, rerun+http://HOST:PORT/proxy or a 
 @pytest.mark.parametrize(
     ('target', 'words'),
     [('', VALID), ('http://x/run.rrd', VALID), ('rerun+http://127.0.0.1:65536/proxy', VALID),
-     ('folder.rrd', VALID),
-     ('none/run.rrd', r'cannot be written \(No such file'),
+     ('folder.rrd', 'cannot be replaced: choose another name'),
+     ('none/run.rrd', 'cannot be written: No such file'),
      ('pipe.rrd', 'cannot be replaced: choose another name'),
-     ('old.rrd', 'already exists and is kept: choose .* set log_overwrite')],
+     ('old.rrd', 'exists already and is kept: choose .* set log_overwrite')],
 )  # fmt: skip
 def test_wrong_target_is_refused_and_left_alone(tmp_path, monkeypatch, target, words):
     monkeypatch.chdir(tmp_path)

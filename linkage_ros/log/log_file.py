@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NoReturn, cast
 
 from linkage_ros.errors import LogError
-from linkage_ros.files import is_replaceable, open_file
+from linkage_ros.files import create_file, open_file
 
 
 class LogFile:
@@ -41,23 +41,10 @@ class LogFile:
         self.path, self.begun = Path(path), False
         if overwrite and _is_something_else(self.path, magic):
             raise LogError(f'{path} is no log and is kept: choose another name')
-        try:
-            opened = open_file(self.path, 'wb' if overwrite else 'xb')
-        except FileExistsError as error:
-            if not is_replaceable(path):
-                raise LogError(
-                    f'{path} is no file that could be replaced: choose another name'
-                ) from error
-            raise LogError(
-                f'{path} exists already and is kept: choose another name, or set log_overwrite '
-                '(linkage_record: --overwrite)'
-            ) from error
-        except BlockingIOError as error:
-            raise LogError(
-                f'{path} is being written by another run and is kept: choose another name'
-            ) from error
-        except OSError as error:
-            self.fail(error)
+        opened = create_file(
+            path, LogError, overwrite=overwrite,
+            cure='set log_overwrite (linkage_record: --overwrite)',
+        )  # fmt: skip
         self.stream = cast('io.BufferedWriter', opened)
 
     def fail(self, error: OSError) -> NoReturn:

@@ -16,23 +16,20 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import BinaryIO
 
 import rerun as rr
 from rerun import FileSink, GrpcServerSink, GrpcSink  # missing in old versions
 
 from linkage_ros.errors import ViewerError
-from linkage_ros.files import is_replaceable, open_file
+from linkage_ros.files import create_file
 from linkage_ros.parameters.session import (
     SPAWN,
-    VIEWERS,
     WEB,
     is_recording,
     viewer_address,
     viewer_error,
 )
-from linkage_ros.quantities import shown
 from linkage_ros.view.scene import TIMELINE, Rows
 from linkage_ros.view.viewer_process import free_address, public_host
 
@@ -92,7 +89,12 @@ class Sender:
         )
         self._retry_at = 0.0
         self.is_file = not (target in (SPAWN, WEB) or self._address)
-        self._file = _create_file(target, overwrite=overwrite) if self.is_file else None
+        self._file: BinaryIO | None = None  # locked, so that other runs cannot replace it
+        if self.is_file:
+            if not is_recording(target):
+                raise ViewerError(viewer_error(target))
+            cure = 'delete it first (linkage_node: or set log_overwrite)'
+            self._file = create_file(target, ViewerError, overwrite=overwrite, cure=cure)
         self._stream = rr.RecordingStream('linkage_ros')
         if target in (SPAWN, WEB):
             host, port, self.exposed = free_address(bind)
@@ -202,29 +204,3 @@ def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
         if time.monotonic() > deadline:
             return False
         time.sleep(0.1)
-
-
-def _create_file(target: str, *, overwrite: bool) -> BinaryIO:
-    """Creates an empty recording, which other runs cannot replace while it is open.
-
-    Raises:
-        ViewerError: It cannot be created.
-    """
-    path = Path(target)
-    if not is_recording(target) or path.is_dir():
-        raise ViewerError(viewer_error(target))
-    try:
-        return open_file(path, 'wb' if overwrite else 'xb')
-    except BlockingIOError:
-        problem = 'is being written by another run and is kept: choose another name'
-    except FileExistsError:
-        problem = 'cannot be replaced: choose another name'
-        if is_replaceable(path):
-            problem = (
-                'already exists and is kept: choose another name, or delete it first '
-                '(linkage_node: or set log_overwrite)'
-            )
-    except OSError as error:
-        reason = error.strerror or error
-        problem = f'cannot be written ({reason}); a viewer is one of: {VIEWERS}'
-    raise ViewerError(f'viewer = {shown(target)} {problem}')
