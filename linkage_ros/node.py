@@ -19,8 +19,6 @@ from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import Configuration, configure, preset_note
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.quantities import build, flatten
-from linkage_ros.ros.command_subscriber import CommandSubscriber
-from linkage_ros.ros.measurement_subscriber import MeasurementSubscriber
 from linkage_ros.ros.parameters import (
     ParameterNode,
     declare,
@@ -32,7 +30,11 @@ from linkage_ros.ros.process import (
     spinning,
 )
 from linkage_ros.ros.publishers import create_publisher, wait_for_subscribers
-from linkage_ros.ros.simulated_clock import subscribe_to_clock
+from linkage_ros.ros.subscribers import (
+    CommandSubscriber,
+    MeasurementSubscriber,
+    subscribe_to_clock,
+)
 from linkage_ros.run.crank_trajectory import CrankTrajectory
 from linkage_ros.run.health import WINDOW, Health, HealthMonitor
 from linkage_ros.run.measured_crank import MeasuredCrank
