@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 from mpmath import mp
-from oracle import Oracle, wrap
+from oracle import Oracle, oracle_of, wrap
 
 from linkage_ros import (
     Body,
@@ -295,7 +295,7 @@ def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, peri
     Returns:
         The five largest errors, whichever the link or point and the way of asking.
     """
-    oracle = Oracle(solver.mechanism, lengths)
+    oracle = oracle_of(solver.mechanism, lengths and tuple(lengths))
     start = 0.1 if oracle.is_free else float(mp.mpf(angles[0]) - oracle.angle(angles[0])) + 0.1
     spread = [start + 4 * math.pi * i / period for i in range(period)]
     asked = [asked_of_oracle(solver.mechanism, x, speed, acceleration) for x in angles]
@@ -344,16 +344,16 @@ def _point_errors(solver, traced, usual, asked, units):
     """The largest error of any point, relative to the largest length of its vector."""
     (alone, together), worst = asked, 0.0
     for name in traced[0]:
-        arrays = [vector(x) for x in solver.point(together, name)]
-        for order, array in enumerate(arrays):
-            right = [each[name][order] for each in traced]
-            others = _beyond_rounding(vector(solver.point(usual, name)[order]), units[order])
-            size = max(map(abs, (*right, *others)))
+        found, often = (map(vector, solver.point(state, name)) for state in (together, usual))
+        one_by_one = zip(*(map(vector, solver.point(state, name)) for state in alone), strict=True)
+        for order, each in enumerate(zip(found, one_by_one, often, strict=True)):
+            *answers, others = map(np.atleast_1d, each)
+            right = [state[name][order] for state in traced]
+            size = max(map(abs, (*right, *_beyond_rounding(others, units[order]))))
             # B of a folded slider-crank rests at A0.
             size = size if size > 1e-20 * units[order] else units[order]
-            one_by_one = [complex(*solver.point(state, name)[order]) for state in alone]
-            for got in (one_by_one, np.atleast_1d(array).tolist()):
-                errors = [abs(mp.mpc(x) - y) for x, y in zip(got, right, strict=False)]
+            for got in answers:
+                errors = [abs(mp.mpc(x) - y) for x, y in zip(got.tolist(), right, strict=False)]
                 worst = max(worst, float(max(errors) / size))
     return worst
 
@@ -365,7 +365,7 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
     times the largest length. Each angle is asked for alone and as one array.
     """
     mechanism = solver.mechanism
-    oracle, worst = Oracle(mechanism), [0.0] * 5
+    oracle, worst = oracle_of(mechanism), [0.0] * 5
     together = solver.reactions(moving(solver, np.array(angles), speed, acceleration))
     for i, crank in enumerate(angles):
         right = oracle.state(*asked_of_oracle(mechanism, crank, speed, acceleration))

@@ -109,6 +109,7 @@ class Oracle:
             r, b, e = self.lengths
             self.folded, self.stretched = r - e == b, r + e == b
         self.passes_change_point = self.stretched or self.folded
+        self.state = functools.cache(self._state)
 
     def angle(self, crank):
         """Theta: the crank's angle from the frame, or from the normal of the guide.
@@ -128,7 +129,7 @@ class Oracle:
             distance = abs(d - r * mp.expj(self.angle(crank)))
             return bool(abs(b - c) <= distance <= b + c)
 
-    def state(self, q, u=0.0, a=0.0):
+    def _state(self, q, u=0.0, a=0.0):
         """The state at exactly these doubles, to 50 digits or more.
 
         Args:
@@ -506,6 +507,10 @@ class Oracle:
         torque += unit * (abs(force) + unit * (damping * abs(speed) + stiffness))
         units = [1.0 if turns else size for turns in self.turning]
         return *units, *(abs(speed) * x for x in units), *(square * x for x in units), torque
+
+
+# Tests that ask for the same states share them.
+oracle_of = functools.lru_cache(Oracle)
 
 
 def _first(q):

@@ -24,7 +24,7 @@ from mechanisms import (
     slider_crank,
 )
 from mpmath import mp
-from oracle import Oracle
+from oracle import Oracle, oracle_of
 from ros_harness import logged
 
 from linkage_ros import (
@@ -83,7 +83,7 @@ def loaded(name, *kinds):
     mechanism = MECHANISMS[name]
     if isinstance(mechanism, FourBar):
         spring = with_loads(mechanism, LinkLoad('rocker', stiffness=1.0))
-        found = loads_of('rocker', float(Oracle(spring).middle))
+        found = loads_of('rocker', float(oracle_of(spring).middle))
     else:
         found = loads_of('slider', 1.6)
     return with_loads(mechanism, *(found[kind] for kind in kinds))
@@ -95,7 +95,7 @@ def errors(mechanism, cranks, speed=2.0, acceleration=1.5, meant=None):
     Each angle is asked for alone and as one array. The reference is given what is meant, by
     default the same mechanism.
     """
-    solver, oracle = Solver(mechanism), Oracle(meant or mechanism)
+    solver, oracle = Solver(mechanism), oracle_of(meant or mechanism)
     right = [oracle.state(*asked_of_oracle(mechanism, x, speed, acceleration)) for x in cranks]
     together = moving(solver, np.array(cranks), speed, acceleration)
     forces, exerted = solver.reactions(together), solver.load_forces(together)
