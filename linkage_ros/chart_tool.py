@@ -15,7 +15,8 @@ from linkage_ros.parameters.presets import preset_names
 from linkage_ros.quantities import Quantity
 
 _NAME = 'linkage_chart'
-_MODULES = {'accuracy': 'methods', 'stability': 'methods'}  # others have their command's name
+# Of commands that have no module of their name.
+_MODULES = {'accuracy': 'methods', 'stability': 'methods', 'movie': 'motion'}
 # What the options may be.
 _RPM = Quantity('number', "crank speed instead of the file's", 'rpm', -1e6, 1e6)
 _BESIDES = replace(_RPM, meaning="crank speeds besides the file's")
@@ -37,15 +38,17 @@ _QUICK: cli.Option = (('--quick',), None, {
 
 def _commands() -> dict[str, cli.Command]:
     presets = f'parameter file, or a preset: {", ".join(preset_names())}'
+    params: cli.Option = (('params',), None, {'metavar': 'PARAMS', 'help': presets})
+    rpm: cli.Option = (
+        ('--rpm',), _RPM, {'metavar': 'N', 'note': '; of a wind_pump, the one it settles from'}
+    )  # fmt: skip
     return {
         'motion': cli.Command(
             _draw, 'position, rate, acceleration and torque over one period: PNG and CSV',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
              'my_linkage.yaml --fluctuation 0.02'),
             (
-                (('params',), None, {'metavar': 'PARAMS', 'help': presets}),
-                (('--rpm',), _RPM,
-                 {'metavar': 'N', 'note': '; of a wind_pump, the one it settles from'}),
+                params, rpm,
                 (('--acceleration',), _ACCELERATION,
                  {'default': 0.0, 'metavar': 'A', 'note': ' (default 0)'}),
                 (('--fluctuation',), _FLUCTUATION,
@@ -53,6 +56,16 @@ def _commands() -> dict[str, cli.Command]:
                 (('--reactions',), None,
                  {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
                 _OUT,
+            ),
+        ),
+        'movie': cli.Command(
+            _draw, 'the mechanism as it moves, with its driving torque: GIF, or MP4 with ffmpeg',
+            ('quadrilateral quadrilateral.gif', 'my_linkage.yaml my_linkage.mp4 --rpm 30'),
+            (
+                params,
+                (('out',), None,
+                 {'type': cli.path, 'metavar': 'OUT', 'help': '.gif or .mp4 file, replaced'}),
+                rpm,
             ),
         ),
         'accuracy': cli.Command(

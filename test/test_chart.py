@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
 import re
 import sys
@@ -18,6 +19,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from PIL import Image, ImageSequence
 
 from linkage_ros import (
     Body,
@@ -28,6 +30,7 @@ from linkage_ros import (
     chart_tool,
 )
 from linkage_ros.dynamics.period import SpeedDrivenPeriod, extent
+from linkage_ros.lab.charts import linkage, movie
 from linkage_ros.lab.commands.motion import settled_turn
 from linkage_ros.lab.pump.runs import settle
 from linkage_ros.parameters.configuration import load
@@ -150,7 +153,7 @@ def test_pins_are_named_in_the_drawing(drawn, preset):
         'slider_crank': {'A0', 'A', 'B'},
         'wind_pump': {'A0', 'A', 'B', 'D'},
     }
-    *names, scale = [text.get_text() for text in drawing.texts]
+    scale, *names = [text.get_text() for text in drawing.texts]
     mechanism = load(preset).mechanism
     traced = {'C'} if mechanism.coupler.point else set()
     assert set(names) == expected[load(preset).kind.mechanism] | traced
@@ -159,7 +162,7 @@ def test_pins_are_named_in_the_drawing(drawn, preset):
     sizes = [text.get_fontsize() for text in page.findobj(Text) if text.get_text()]
     assert min(sizes) * 700 / page.get_figwidth() / 72 > 7.9
     # Each is nearer to its own pin than to any other.
-    pins = drawing.texts[:-1]
+    pins = drawing.texts[1:]
     places = drawing.transData.transform([text.xy for text in pins])
     for number, text in enumerate(pins):
         box = text.get_window_extent()
@@ -267,6 +270,35 @@ def test_forces_without_bounds_are_refused(tmp_path, monkeypatch, capsys):
     assert not (tmp_path / 'out').exists()
 
 
+@pytest.mark.parametrize(('preset', 'way'), [('compressor', 1), ('wind_pump', 1), ('wiper', -1)])
+def test_a_movie_shows_even_steps_of_time(tmp_path, monkeypatch, capsys, preset, way):
+    shown, move = [], linkage.LinkagePicture.move
+    monkeypatch.setattr(movie, 'SECONDS', 0.5)
+    monkeypatch.setattr(
+        linkage.LinkagePicture, 'move', lambda it, i: shown.append((it, i)) or move(it, i)
+    )
+    options = ('--rpm', -30) if way < 0 else ()
+    assert chart(monkeypatch, 'movie', preset, tmp_path / 'made.gif', *options) == 0
+    said, path = capsys.readouterr().out.splitlines()
+    assert said.startswith(preset)
+    with Image.open(path) as file:
+        frames = [np.array(frame.convert('RGB'), int) for frame in ImageSequence.Iterator(file)]
+        assert file.info['duration'] == 50
+    assert len(frames) == 10
+    assert all(np.abs(one - other).sum() for one, other in itertools.pairwise(frames))
+    (picture, _), *_ = shown
+    crank = picture.period.crank[[i for _, i in shown[1:]]]  # without the one before the frames
+    speed = np.abs(picture.period.columns['crank.velocity'].values)
+    time = np.interp(crank, *elapsed(picture.period.crank, speed))
+    apart, sample = way * np.diff(time), np.diff(picture.period.crank).max() / speed.min()
+    assert apart == pytest.approx(apart.mean(), abs=2 * sample)
+
+
+def elapsed(crank, speed):
+    steps = np.diff(crank) * (1 / speed[1:] + 1 / speed[:-1]) / 2
+    return crank, np.concatenate([[0.0], np.cumsum(steps)])
+
+
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
@@ -288,6 +320,9 @@ def test_forces_without_bounds_are_refused(tmp_path, monkeypatch, capsys):
         (['motion', 'wind_pump', '--acceleration', '1'], ': leave --acceleration out'),
         (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
         (['motion', 'wind_pump', '--rpm', '0'], '--rpm = 0: must be above 0 rpm, because'),
+        (['movie', 'wiper', 'wiper.png'], 'wiper.png: must end with .gif or .mp4'),
+        (['movie', 'wiper', '/proc/nowhere/wiper.gif'], 'cannot be written'),
+        (['movie', 'wiper', 'wiper.gif', '--rpm', '0'], 'the crank stands still'),
         (['motion'], 'PARAMS'),
         ([], 'COMMAND'),
     ],

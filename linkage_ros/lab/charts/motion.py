@@ -17,23 +17,19 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from linkage_ros.dynamics.period import Column, Period, extent
+from linkage_ros.lab.charts.linkage import LinkagePicture
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TEXT, WIDTH
 from linkage_ros.numeric import Array
-from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color, color_of, fractions
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
 # Inches. From top to bottom: linkage, for each row diagrams and the numbers below them, title of
 # the last. From left to right: numbers, diagrams, text.
 _LINKAGE, _ROW, _GAP, _FOOT = 2.6, 1.35, 0.5, 0.1
 _LEFT, _TEXT = 0.8, 4.5
 _DRAWN_AT = 45.0  # deg, of the crank: links of most mechanisms stand apart there
-# Around the names of pins, which may lie on paths.
-_HALO = withStroke(linewidth=2.5, foreground='white')
-_AWAY = 16.0  # points, of a name from its pin
 _TITLES = {
     'rad': 'Direction', 'rad/s': 'Rate', 'rad/s^2': 'Accel.',
     'm': 'Slider position', 'm/s': 'Slider velocity', 'm/s^2': 'Slider accel.',
@@ -73,7 +69,8 @@ def draw_motion(period: Period, title: Sequence[str], path: Path) -> None:
     width = WIDTH - _LEFT - _TEXT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
     linkage = _LEFT / WIDTH, 1 - (_LINKAGE - 0.1) / height, width / WIDTH, 2.3 / height
-    _draw_linkage(figure.add_axes(linkage), period, math.radians(_DRAWN_AT))
+    drawn_at = np.abs(period.crank - math.radians(_DRAWN_AT)).argmin()
+    LinkagePicture(figure.add_axes(linkage), period, [int(drawn_at)])
     first, *others = title
     others.append(f'drawn at crank angle {_DRAWN_AT:g} deg')
     text: dict[str, Any] = {
@@ -193,47 +190,3 @@ def _format(axes: Axes, period: Period, panel: _Panel) -> None:
         axes.axhline(0, color='0.6', linewidth=0.8, zorder=0)
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
     axes.yaxis.set_major_formatter(lambda value, _: f'{value:.5g}')
-
-
-def _draw_linkage(axes: Axes, period: Period, crank: float) -> None:
-    """Draws the mechanism with its pins, what they trace out over the period, and a scale.
-
-    Args:
-        axes: Axes to draw in.
-        period: Period to draw.
-        crank: The crank angle at which it is drawn, rad.
-    """
-    drawing = Drawing(period.solver.mechanism)
-    columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
-    tracks = drawing.place(np.stack(columns, axis=-1))
-    now = tracks[np.abs(period.crank - crank).argmin()][np.newaxis]
-    for line in drawing.ground:
-        axes.plot(*line.T, color=fractions(GREY), linewidth=0.9)
-    for pin, owner in drawing.owners.items():
-        track = tracks[:, drawing.pins.index(pin)]
-        axes.plot(*track.T, color=fractions(color_of(owner)), linewidth=0.8)
-    for link, (line,) in drawing.links(now).items():
-        axes.plot(*line.T, color=fractions(color_of(link)), linewidth=2.6, solid_capstyle='round')
-    pins = np.array([*drawing.pivots, *now[0]])
-    axes.plot(*pins.T, 'o', color=fractions(DARK), markersize=3.5)
-    labels = np.array([*drawing.pivot_labels, *drawing.labels(now)[0]])
-    for name, pin, label in zip((*drawing.pivot_names, *drawing.pins), pins, labels, strict=True):
-        way = label - pin
-        if name in drawing.pivot_names:  # beside the ground, which is below
-            way = np.array((pin[0] - pins[:, 0].mean(), 0.0))
-        axes.annotate(
-            name, tuple(pin), xytext=tuple(_AWAY * way / np.linalg.norm(way)),
-            textcoords='offset points', fontsize=SMALL, ha='center', va='center',
-            annotation_clip=False, path_effects=[_HALO],
-        )  # fmt: skip
-    # Below what is shown, which is not all that the scale of a moving picture is below.
-    low, high = axes.dataLim.get_points()
-    scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
-    axes.plot(*scale.T, color=fractions(GREY), linewidth=0.9)
-    axes.annotate(
-        f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0),
-        textcoords='offset points', fontsize=SMALL, va='center', annotation_clip=False,
-    )  # fmt: skip
-    axes.set_aspect('equal')
-    axes.margins(0.08)
-    axes.set_axis_off()

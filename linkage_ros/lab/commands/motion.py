@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart motion: a period at a given speed, with its flywheel, or a settled wind pump."""
+"""linkage_chart motion and movie: a period at a given speed, or a settled wind pump."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.lab.charts.flywheel import draw_flywheel
 from linkage_ros.lab.charts.motion import draw_motion
+from linkage_ros.lab.charts.movie import SECONDS, draw_movie
 from linkage_ros.lab.commands.output import folder, progress, save_table
 from linkage_ros.lab.flywheel import Cycle, EvenTorque, UnsteadyError, motor_cycle
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
@@ -24,7 +25,7 @@ from linkage_ros.lab.pump.runs import settle
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, Motor, SpeedDrive, TorqueDrive
-from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.parameters.presets import find_file
 from linkage_ros.units import radians_per_second
@@ -40,6 +41,44 @@ def motion(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism, the speed or the folder cannot be used.
     """
     configuration, name = load(options.params), find_file(options.params).stem
+    period, title = _period(options, configuration, name)
+    picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
+    with folder(options.out):
+        flywheel = _flywheel(options, period, configuration.drive, name)
+        save_table(table, period.columns.values())
+        draw_motion(period, title, picture)
+    print(', '.join(title), *flywheel, picture, table, sep='\n')
+
+
+def movie(options: argparse.Namespace) -> None:
+    """Draws a mechanism as it moves.
+
+    Args:
+        options: Options of the command line.
+
+    Raises:
+        ConfigurationError: The mechanism, the speed or the file cannot be used.
+    """
+    configuration, name = load(options.params), find_file(options.params).stem
+    plain = argparse.Namespace(
+        **vars(options), acceleration=0.0, reactions=False, fluctuation=None
+    )
+    period, (_, about, speed, *_) = _period(plain, configuration, name)
+    share = 2 * math.pi / SECONDS / abs(period.speed or math.inf)
+    title = [name, about, speed, f'shown at {share:.3g} of its speed']
+    with folder(options.out.parent):
+        draw_movie(period, title, options.out, progress)
+    print(', '.join(title), options.out, sep='\n')
+
+
+def _period(
+    options: argparse.Namespace, configuration: Configuration, name: str
+) -> tuple[Period, list[str]]:
+    """The period to draw, and its title: name, what it is, lines.
+
+    Raises:
+        ConfigurationError: The mechanism or the options cannot be used.
+    """
     mechanism = configuration.mechanism
     if Solver(mechanism).mobility is None:  # it moves as its motor drives it
         drive = cast('TorqueDrive', configuration.drive)
@@ -48,13 +87,7 @@ def motion(options: argparse.Namespace) -> None:
         period, words = _driven(options, mechanism, configuration.drive)
     kind, (group, *lines) = configuration.kind.mechanism, words
     about = [kind if kind != name else '', mechanism.assembly, group]  # presets bear kinds' names
-    title = [name, ', '.join(filter(None, about)), *lines]
-    picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
-    with folder(options.out):
-        flywheel = _flywheel(options, period, configuration.drive, name)
-        save_table(table, period.columns.values())
-        draw_motion(period, title, picture)
-    print(', '.join(title), *flywheel, picture, table, sep='\n')
+    return period, [name, ', '.join(filter(None, about)), *lines]
 
 
 def _flywheel(

@@ -1,0 +1,105 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A mechanism and the paths of its pins, as a part of a picture, still or moving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.text import Annotation
+
+from linkage_ros.dynamics.period import Period
+from linkage_ros.lab.charts.sizes import SMALL
+from linkage_ros.numeric import Array
+from linkage_ros.palette import DARK, GREY, Color, color_of, fractions
+from linkage_ros.view.drawing import Drawing
+
+# Around the names of pins, which may lie on paths.
+_HALO = withStroke(linewidth=2.5, foreground='white')
+_AWAY = 16.0  # points, of a name from its pin
+
+
+class LinkagePicture:
+    """The mechanism with its pins, what they trace out over a period, and a scale.
+
+    Attributes:
+        period: What is drawn.
+    """
+
+    def __init__(self, axes: Axes, period: Period, samples: Sequence[int]) -> None:
+        """Draws it at the first of the samples, with room for all of them.
+
+        Args:
+            axes: Axes to draw in.
+            period: Period to draw.
+            samples: Indices of the crank angles of the period at which it will be shown.
+        """
+        self.period, self._axes = period, axes
+        self._drawing = drawing = Drawing(period.solver.mechanism)
+        columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
+        self._tracks = drawing.place(np.stack(columns, axis=-1))
+        for line in drawing.ground:
+            self._plot(line, GREY, linewidth=0.9)
+        for pin, owner in drawing.owners.items():
+            self._plot(self._tracks[:, drawing.pins.index(pin)], color_of(owner), linewidth=0.8)
+        shown = self._tracks[list(samples)]
+        self._links = {
+            link: self._plot(lines.reshape(-1, 2), color_of(link), linewidth=2.6)
+            for link, lines in drawing.links(shown).items()
+        }
+        pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
+        self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
+        middle = pins[:, 0].mean()
+        self._asides = [(pivot[0] - middle, 0.0) for pivot in drawing.pivots]
+        self._names: list[Annotation] = []
+        self._draw_scale()
+        axes.set_aspect('equal')
+        axes.margins(0.08)
+        axes.set_axis_off()
+        self.move(samples[0])
+
+    def move(self, sample: int) -> None:
+        """Shows the mechanism at a sample of the period."""
+        drawing, now = self._drawing, self._tracks[sample : sample + 1]
+        for link, (line,) in drawing.links(now).items():
+            self._links[link].set_data(*line.T)
+        pins = np.array([*drawing.pivots, *now[0]])
+        self._pins.set_data(*pins.T)
+        for name in self._names:
+            name.remove()
+        labels = np.array([*drawing.pivot_labels, *drawing.labels(now)[0]])
+        ways = labels - pins
+        # The names of pivots stand beside the ground, which is below.
+        ways[: len(drawing.pivots)] = self._asides
+        self._names = [
+            self._axes.annotate(
+                name, tuple(pin), xytext=tuple(_AWAY * way / np.linalg.norm(way)),
+                textcoords='offset points', fontsize=SMALL, ha='center', va='center',
+                annotation_clip=False, path_effects=[_HALO],
+            )
+            for name, pin, way in zip(
+                (*drawing.pivot_names, *drawing.pins), pins, ways, strict=True
+            )
+        ]  # fmt: skip
+
+    def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
+        (line,) = self._axes.plot(
+            *points.T, color=fractions(color), solid_capstyle='round', **style
+        )
+        return line
+
+    def _draw_scale(self) -> None:
+        """Below what is shown, which is not all that the scale of the view is below."""
+        drawing = self._drawing
+        low, high = self._axes.dataLim.get_points()
+        scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
+        self._plot(scale, GREY, linewidth=0.9)
+        self._axes.annotate(
+            f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0),
+            textcoords='offset points', fontsize=SMALL, va='center', annotation_clip=False,
+        )  # fmt: skip
