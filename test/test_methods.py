@@ -18,7 +18,16 @@ from linkage_ros.dynamics.trees import Constants
 from linkage_ros.lab.methods import linkages, stages
 from linkage_ros.lab.methods.accuracy import Measurement, mark_fronts
 from linkage_ros.lab.methods.bench import LinkageBench, PeriodBench
-from linkage_ros.lab.methods.chain import BATCH, ONE, QUANTITIES, Task, function_of
+from linkage_ros.lab.methods.chain import (
+    BATCH,
+    ONE,
+    OWN,
+    QUANTITIES,
+    RATES,
+    TORQUE,
+    Task,
+    function_of,
+)
 from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.lab.methods.tables import CAP, NewtonRaphson
@@ -124,6 +133,15 @@ def test_an_array_gives_what_numbers_give(benches, method):
         columns = [np.broadcast_to(column, 7) for column in batch(cranks)]
         rows = np.array([one(crank) for crank in cranks.tolist()])
         assert rows == pytest.approx(np.transpose(columns), rel=close, abs=close)
+
+
+@each_preset
+def test_rates_and_torques_of_every_method_are_those_of_the_reference(benches, name):
+    for method in METHODS:
+        limit = 2e-6 if method.name == 'central differences' else 1e-11
+        for quantity in OWN[method.stage] if method.stage in (RATES, TORQUE) else ():
+            error = benches[name].worst_error(method, method.steady, method.modes[-1], quantity)
+            assert error < limit, (method.name, quantity)
 
 
 def errors_of(bench, name, quantity, settings):

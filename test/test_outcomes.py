@@ -227,10 +227,11 @@ def test_one_planted_fault_decides_what_comes_of_a_motion(fault, expected, error
     assert worst == pytest.approx(error, rel=1e-2, abs=1e-11)
 
 
-def test_a_wrong_value_counts_more_than_a_refusal_after_it():
+@pytest.mark.parametrize('error', [ConfigurationError('no'), ZeroDivisionError()])
+def test_a_wrong_value_counts_more_than_a_failure_after_it(error):
     def fault(right, time):
         if time > 2.0:
-            raise ConfigurationError('no')
+            raise error
         return moved(1e-3)(right, time)
 
     assert motion_outcome(fault) == (DIVERGED, pytest.approx(1e-3, rel=1e-2))

@@ -528,7 +528,7 @@ PIECES = st.sampled_from(
 TEXTS = st.lists(PIECES, max_size=40).map(''.join)
 
 
-@settings(max_examples=80, deadline=None, database=None, derandomize=True)
+@settings(max_examples=50)
 @given(st.one_of(TEXTS, TEXTS.map(own), st.text(), st.binary()))
 @pytest.mark.parametrize('loader', LOADERS, ids=lambda loader: loader.__name__)
 def test_any_text_gives_values_or_one_line(loader, tmp_path_factory, text):
