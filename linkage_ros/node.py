@@ -37,7 +37,6 @@ from linkage_ros.ros.subscribers import (
 )
 from linkage_ros.run.crank_trajectory import CrankTrajectory
 from linkage_ros.run.health import WINDOW, Health, HealthMonitor
-from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.scheduling import freeze_heap
 from linkage_ros.run.simulator import Simulator, Snapshot
 from linkage_ros.run.ticker import (
@@ -93,6 +92,9 @@ class LinkageNode(ParameterNode):
         self._state_publishers = [
             self._output_publishers[topic.name] for topic in self._simulator.topics
         ]
+        self._measurements: MeasurementSubscriber | None = None
+        if isinstance(configuration.drive, FollowDrive):
+            self._measurements = MeasurementSubscriber(self, self._simulator)
         self._view = self._open_view(configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log() if configuration.session.log else None
@@ -107,11 +109,6 @@ class LinkageNode(ParameterNode):
         self._joint_commands: CommandSubscriber | None = None
         if isinstance(configuration.drive, TorqueDrive):
             self._joint_commands = CommandSubscriber(self, configuration.drive, crank)
-        self._measurements: MeasurementSubscriber | None = None
-        self._measured: MeasuredCrank | None = None
-        if isinstance(self._ticker, MeasurementTicker):
-            self._measured = MeasuredCrank(self._simulator)
-            self._measurements = MeasurementSubscriber(self, self._measured, self._ticker)
         self.get_logger().info(preset_note(given) + summary(configuration, self._simulator.solver))
         wait_for_subscribers(self._state_publishers)
         freeze_heap()
@@ -170,8 +167,9 @@ class LinkageNode(ParameterNode):
 
     def _make_ticker(self, *, simulated: bool) -> Ticker:
         callbacks = Callbacks(self._tick, self._restamp, self._fail)
-        if isinstance(self._drive, FollowDrive):
-            return MeasurementTicker(self._simulator, callbacks, self._answer)
+        if self._measurements:
+            receive = self._measurements.receive
+            return MeasurementTicker(self._simulator, callbacks, receive, self._answer)
         if not simulated:
             return RealTimeTicker(self._simulator, callbacks)
         ticker = SimTimeTicker(self._simulator, callbacks)
@@ -194,7 +192,7 @@ class LinkageNode(ParameterNode):
             self._publish(self._ahead.topic, message)
 
     def _answer(self, received: int, data: bytes) -> bool:
-        """Answers a measurement, in the executor's thread; returns whether it counts."""
+        """Answers a measurement, in the ticker's thread; returns whether it counts."""
         if self._log is not None:
             self._log.write_heard(received, data)
         heard = self._measurements.take(received, data) if self._measurements else None
@@ -258,6 +256,8 @@ class LinkageNode(ParameterNode):
     def _warnings(self) -> list[str]:
         waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
         troubles = ['waiting for /clock'] if waiting else []
+        if self._measurements:
+            troubles += self._measurements.troubles()
         if self._joint_commands and self._joint_commands.commands.timed_out_within(WINDOW):
             troubles.append(
                 f'no command within command_timeout: the motor drove alone in the last {WINDOW} s'
@@ -273,7 +273,7 @@ class LinkageNode(ParameterNode):
             'driving torque, N m': f'{self._state.torque:.6g}',
             'loop residual, m': f'{residual:.3g}',
             **(self._joint_commands.commands.diagnostics() if self._joint_commands else {}),
-            **(self._measured.diagnostics() if self._measured else {}),
+            **(self._measurements.diagnostics() if self._measurements else {}),
         }
 
     def _fail(self, error: BaseException) -> None:

@@ -104,6 +104,20 @@ def test_what_controllers_quotes_of_a_measured_crank_was_measured():
     check_quote(page, 'default of {} Hz is for a robot', min(best, key=best.get))
 
 
+def test_what_follow_quotes_was_measured():
+    found = json.loads((DOCS / 'follow.json').read_text())
+    assert list(found) == ['100', '500', '1000']
+    for rate, one in found.items():
+        figures = [
+            value for part in (one['speed'], one['follow'])
+            for value in (part['age']['p50'], part['age']['p99'], part['cpu_percent'])
+        ]  # fmt: skip
+        row = f'| {rate} Hz |' + ' {} | {} | {} % |' * 2 + ' {} |'
+        check_quote('docs/follow.md', row, *figures, one['answers'])
+        assert (one['difference'], one['error'] <= 1e-12) == ('', True)
+        assert one['follow']['missed'] == one['speed']['missed']
+
+
 def test_what_reliability_quotes_was_measured():
     page, found = 'docs/reliability.md', json.loads((DOCS / 'reliability.json').read_text())
     names = {

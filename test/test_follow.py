@@ -38,7 +38,10 @@ from linkage_ros.wire.codecs import JointStateCodec
 
 TURN = 2 * math.pi
 MS = 1_000_000
-CODEC = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'base_link')
+CODEC, CODEC_BARE = (
+    JointStateCodec([prefix + name for name in ('crank', 'coupler', 'rocker')], 'base_link')
+    for prefix in ('left_', '')
+)
 
 
 def followed(measurements, bandwidth=20.0):
@@ -263,6 +266,53 @@ def test_a_filter_of_another_bandwidth_gives_other_states(answered, monkeypatch,
     monkeypatch.setattr(FollowMotion, '__init__', slipped(FollowMotion.__init__, bandwidth))
     with LogReader(path) as log:
         assert re.search(words, verify(log).difference)
+
+
+def test_a_bag_that_loops_and_a_sensor_that_stops(tmp_path):
+    """Each pass of the bag gets the same answers; silence is a warning, and none once it ends."""
+    path, topics = tmp_path / 'run.mcap', {ANSWERS: 'sensor_msgs/msg/JointState'}
+    limited = four_bar(LIMITED['rocker_crank'])
+    parts = {name: getattr(limited, name) for name in ('frame', 'crank', 'coupler', 'rocker')}
+    values = {f'{name}.length': part.length for name, part in parts.items()}
+    (begin, end), *_ = limited.reach().arcs
+    angles = np.linspace(0.9 * begin + 0.1 * end, 0.1 * begin + 0.9 * end, 20).tolist()
+    stamps = [100_000 * MS + n * 90 * MS for n in range(20)]
+    stamps[10:] = [stamp + 510 * MS for stamp in stamps[10:]]  # 10 / bandwidth is 500 ms
+    bag = [message(t, ('crank',), (x,)) for t, x in zip(stamps, angles, strict=True)]
+    bag[6:6] = [
+        message(stamps[5], ('crank',), (angles[0],)),
+        message(stamps[5] - 500 * MS, ('crank',), (angles[0],)),
+        message(stamps[5] + MS, ('crank',), (end + 0.01 * (TURN - end + begin),)),
+    ]
+    arguments = node_arguments(
+        drive='follow', mechanism='four_bar', log=path, **values, **{'frame.angle': 0.3}
+    )
+    diagnostics = {'/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
+    silent = b'no measurement of crank on /joint_states in the last 2 s'
+    with watched({**topics, **diagnostics}, *arguments, *REMAPS) as (listener, process):
+        answers, said = (listener.received[topic] for topic in (ANSWERS, '/diagnostics'))
+        publisher = listener.node.create_publisher(JointState, MEASURED, 1000)
+        wait_for(lambda: publisher.get_subscription_count() and said)
+        assert silent in said[-1]
+        for number in (1, 2):
+            for one in bag:
+                publisher.publish(one)
+            wait_for(lambda due=20 * number: len(answers) >= due)
+        wait_for(lambda: silent not in said[-1])
+        wait_for(lambda: silent in said[-1])
+        code, output = stop(process)
+    assert code == 0, output
+    assert answers[:20] == answers[20:]
+    found = [CODEC_BARE.decode(data) for data in answers[:20]]
+    assert [stamp for stamp, _ in found] == stamps
+    assert [values[0] for _, values in found] == angles
+    speeds = [values[3] for _, values in found]
+    assert [n for n, speed in enumerate(speeds) if speed == 0.0] == [0, 10]
+    assert f'left out, {NOT_NEWER}\0'.encode() in said[-1]
+    assert f'left out, {OUT_OF_REACH}\0'.encode() in said[-1]
+    with LogReader(path) as log:
+        report = verify(log)
+    assert (report.difference, report.states) == ('', 40)
 
 
 def slipped(begin, bandwidth):

@@ -78,11 +78,15 @@ def measure(rate: float, seconds: float) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the figures."""
+    """Prints the rows of the table in docs/follow.md."""
     given, found, kept = options(__doc__, seconds=(60.0, 's at each rate')), {}, {}
     for name in map('{:g}'.format, RATES):
         one = found[name] = measure(float(name), given.seconds)
-        print(f'{name} Hz: {one}', flush=True)
+        cells = [
+            f'{x["age"]["p50"]:.0f} | {x["age"]["p99"]:.0f} | {x["cpu_percent"]:.1f} %'
+            for x in (one['speed'], one['follow'])
+        ]
+        print(f'| {name} Hz | {" | ".join(cells)} | {one["answers"]} |', flush=True)
         kept[f'{name} Hz: each measurement is answered once'] = not one['difference']
         kept[f'{name} Hz: joints and rates within 1e-12'] = one['error'] <= 1e-12
     return finish('follow', given.out, found, kept)

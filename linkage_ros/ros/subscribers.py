@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -17,7 +19,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.measured_crank import MeasuredCrank
-from linkage_ros.run.ticker import MeasurementTicker
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.topics import JOINT_COMMANDS, JOINT_STATES, MEASURED_JOINT_STATES
@@ -26,6 +28,8 @@ from linkage_ros.wire.untrusted_command import LARGEST_COMMAND, decode_joint_sta
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
 # As many times of /clock wait: a burst is not thinned out.
 _DEPTH = 100
+_SILENCE = 2.0  # s without a measurement after which it is said
+_PATIENCE = 0.1  # s that the end of a node waits for a measurement at most
 
 
 def _best_effort(depth: int) -> QoSProfile:
@@ -36,13 +40,55 @@ def _best_effort(depth: int) -> QoSProfile:
 class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
     """Keeps a subscription from the executor.
 
-    Its thread would be woken by each command, and thousands a second took the interpreter from
+    Its thread would be woken by each message, and thousands a second took the interpreter from
     the thread that ticks: at 10 kHz, five of six ticks were missed.
     """
 
     def can_execute(self, entity: object) -> bool:  # noqa: ARG002, the executor's signature
         """Never."""
         return False
+
+
+class _PolledSubscription:
+    """Keeps the last JointState messages until the thread of the ticks takes them."""
+
+    def __init__(self, node: Node, topic: str, depth: int) -> None:
+        """Subscribes.
+
+        Args:
+            node: The node.
+            topic: Name of the topic.
+            depth: Messages that wait to be taken; of more, the last ones are kept.
+        """
+        self._depth = depth
+        self._subscription = node.create_subscription(
+            JointState, topic, lambda _: None, _best_effort(depth), raw=True,
+            callback_group=_PolledGroup(),
+        )  # fmt: skip
+        self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
+
+    def wait(self, seconds: float) -> None:
+        """Waits for a message, or for so long."""
+        handle = self._subscription.handle
+        with handle:
+            self._wait_set.clear_entities()
+            self._wait_set.add_subscription(handle)
+            self._wait_set.wait(round(seconds * NS_PER_S))
+
+    def take(self) -> list[tuple[int, bytes]]:
+        """Takes the messages that wait, and not more than that many.
+
+        Returns:
+            When each came, ns, and its CDR bytes.
+        """
+        taken: list[tuple[int, bytes]] = []
+        handle = self._subscription.handle
+        with handle:
+            # A flood must not keep the thread here while more comes.
+            while len(taken) < self._depth and (found := handle.take_message(JointState, True)):
+                data, info = found
+                taken.append((info['received_timestamp'] or time.time_ns(), data))
+        return taken
 
 
 class CommandSubscriber:
@@ -62,10 +108,7 @@ class CommandSubscriber:
         """
         self.commands = TorqueCommands(drive.torque_limit, drive.command_timeout, crank=crank)
         self._logger = node.get_logger()
-        self._subscription = node.create_subscription(
-            JointState, JOINT_COMMANDS.name, lambda _: None, _best_effort(_DEPTH), raw=True,
-            callback_group=_PolledGroup(),
-        )  # fmt: skip
+        self._subscription = _PolledSubscription(node, JOINT_COMMANDS.name, _DEPTH)
 
     def poll(self) -> list[tuple[int, bytes]]:
         """Takes what has come since the last call, good or bad, but for what is too large.
@@ -73,13 +116,7 @@ class CommandSubscriber:
         Returns:
             When each command came, ns, and its bytes.
         """
-        fetched: list[tuple[int, bytes]] = []
-        handle = self._subscription.handle
-        with handle:
-            # A flood must not keep the tick here while more comes.
-            while len(fetched) < _DEPTH and (taken := handle.take_message(JointState, True)):
-                data, info = taken
-                fetched.append((info['received_timestamp'] or time.time_ns(), data))
+        fetched = self._subscription.take()
         now, wrong = time.time_ns(), ''
         for received, data in fetched:
             reason = self._receive(data, max(0, now - received) / NS_PER_S)
@@ -99,15 +136,18 @@ class CommandSubscriber:
 
 
 class MeasurementSubscriber:
-    """Hears the measurements, and has each one answered, in the executor's thread."""
+    """Hears the measurements.
 
-    def __init__(self, node: Node, measured: MeasuredCrank, ticker: MeasurementTicker) -> None:
+    Attributes:
+        diagnostics: Returns counts of the messages that were left out.
+    """
+
+    def __init__(self, node: Node, simulator: Simulator) -> None:
         """Subscribes.
 
         Args:
             node: The node.
-            measured: Takes the messages.
-            ticker: Makes a tick of each.
+            simulator: Simulator of its configuration.
 
         Raises:
             ConfigurationError: The node publishes on that topic: it would answer itself for ever.
@@ -119,16 +159,21 @@ class MeasurementSubscriber:
                 f'measured_joint_states and joint_states are one topic, {ours}: the node would '
                 'answer itself; give its own another name, -r joint_states:=linkage/joint_states'
             )
-        self._measured, self._ticker, self._logger = measured, ticker, node.get_logger()
-        self._topic = theirs
-        node.create_subscription(
-            JointState, MEASURED_JOINT_STATES.name, self._receive,
-            _best_effort(MEASURED_JOINT_STATES.depth), raw=True,
-        )  # fmt: skip
+        self._logger, self._topic = node.get_logger(), theirs
+        self._measured, self._crank = MeasuredCrank(simulator), simulator.joints[0]
+        self._last = -math.inf  # when a measurement counted, s
+        self.diagnostics = self._measured.diagnostics
+        name, depth = MEASURED_JOINT_STATES.name, MEASURED_JOINT_STATES.depth
+        self._subscription = _PolledSubscription(node, name, depth)
 
-    def _receive(self, data: bytes) -> None:
-        received = time.time_ns()
-        self._ticker.answer(received, data)
+    def receive(self) -> list[tuple[int, bytes]]:
+        """Waits for messages, but not for long.
+
+        Returns:
+            When each came, ns, and its CDR bytes.
+        """
+        self._subscription.wait(_PATIENCE)
+        return self._subscription.take()
 
     def take(self, received: int, data: bytes) -> tuple[int, Coordinates] | None:
         """Takes a message.
@@ -146,7 +191,15 @@ class MeasurementSubscriber:
             (cause,) = self._measured.left_out - before
             words = f'a message on {self._topic} is left out: {cause}'
             self._logger.warning(words, throttle_duration_sec=1.0)
+        else:
+            self._last = time.monotonic()
         return heard
+
+    def troubles(self) -> list[str]:
+        """A sentence about a sensor that is silent; none while measurements come."""
+        if time.monotonic() < self._last + _SILENCE:
+            return []
+        return [f'no measurement of {self._crank} on {self._topic} in the last {_SILENCE:g} s']
 
 
 def subscribe_to_clock(node: Node, advance_to: Callable[[int], None]) -> None:

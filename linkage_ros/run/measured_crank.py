@@ -64,7 +64,9 @@ class MeasuredCrank:
 
     def diagnostics(self) -> dict[str, str]:
         """Counts of the messages that were left out, for diagnostics."""
-        return {f'left out, {cause}': str(count) for cause, count in self.left_out.items()}
+        # In one step: the thread of the ticks may be counting.
+        counts = list(self.left_out.items())
+        return {f'left out, {cause}': str(count) for cause, count in counts}
 
     def _reaches(self, position: float) -> bool:
         try:

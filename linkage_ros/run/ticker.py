@@ -12,7 +12,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -191,34 +191,33 @@ def _clock_offset() -> int:
             return wall - after
 
 
-class MeasurementTicker(Ticker):
-    """Makes a tick for each measurement that is heard."""
+class MeasurementTicker(RealTimeTicker):
+    """Makes a tick for each measurement that is heard, in its own thread."""
 
     def __init__(
-        self, simulator: Simulator, callbacks: Callbacks, answer: Callable[[int, bytes], bool]
+        self,
+        simulator: Simulator,
+        callbacks: Callbacks,
+        receive: Callable[[], Iterable[tuple[int, bytes]]],
+        answer: Callable[[int, bytes], bool],
     ) -> None:
         """Prepares the ticks.
 
         Args:
             simulator: As for every ticker.
             callbacks: What to call; no tick, but `answer` is called.
-            answer: Called with when a message came, ns, and its bytes; returns whether it counts.
+            receive: Waits a little; returns when measurements came, ns, and their bytes.
+            answer: Called with each of them; returns whether it counts.
         """
         super().__init__(simulator, callbacks)
-        self._answer = answer
+        self._receive, self._answer = receive, answer
 
-    def answer(self, received: int, data: bytes) -> None:
-        """Makes the tick of a measurement; only one thread may do so.
-
-        Args:
-            received: When it came, ns.
-            data: CDR bytes of the message.
-        """
-        if self._is_running and self.error is None:
-            self._report_failure(self._count, received, data)
-
-    def _count(self, received: int, data: bytes) -> None:
-        self.counts.kept += self._answer(received, data)
+    def _run(self) -> None:
+        minimize_timer_slack()
+        self.counts.real_time_priority = take_real_time_priority()
+        while not self._stop.is_set():
+            for received, data in self._receive():
+                self.counts.kept += self._answer(received, data)
 
 
 class SimTimeTicker(Ticker):
