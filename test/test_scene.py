@@ -5,12 +5,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from test_rerun_view import read, run_of, show
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.model.friction import Friction
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
@@ -167,8 +169,38 @@ def test_drawing_fits_its_window_and_fills_it(drawn):
     points = points_of(found)
     margins = [points.min(axis=0) - drawing.bounds[0], drawing.bounds[1] - points.max(axis=0)]
     width = np.ptp(drawing.bounds, axis=0).max()
-    assert np.min(margins) > 0.02 * width
+    assert np.min(margins) > 0.6 * drawing._mark
     assert np.max(margins) < 0.3 * width  # a pump is drawn with room for its other motions
+
+
+def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
+    configuration, states, found, _ = drawn
+    mechanism = configuration.mechanism
+    loads = tuple(load for load in mechanism.loads if not isinstance(load, Friction))
+    solver, mark = Solver(replace(mechanism, loads=loads)), Drawing(mechanism)._mark
+    forces = [solver.load_forces(state) for state in states]
+    arrows = {
+        name.split('/')[-1]: lines_of(found, name[9:]) for name in found if '/loads/' in name
+    }
+    assert arrows.keys() == forces[0].keys()
+    for link, lines in arrows.items():
+        exerted = np.array([row[link] for row in forces])
+        moving, longest = solver.structure.links[solver.links.index(link)], 1.5 * math.pi
+        if moving.slides:
+            longest = 6 * mark
+            shown = (lines[:, -2] - lines[:, 0]) * np.exp(-1j * moving.angle)
+            assert abs(shown.imag).max() < 1e-6
+            shown = shown.real
+        else:
+            arc = lines[:, :-3] - moving.origin
+            shown = np.angle(arc[:, 1:] / arc[:, :-1]).sum(axis=1)
+        # The scale is that of the largest load so far; it may be known from the start.
+        scales = np.abs(shown[exerted != 0] / exerted[exerted != 0])
+        largest = np.maximum(
+            np.maximum.accumulate(abs(exerted)), longest / scales.max(initial=1e-300)
+        )
+        assert shown == pytest.approx(longest * exerted / largest, abs=1e-5 * longest)
+        assert not exerted.any() or abs(shown).max() > 0.01 * longest
 
 
 def test_moving_points_stay_on_their_paths(drawn):

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from linkage_ros.model.structure import Mechanism, Point, Structure
 from linkage_ros.numeric import Array
+from linkage_ros.view.load_arrows import LoadArrows, plane
 from linkage_ros.view.reach import reach
 
 # Shares of the width of all that moves: size of a pivot's triangle (a mark), and the greatest
@@ -50,6 +51,7 @@ class Drawing:
         owners: Owners of moving points that leave the circle of the crank pin, the links in whose
             colour their paths are drawn.
         output: Name of the output link.
+        loaded: Names of the links on which loads act.
         paths: Closed paths of the output link's pin and of the coupler point C, by the name of
             the link whose point it is; shape (n, 2), m. Empty for a mechanism with a free slider.
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
@@ -76,7 +78,7 @@ class Drawing:
         self.pins, self.pivot_names = tuple(moving), tuple(fixed)
         self._weights = np.array([point.weights for point in moving.values()])
         self._fixed = np.array([point.fixed for point in moving.values()])
-        self.pivots = _plane(np.array(list(fixed.values())))
+        self.pivots = plane(np.array(list(fixed.values())))
         self.ends = _ends(structure)
         self.owners = self._find_owners(moving)
         self.output = self.joints[-1]
@@ -89,7 +91,8 @@ class Drawing:
             for pin in self.pins
         }
 
-        swept = self.place(reach(mechanism, crank_angle))
+        positions = reach(mechanism, crank_angle)
+        swept = self.place(positions)
         traced = self.owners.items() if mechanism.reach() else ()
         self.paths = {link: swept[:, self.pins.index(pin)] for pin, link in traced}
         everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
@@ -106,7 +109,11 @@ class Drawing:
             self.ground += _rail(swept[:, self.pins.index(self._output_pin)], axis, mark)
         middle = swept.reshape(-1, 2).mean(axis=0)
         self.pivot_labels = np.array([_pivot_label(pivot, middle, mark) for pivot in self.pivots])
-        everything = np.concatenate([everything, *self.ground, self.pivot_labels])
+        end = self._by_name(swept)[self._output_pin]
+        self._arrows = LoadArrows(mechanism, mark, positions, end)
+        self.loaded = self._arrows.links
+        room = self._arrows.room
+        everything = np.concatenate([everything, *self.ground, self.pivot_labels, room])
         low, high = everything.min(axis=0), everything.max(axis=0)
         room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # for the names of the pins
         self.scale_length = length = _round_below(_SCALE * (high - low).max())
@@ -139,7 +146,7 @@ class Drawing:
         # A slider's position is not an angle, but no point depends on it: its weights are 0.
         slides = [link.slides for link in self.structure.links]
         turned = np.exp(1j * np.where(slides, 0.0, position))
-        return _plane(turned @ self._weights.T + self._fixed)
+        return plane(turned @ self._weights.T + self._fixed)
 
     def links_from_joints(self, position: Array) -> Array:
         """Positions or rates of the links, from those of the joints.
@@ -168,13 +175,26 @@ class Drawing:
         """
         at = self._by_name(points)
         lines = {
-            link: _plane(np.stack([at[pin] for pin in pins], axis=1))
+            link: plane(np.stack([at[pin] for pin in pins], axis=1))
             for link, pins in self._corners.items()
         }
         if self._block is not None:
             middle = at[self._output_pin][:, np.newaxis]
-            lines[self.output] = _plane(middle + self._block[[0, 1, 2, 3, 0]])
+            lines[self.output] = plane(middle + self._block[[0, 1, 2, 3, 0]])
         return lines
+
+    def loads(self, points: Array, positions: Array, rates: Array) -> dict[str, Array]:
+        """The arrows of the loads, by the names of the links on which they act.
+
+        Args:
+            points: As `place` gives them, shape (n, pins, 2), m.
+            positions: Positions of the links, as `place` takes them.
+            rates: Their rates, rad/s and m/s.
+
+        Returns:
+            Lines of shape (n, k, 2), m.
+        """
+        return self._arrows.lines(positions, rates, self._by_name(points)[self._output_pin])
 
     def labels(self, points: Array) -> Array:
         """Places from which the names of the pins hang: in the widest gap between the links.
@@ -186,7 +206,7 @@ class Drawing:
             Likewise, m.
         """
         at = self._by_name(points)
-        return _plane(np.stack([self._label(at, pin) for pin in self.pins], axis=1))
+        return plane(np.stack([self._label(at, pin) for pin in self.pins], axis=1))
 
     def _label(self, at: dict[str, _Complex], pin: str) -> _Complex:
         ways = [at[other] - at[pin] for other in self._neighbours[pin]]
@@ -235,10 +255,6 @@ def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
     return ends
 
 
-def _plane(points: _Complex) -> Array:
-    return np.stack([points.real, points.imag], axis=-1)
-
-
 def _pivot_label(pivot: Array, middle: Array, mark: float) -> Array:
     """Where a fixed pivot's name hangs: below it, or beside it if the links are below."""
     if middle[1] >= pivot[1]:
@@ -270,4 +286,4 @@ def _rail(path: Array, axis: complex, size: float) -> list[Array]:
     start, end = along.real.min() - 1.6 * size, along.real.max() + 1.6 * size
     marks = np.linspace(start, end, round((end - start) / (0.8 * size)) + 1)[1:]
     lines = [[start, end], *([x, x - (0.4 + 0.4j) * size] for x in marks)]
-    return [_plane((np.array(line) + below) * axis) for line in lines]
+    return [plane((np.array(line) + below) * axis) for line in lines]

@@ -23,6 +23,7 @@ from linkage_ros.view.scene import (
     JOINT_FIELDS,
     JOINT_STATES,
     LINKAGE,
+    LOADS,
     RATES,
     TIMELINE,
 )
@@ -30,7 +31,7 @@ from linkage_ros.view.scene import (
 _TURNS, _LONGEST = 5, 60.0  # plotted at a speed: turns, but no more seconds than these
 _STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
 _FRONT = 32.0  # drawing order of the pins, above all lines
-_THIN, _THICK, _PIN = -1.0, -3.5, -5.0  # radii; negative: points on the screen
+_THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points on the screen
 
 
 def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
@@ -157,6 +158,10 @@ def fixed_components(drawing: Drawing) -> dict[str, rr.AsComponents]:
         order = _FRONT - 1 if joint == 'crank' else _FRONT - 2
         fixed[f'{LINKAGE}/{joint}'] = line.from_fields(
             colors=color_of(joint), radii=_THICK, draw_order=order
+        )
+    for link in drawing.loaded:
+        fixed[f'{LOADS}/{link}'] = line.from_fields(
+            colors=SECOND, radii=_MEDIUM, draw_order=_FRONT - 1
         )
     for field in JOINT_FIELDS:
         fixed[f'{JOINT_STATES}/{field}'] = rr.SeriesLines(names=list(drawing.joints))

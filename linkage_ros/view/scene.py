@@ -31,6 +31,7 @@ JOINT_FIELDS = ('position', 'velocity', 'effort')
 DIRECTIONS, RATES = 'directions', 'rates'
 ENERGY, ENERGIES = 'energies', ('kinetic', 'potential', 'total')
 JOINT_STATES, LINKAGE = 'joint_states', 'linkage'  # with entities below them
+LOADS = f'{LINKAGE}/loads'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
 
@@ -145,19 +146,21 @@ class Scene:
         links, count = self.drawing.links_from_joints(position), len(self.drawing.turning)
         directions = self._directions.follow(links[:, 1:count])
         yield Rows(DIRECTIONS, rr.Scalars, stamps, directions)
-        rates = self.drawing.links_from_joints(velocity)[:, :count]
-        yield Rows(RATES, rr.Scalars, stamps, rates)
+        rates = self.drawing.links_from_joints(velocity)
+        yield Rows(RATES, rr.Scalars, stamps, rates[:, :count])
         if self._energies:
             yield Rows(ENERGY, rr.Scalars, stamps, self._energies.at(position, velocity))
         frames = stamps // _DRAWING_NS
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
         if due.any():
-            yield from self._draw(stamps[due], links[due])
+            yield from self._draw(stamps[due], links[due], rates[due])
 
-    def _draw(self, stamps: Stamps, links: Array) -> Iterator[Rows]:
+    def _draw(self, stamps: Stamps, links: Array, rates: Array) -> Iterator[Rows]:
         points = self.drawing.place(links)
         yield Rows(f'{LINKAGE}/pins', rr.Points2D, stamps, points)
         yield Rows(f'{LINKAGE}/pins/names', rr.Points2D, stamps, self.drawing.labels(points))
         for link, lines in self.drawing.links(points).items():
             yield Rows(f'{LINKAGE}/{link}', rr.LineStrips2D, stamps, lines.astype(np.float32))
+        for link, lines in self.drawing.loads(points, links, rates).items():
+            yield Rows(f'{LOADS}/{link}', rr.LineStrips2D, stamps, lines.astype(np.float32))

@@ -1,0 +1,126 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arrows for the loads on links: straight for a force, curved about the pivot for a torque."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.state import State
+from linkage_ros.model.friction import Friction
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.numeric import Array
+
+_Complex: TypeAlias = npt.NDArray[np.complex128]
+
+# In marks (see `drawing`): the longest straight arrow and the room between it and the slider's
+# pin; the radius of a curved arrow; a head.
+_LONGEST, _BESIDE_PIN, _RADIUS, _HEAD = 6.0, 1.5, 2.6, 0.9
+_SWEEP = np.linspace(0.0, 1.5 * math.pi, 25)  # of the longest curved arrow, rad
+# The head of an arrow along the x axis, from its tip.
+_SIDES = np.array([cmath.rect(1.0, math.pi - 0.45), 0.0, cmath.rect(1.0, math.pi + 0.45)])
+_HARDLY = 1e-300  # a rate with a sign, but without resistance
+
+
+class LoadArrows:
+    """Arrows as long as the sum of all loads on a link, but for friction.
+
+    The longest arrow is that of the largest load so far. What does not depend on speeds is known
+    from the start.
+
+    Attributes:
+        links: Names of the links on which loads act.
+        room: What straight arrows reach at most, shape (n, 2), m.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, mark: float, positions: Array, output_pin: _Complex
+    ) -> None:
+        """Finds the loads.
+
+        Args:
+            mechanism: The mechanism.
+            mark: The unit of sizes, m.
+            positions: Positions that the links can take, shape (n, links), rad and m.
+            output_pin: The pin of the output link there, x + iy, m, shape (n,).
+        """
+        loads = tuple(load for load in mechanism.loads if not isinstance(load, Friction))
+        bare: Any = replace(mechanism, loads=loads)  # type: ignore[type-var]
+        self._solver, self._mark = Solver(bare), mark
+        self._largest: dict[str, float] = {}
+        for rate in (_HARDLY, -_HARDLY):
+            self._shares(positions, np.full_like(positions, rate))
+        self.links = tuple(self._largest)
+        last = self._solver.structure.links[-1]
+        # Beyond the slider as seen from the crank, where no link is.
+        self._side = math.copysign(1.0, positions[:, -1].mean())
+        self._outwards = cmath.rect(self._side, last.angle)
+        far = output_pin + (_BESIDE_PIN + _LONGEST) * mark * self._outwards
+        is_straight = last.slides and last.name in self.links
+        self.room = plane(far if is_straight else output_pin)
+
+    def lines(self, positions: Array, rates: Array, output_pin: _Complex) -> dict[str, Array]:
+        """The arrows.
+
+        Args:
+            positions: Positions of the links, shape (n, links), rad and m.
+            rates: Their rates, rad/s and m/s.
+            output_pin: The pin of the output link, x + iy, m, shape (n,).
+
+        Returns:
+            By the name of the link on which the load acts, lines of shape (n, points, 2), m.
+        """
+        links, found = self._solver.structure.links, {}
+        for name, share in self._shares(positions, rates).items():
+            j = self._solver.links.index(name)
+            if links[j].slides:
+                found[name] = self._straight(output_pin, share)
+            else:
+                found[name] = self._curved(links[j].origin, positions[:, j], share)
+        return found
+
+    def _shares(self, positions: Array, rates: Array) -> dict[str, Array]:
+        """The loads as parts of the largest so far, from -1 to 1."""
+        state = State(tuple(positions.T), tuple(rates.T), tuple(0.0 * rates.T), 0.0)
+        found = {}
+        with np.errstate(all='ignore'):  # a state in a log may be impossible
+            for link, force in self._solver.load_forces(state).items():
+                forces = np.broadcast_to(force, len(positions))
+                largest = np.fmax.accumulate([self._largest.get(link, 0.0), *abs(forces)])
+                self._largest[link] = float(largest[-1])
+                found[link] = forces / np.where(largest[1:] > 0, largest[1:], 1.0)
+        return found
+
+    def _straight(self, pin: _Complex, share: Array) -> Array:
+        """Arrows that push at the slider, or pull."""
+        near = pin + np.where(share, _BESIDE_PIN * self._mark, 0.0) * self._outwards
+        far = near + abs(share) * _LONGEST * self._mark * self._outwards
+        pulls = share * self._side > 0
+        body = np.stack([np.where(pulls, near, far), np.where(pulls, far, near)], axis=1)
+        forward = np.where(pulls, 1.0, -1.0) * self._outwards
+        return self._with_head(body, forward, abs(share) * _LONGEST)
+
+    def _curved(self, pivot: complex, angle: Array, share: Array) -> Array:
+        """Arrows about a pivot, from the link in the sense of the torque."""
+        turned = np.exp(1j * (angle[:, np.newaxis] + share[:, np.newaxis] * _SWEEP))
+        body = pivot + _RADIUS * self._mark * turned
+        forward = 1j * np.sign(share) * turned[:, -1]
+        return self._with_head(body, forward, abs(share) * _RADIUS * _SWEEP[-1])
+
+    def _with_head(self, body: _Complex, forward: _Complex, length: Array) -> Array:
+        """Lines of arrows of some lengths, in marks, that end in a direction."""
+        size = np.minimum(_HEAD, length) * self._mark
+        sides = (size * forward)[:, np.newaxis] * _SIDES
+        return plane(np.concatenate([body, body[:, -1:] + sides], axis=1))
+
+
+def plane(points: _Complex) -> Array:
+    """Points x + iy as rows of x and y."""
+    return np.stack([points.real, points.imag], axis=-1)
