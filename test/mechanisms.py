@@ -160,6 +160,14 @@ SPRUNG_SLIDER = replace(
     slider=Slider(-0.7, 1.5, -4.0, 0.9, 12.0, 1.3),
     loads=(LoadCurve('slider', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),),
 )
+SPRUNG_PUMP = replace(
+    wind_pump((0.5, 1.6, 2.3)),
+    slider=Piston(2.3, 0.0, 1.5, 0.9, -4.0, 12.0, 1.8),
+    loads=(
+        LoadCurve('slider', 'position', (1.7, 2.1, 2.4), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)),
+        LoadCurve('crank', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),
+    ),
+)
 # One of everything.
 ALL = {
     'document_1': DOCUMENT_1,
@@ -186,6 +194,7 @@ ALL = {
     **PUMPS,
     'sprung_rocker': SPRUNG_ROCKER,
     'sprung_slider': SPRUNG_SLIDER,
+    'sprung_pump': SPRUNG_PUMP,
 }
 
 
@@ -438,9 +447,14 @@ def with_loads_of(mechanism, changes, sign, angle):
         changes['rocker'] = replace(
             rocker, torque=sign * rocker.torque, rest_angle=sign * rocker.rest_angle + angle
         )
+    flips = isinstance(mechanism, WindPump) and bool(angle)  # its guide stays the x axis
+    if flips:
+        slider = mechanism.slider
+        turned_over = {'force': -slider.force, 'rest_position': -slider.rest_position}
+        changes['slider'] = replace(slider, **turned_over)
     loads = []
     for curve in mechanism.loads:
-        way = sign if rocks or curve.link == 'crank' else 1
+        way = sign if rocks or curve.link == 'crank' else -1 if flips else 1
         moves = way if curve.over == 'position' else sign
         shift = angle if moves == sign and (rocks or curve.over == 'crank_angle') else 0.0
         at, value, back = ((x or ())[::moves] for x in (curve.at, curve.value, curve.return_value))
@@ -488,8 +502,9 @@ def scaled(mechanism, factor):
         names = 'torque', 'damping', 'stiffness'
         torques = {name: getattr(rocker, name) * factor**2 for name in names}
         changes['rocker'] = replace(rocker, **torques)
-    elif isinstance(mechanism, SliderCrank):
-        names = 'offset', 'force', 'rest_position'
+    else:
+        own = 'position' if isinstance(mechanism, WindPump) else 'offset'
+        names = own, 'force', 'rest_position'
         sizes = {name: getattr(mechanism.slider, name) * factor for name in names}
         changes['slider'] = replace(mechanism.slider, **sizes)
     return replace(mechanism, **changes, loads=tuple(map(larger_curve, mechanism.loads)))

@@ -258,7 +258,7 @@ def test_scaled_mechanism_moves_alike_and_takes_torque_by_its_square(kind, data,
 
 
 @pytest.mark.parametrize('crank', [-4.0, 0.8, 2.7])
-@pytest.mark.parametrize('name', ['sprung_rocker', 'sprung_slider'])
+@pytest.mark.parametrize('name', ['sprung_rocker', 'sprung_slider', 'sprung_pump'])
 def test_scaled_loads_take_torque_by_the_square_of_the_scale(name, crank):
     check_scaled(ALL[name], crank, 8.0)
 
