@@ -26,7 +26,9 @@ from linkage_ros import (
     ConfigurationError,
     Coupler,
     FourBar,
+    Friction,
     LinkageError,
+    LinkLoad,
     Solver,
     UnreachableError,
     WindPump,
@@ -243,6 +245,24 @@ def test_absent_terms_fall_out_and_numbers_that_are_zero_stay():
     ]
     assert len(sources[0]) < len(sources[1]) < len(sources[2])
     assert Solver(replace(CRANK_ROCKER, gravity=(1e-300, -1e-300))).source == sources[2]
+
+
+def test_a_quadrilateral_without_loads_computes_nothing_for_them():
+    """The operations for each state, as many as there were before loads and friction existed."""
+    kinds = ast.BinOp, ast.Call, ast.Compare, ast.IfExp
+
+    def counts(mechanism):
+        solver = Solver(mechanism)
+        programs = solver._steady, solver._moving, solver._forward, solver._energy
+        bodies = [ast.parse(program.source).body[0].body[-2] for program in programs]
+        return [sum(isinstance(x, kinds) for x in ast.walk(body)) for body in bodies]
+
+    bare = counts(DOCUMENT_1)
+    assert all(count <= most for count, most in zip(bare, (141, 151, 148, 103), strict=True))
+    nothing = LinkLoad('rocker'), Friction()
+    assert counts(replace(DOCUMENT_1, loads=nothing)) == bare
+    braked = counts(replace(DOCUMENT_1, loads=(LinkLoad('rocker', damping=1.0),)))
+    assert all(count > least for count, least in zip(braked[:3], bare[:3], strict=True))
 
 
 # ------------------------------------------ 4: no branches; guards stand first
@@ -521,7 +541,7 @@ def halved(_, x, target):
 
 
 def test_a_sum_may_be_long_and_a_program_called_in_a_loop():
-    """Python nests 200 parentheses at most; a fixed point, as of friction, keeps its bits."""
+    """Python nests 200 parentheses at most; rounds, as of friction, keep their bits."""
     program = Program(series, Constants(tuple(1.0 / n for n in range(1, 401))), ('x',))
     assert len({bits(form(0.7)) for form in forms_of(program)}) == 1
     program, targets = Program(halved, Constants(()), ('x', 'target')), np.linspace(1, 9, 50)
