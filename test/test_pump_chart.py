@@ -28,6 +28,7 @@ from linkage_ros.lab.pump.branch import (
 )
 from linkage_ros.lab.pump.harmonic_balance import EXACT, HarmonicBalance
 from linkage_ros.lab.pump.runs import follow_run, settle
+from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.motion.drives import Motor
 from linkage_ros.parameters.configuration import load
 
@@ -143,6 +144,30 @@ def test_small_changes_of_the_torque_leave_the_pump_about_the_same(analysis):
         assert (found['speed'] > 0) == up
         flow = (1 + found['speed']) * (1 + found['stroke']) - 1
         assert found['flow'] == pytest.approx(flow, abs=1e-12)
+
+
+# ---------------------------------------------------------------- a lift load
+
+
+def test_efficiency_is_the_share_of_the_crank_work_that_lifts():
+    at, value = (0.0, 1.5, 3.0, 4.5), (0.0, 60.0, 0.0, 0.0)
+    pump = replace(PUMP, loads=(LoadCurve('slider', at=at, value=value),))
+    found = settle(pump, MOTOR, 2.0, plain)
+    # Its own means over time: the motion at equal angles, weighted with the time spent there.
+    angles = np.linspace(0, 2 * math.pi, 4096, endpoint=False)
+    _, w, v = found.at(angles)
+    lifted = np.mean(-np.interp(angles, (*at, 2 * math.pi), (*value, 0.0)) * v / w)
+    resisted = np.mean(60.0 * v * v / w)
+    assert found.efficiency == pytest.approx(lifted / (lifted + resisted), rel=2e-3)
+    assert 0.1 < found.efficiency < 0.5
+
+
+def test_a_constant_force_lifts_nothing_and_no_force_has_no_efficiency(analysis):
+    assert settle(slid(force=-20.0), MOTOR, 2.0, plain).efficiency == pytest.approx(0, abs=1e-12)
+    assert analysis.states[0].motion.efficiency is None
+    head, _, *rows = states_table(analysis)
+    assert 'efficiency' in head
+    assert [row.split()[5] for row in rows] == ['-', '-', '-']
 
 
 # ---------------------------------------------------------------- from where

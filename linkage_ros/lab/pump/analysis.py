@@ -62,7 +62,7 @@ class Analysis(NamedTuple):
     runs: list[Run]
 
     def record(self) -> dict[str, Any]:
-        """For JSON, in SI units; flow is stroke x speed."""
+        """For JSON, in SI units."""
         return {
             'motor': asdict(self.motor),
             'states': [state.motion.record() for state in self.states],
@@ -218,10 +218,10 @@ def states_table(analysis: Analysis) -> list[str]:
     if not analysis.states:
         return ['no settled motion found']
     lines = [
-        f'{"":<11}{"mean speed":>13}{"averaged":>11}{"stroke":>11}{"flow":>11}'
-        f'{"largest":>20}' + ''.join(f'{f"torque {change - 1:+.0%}":>27}' for change in CHANGES),
-        f'{"":<11}{"rad/s":>13}{"rad/s":>11}{"m":>11}{"m/s":>11}'
-        f'{"multiplier":>20}' + f'{"speed":>11}{"stroke":>8}{"flow":>8}' * len(CHANGES),
+        f'{"":<11}{"mean speed":>11}{"averaged":>10}{"stroke":>10}{"flow":>10}{"efficiency":>12}'
+        f'{"largest":>19}' + ''.join(f'{f"torque {change - 1:+.0%}":>27}' for change in CHANGES),
+        f'{"":<11}{"rad/s":>11}{"rad/s":>10}{"m":>10}{"m/s":>10}{"":>12}'
+        f'{"multiplier":>19}' + f'{"speed":>11}{"stroke":>8}{"flow":>8}' * len(CHANGES),
     ]
     for number, (state, _) in enumerate(analysis.states):
         averaged = min(
@@ -230,6 +230,8 @@ def states_table(analysis: Analysis) -> list[str]:
             default=math.nan,
         )
         largest = state.multipliers[0]
+        share = state.efficiency
+        lifted = '-' if share is None else f'{share:.4f}'
         aside = f' \N{PLUS-MINUS SIGN} {largest.imag:.4f}i' if largest.imag else ''
         changes = ''.join(
             '   ' + (''.join(f'{x:>+8.2%}' for x in one['changes'].values()) or f'{"none":>24}')
@@ -237,8 +239,8 @@ def states_table(analysis: Analysis) -> list[str]:
             if one['state'] == number
         )
         lines.append(
-            f'{"stable" if state.stable else "unstable":<11}{state.speed:>13.6f}'
-            f'{averaged:>11.4f}{state.stroke:>11.6f}{state.flow:>11.6f}'
-            f'{f"{largest.real:.4f}{aside}":>20}{changes}'
+            f'{"stable" if state.stable else "unstable":<11}{state.speed:>11.6f}'
+            f'{averaged:>10.4f}{state.stroke:>10.6f}{state.flow:>10.6f}{lifted:>12}'
+            f'{f"{largest.real:.4f}{aside}":>19}{changes}'
         )
     return lines

@@ -11,11 +11,13 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.model.load_curve import LoadCurve
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
 PARTS = 64  # of a turn: means over them are exact to rounding
@@ -127,6 +129,23 @@ class PeriodicMotion:
         return self.stroke * self.speed
 
     @functools.cached_property
+    def efficiency(self) -> float | None:
+        """Share of the crank's power that goes into the lift load; None: there is none.
+
+        The lift load is the slider's force and load curve; a constant force takes no power.
+        """
+        pump = cast('WindPump', self.solver.mechanism)
+        slider, curves = pump.slider, (one for one in pump.loads if isinstance(one, LoadCurve))
+        if not slider.force and all(curve.link != 'slider' for curve in curves):
+            return None
+        x, w, v = self.at(ANGLES)
+        torque = self.torque - self.damping * w
+        state = self.solver.state((ANGLES, x), (w, v))
+        force = self.solver.load_forces(state)['slider'] + slider.damping * v
+        force = force + slider.stiffness * (x - slider.rest_position)
+        return float(-np.mean(force * v / w) / np.mean(torque))
+
+    @functools.cached_property
     def multipliers(self) -> tuple[complex, ...]:
         """Floquet multipliers, the largest first: a turn multiplies small deviations by them."""
         values = np.linalg.eigvals(_monodromy(self)).tolist()
@@ -144,6 +163,7 @@ class PeriodicMotion:
         low, high = self.extremes
         return {
             **{name: getattr(self, name) for name in NUMBERS},
+            'efficiency': self.efficiency,
             'stable': self.stable,
             'period': 2 * math.pi / self.speed,
             'slider_lowest': low,
