@@ -37,10 +37,7 @@ POINT_MASSES = 'coupler as two point masses'
 _HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
 _NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
 _TIMED = 8  # every such angle is timed
-_SERIES_SAMPLES = 2048  # states to which series are fitted
-
-# Makes the program of a simpler model for a crank speed, rad/s.
-_Make = Callable[[float], TorqueProgram]
+_SAMPLES = 2048  # even states to which series are fitted, and of which tables have some
 
 
 class Cost(NamedTuple):
@@ -135,18 +132,17 @@ class Economy:
         Raises:
             MechanismError: No torque is needed at one of the speeds.
         """
-        models = self._models()
-        programs = {name: make(radians_per_second(rpms[0])) for name, (make, _) in models.items()}
+        models = self._models(radians_per_second(rpms[0])).values()
         full, *costs = self._costs(
-            [self._full, *programs.values()],
-            [self._count(*self.terms.values()), *(needed for _, needed in models.values())],
+            [self._full, *(program for program, _ in models)],
+            [self._count(*self.terms.values()), *(needed for _, needed in models)],
             progress(range(rounds), 'timing'),
         )
         found = []
         for rpm in progress(rpms, 'speeds'):
             speed = radians_per_second(rpm)
-            for (name, (make, _)), cost in zip(models.items(), costs, strict=True):
-                error = self._error(make(speed), speed)
+            for (name, (program, _)), cost in zip(self._models(speed).items(), costs, strict=True):
+                error = self._error(program, speed)
                 found.append(Saving(self._name, rpm, name, error, cost.saved(full), full))
         return found
 
@@ -184,36 +180,26 @@ class Economy:
         smallest = [x.replace('table', 'a table').replace('coupler', 'the coupler') for x in found]
         return words + (f'; {_listed([*filter(None, smallest)], "or")} will do' if good else '')
 
-    def _models(self) -> dict[str, tuple[_Make, int]]:
-        """The simpler models by name: their programs for a speed, and the numbers they need."""
+    def _models(self, speed: float) -> dict[str, tuple[TorqueProgram, int]]:
+        """The simpler models at a speed by name: their programs, and the numbers they need."""
         everything = {x for own in self.terms.values() for x in own}
-        found: dict[str, tuple[_Make, int]] = {}
-        for name, own in self.terms.items():
-            program = self._without([name])
-            found[name] = functools.partial(_same, program), self._count(everything - own)
+        found = {
+            name: (self._without([name]), self._count(everything - own))
+            for name, own in self.terms.items()
+        }
         if reduced := with_point_masses(self._mechanism):
             others = self._count(everything - self.terms['coupler'])
-            found[POINT_MASSES] = functools.partial(_same, torque_program(reduced)), others + 2
+            found[POINT_MASSES] = torque_program(reduced), others + 2
+        even = torques(self._full, np.arange(float(_SAMPLES)) * (self._period / _SAMPLES), speed)
         for n in _HARMONICS:
-            make = functools.partial(self._series, n)
-            found[f'{n} harmonic{"s" if n > 1 else ""}'] = make, 2 * n + 1
+            program = series_program(even, self._period, n)
+            found[f'{n} harmonic{"s" if n > 1 else ""}'] = program, 2 * n + 1
         for n in _NODES:
-            found[f'table of {n} nodes'] = functools.partial(self._table, n), n
+            found[f'table of {n} nodes'] = table_program(even[:: _SAMPLES // n], self._period), n
         return found
 
     def _without(self, names: Iterable[str]) -> TorqueProgram:
         return torque_program(without(self._mechanism, names), static=STATIC in names)
-
-    def _series(self, harmonics: int, speed: float) -> TorqueProgram:
-        return series_program(self._even(_SERIES_SAMPLES, speed), self._period, harmonics)
-
-    def _table(self, nodes: int, speed: float) -> TorqueProgram:
-        return table_program(self._even(nodes, speed), self._period)
-
-    @functools.cache  # noqa: B019
-    def _even(self, count: int, speed: float) -> Array:
-        """Torques at even angles of one period, N m."""
-        return torques(self._full, np.arange(float(count)) * (self._period / count), speed)
 
     @functools.cache  # noqa: B019
     def _exact(self, speed: float) -> Array:
@@ -273,11 +259,6 @@ def handover(savings: Sequence[Saving]) -> float | None:
         if weights and inertia:
             return abs(one.rpm) * math.sqrt(weights / inertia)
     return None
-
-
-def _same(program: TorqueProgram, _: float) -> TorqueProgram:
-    """A program that is the same at every speed."""
-    return program
 
 
 def _listed(names: Sequence[str], word: str) -> str:
