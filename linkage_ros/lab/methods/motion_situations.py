@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
@@ -17,10 +18,13 @@ from linkage_ros.lab.methods.outcomes import Situation
 from linkage_ros.lab.reference.motions import MotionReference
 from linkage_ros.lab.reference.problems import (
     InitialValueProblem,
+    Phase,
     coasting,
     driven_pump,
     free_pump,
+    preset,
 )
+from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.motion.drives import Motor
 
 _SEED = 20_261_122
@@ -75,6 +79,57 @@ def _change_point(random: Random, count: int) -> Iterator[MotionBench]:
         yield MotionBench(problem, even(4.0), at=formula)
 
 
+@_cases
+def _steep_line(random: Random, count: int) -> Iterator[MotionBench]:
+    for i in range(max(2, count // 5)):
+        damping = (1e3, 1e7)[i] if i < 2 else 10.0 ** float(random.uniform(3, 9))
+        x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
+        mechanism = replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
+        speed = float(random.uniform(5, 20))
+        problem = InitialValueProblem(mechanism, (0.0, 0.0), Motor(damping * speed, damping))
+        ((inertia,),) = problem.driven.solver.matrix(1.0)
+
+        def at(time: float, end: float = speed, rate: float = damping / inertia) -> Phase:
+            return _settling(0.0, end, rate, time)
+
+        yield MotionBench(problem, even(1.0), at=at)
+
+
+@_cases
+def _stiff_guide(random: Random, count: int) -> Iterator[MotionBench]:
+    pump = preset('wind_pump').mechanism
+    # Without masses coupler and rod, between crank and slider, leave them to themselves.
+    pump = replace(
+        pump, gravity=(0.0, 0.0), crank=Body(0.12, inertia=20.0),
+        coupler=Coupler(0.8), rod=Body(1.6),
+    )  # fmt: skip
+    for i in range(max(2, count // 5)):
+        damping = (1e5, 1e9)[i] if i < 2 else 10.0 ** float(random.uniform(5, 11))
+        force, speed = (float(k) for k in random.uniform((-0.1, 1), (0.1, 3)))
+        slider = replace(pump.slider, damping=damping, force=damping * force)
+        start = 0.0, slider.position, speed, 1.0
+
+        def at(
+            time: float,
+            start: Phase = start,
+            end: float = force,
+            rate: float = damping / slider.mass,
+        ) -> Phase:
+            angle, place, speed, velocity = start
+            moved, velocity = _settling(velocity, end, rate, time)
+            return angle + speed * time, place + moved, speed, velocity
+
+        problem = InitialValueProblem(replace(pump, slider=slider), start)
+        yield MotionBench(problem, even(1.0), at=at)
+
+
+def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
+    """The way so far, and the speed, of what settles at a speed under linear damping."""
+    settled = -math.expm1(-rate * time)
+    way = end * time + (begin - end) * settled / rate
+    return way, begin + (end - begin) * settled
+
+
 def _speeding_up(
     angle: float, speed: float, acceleration: float
 ) -> Callable[[float], tuple[float, float]]:
@@ -126,6 +181,16 @@ MOTION_SITUATIONS = (
     Situation(
         'change point under a torque',
         'a parallelogram whose crank is driven through both, several times', _change_point,
+        judged=TRAJECTORY,
+    ),
+    Situation(
+        'steep motor line',
+        'a parallelogram at rest under motor lines of 1e3 to 1e9 N m s', _steep_line,
+        judged=TRAJECTORY,
+    ),
+    Situation(
+        'stiff guide',
+        "a slider, moving and pressed, in a pump's guide of 1e5 to 1e11 N s/m", _stiff_guide,
         judged=TRAJECTORY,
     ),
     Situation(
