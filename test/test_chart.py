@@ -217,6 +217,25 @@ def test_mean_power_of_a_settled_pump_is_what_its_slider_takes():
     assert turn.mean_power == pytest.approx((taken * steps).sum() / steps.sum(), rel=1e-4)
 
 
+def test_transmission_ratios_are_those_of_document_2_at_rest_too():
+    """Its eq. (32) and (33)."""
+    mechanism = load('quadrilateral').mechanism
+    columns = SpeedDrivenPeriod(mechanism, 0.0).columns
+    two, three, four = (
+        columns[f'{link}.position'].values for link in ('crank', 'coupler', 'rocker')
+    )
+    for link, length, other in (
+        ('coupler', mechanism.coupler.length, four),
+        ('rocker', mechanism.rocker.length, three),
+    ):
+        wanted = mechanism.crank.length / length * np.sin(two - other) / np.sin(four - three)
+        assert columns[f'{link}.transmission_ratio'].values == pytest.approx(wanted, abs=1e-14)
+    slider = SpeedDrivenPeriod(load('slider_crank').mechanism, 2.0).columns
+    moved = slider['slider.transmission_ratio'].values * 2.0
+    assert moved == pytest.approx(slider['slider.velocity'].values, abs=1e-15)
+    assert slider['slider.transmission_ratio'].unit == 'm/rad'
+
+
 def test_extents_are_those_of_the_motion():
     period = SpeedDrivenPeriod(load('quadrilateral').mechanism, 5 * math.pi)
     torque = extent(period.crank, period.columns['driving_torque'].values)

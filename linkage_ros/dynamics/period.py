@@ -151,8 +151,19 @@ class SpeedDrivenPeriod(Period):
         state = solver.state(crank, speed, acceleration)
         power = _mean_power(solver, crank, state, acceleration)
         super().__init__(solver, crank, state, speed=speed, mean_power=power)
+        self.columns.update({column.name: column for column in self._ratios()})
         if reactions:
             self.columns.update({column.name: column for column in self._reactions(state)})
+
+    def _ratios(self) -> list[Column]:
+        """The rate of each link per rate of the crank (document 2, after eq. 33)."""
+        _, *links = zip(
+            self.solver.structure.links, self.solver.state(self.crank, 1.0).velocity, strict=True
+        )
+        return [
+            Column(f'{link.name}.transmission_ratio', 'm/rad' if link.slides else '1', ratio)
+            for link, ratio in links
+        ]
 
     def _reactions(self, state: State) -> list[Column]:
         if self.solver.reach.has_change_point:
