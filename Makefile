@@ -5,7 +5,7 @@ help:
 	@echo 'make demo         set up a virtual environment and show a linkage move'
 	@echo 'make controller   let a controller keep the speed of a torque-driven linkage, and compare'
 	@echo 'make check        set up a virtual environment and run every check, as CI does'
-	@echo 'make reliability  kill, fill, cut, soak and fuzz: two hours and a half, as root'
+	@echo 'make reliability  kill, fill, cut, soak and fuzz: two hours and a quarter, as root'
 	@echo 'make clean        remove what these made'
 	@echo 'PYTHON=$(or $(ANY),/path/to/python) make ...  uses that Python; any from 3.10 to 3.13 will do'
 

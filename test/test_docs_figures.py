@@ -120,18 +120,6 @@ def test_what_follow_quotes_was_measured():
 
 def test_what_reliability_quotes_was_measured():
     page, found = 'docs/reliability.md', json.loads((DOCS / 'reliability.json').read_text())
-    names = {
-        'bare loop': 'bare loop',
-        'rclpy timer': 'timer of rclpy',
-        'log, viewer': 'linkage_node, log and viewer',
-        'log alone': 'linkage_node, log',
-    }
-    for rate, contenders in found['realtime'].items():
-        for name, words in names.items():
-            one = contenders[name]
-            late = [one['late'][key] for key in ('p50', 'p99', 'max')]
-            row = f'| {rate} Hz | {words} | {{}} | {{}} | {{}} | {{}} |'
-            check_quote(page, row, *late, one['missed'])
     for one in found['many']:
         row = f'| {one["nodes"]:.0f} | {{}} s | {{}} |'
         check_quote(page, row, one['found_s'], one['missed'])
@@ -223,6 +211,15 @@ def test_the_page_of_peers_is_what_its_run_makes_of_the_numbers(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / 'benchmarks' / 'peers')
     results = json.loads((DOCS / 'peers.json').read_text())
     assert import_module('report').markdown(results) == read('docs/peers.md')
+
+
+def test_the_page_of_timing_is_what_its_run_makes_of_the_numbers(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / 'benchmarks' / 'reliability')
+    page = import_module('timing_page')
+    figures = (
+        json.loads((DOCS / f'{name}.json').read_text()) for name in ('realtime', 'log_speed')
+    )
+    assert page.page(*figures) == read('docs/timing.md')
 
 
 def test_a_wrong_number_is_found():

@@ -1,185 +1,221 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How punctual linkage_node is, beside a bare loop of sleeps and a timer of rclpy.
+"""How punctual linkage_node is at 1 kHz, and what a tick costs it; what log files cost.
 
-For each rate, one after another in the same run: slices of a bare Python loop that sleeps until
-each deadline, linkage_node with log and viewer and with the log alone, and a node whose rclpy
-timer publishes the same JointState, made as rclpy's tutorials do. A subscriber in a process of
-its own hears the nodes.
+Contenders take turns in slices: a bare Python loop that sleeps until each deadline, a node whose
+rclpy timer publishes the same JointState, with the default executor and with the EventsExecutor,
+and linkage_node without log, with log, and with log and viewer. A subscriber in a process of its
+own hears the nodes. Then record, verify and recover beside the compression of the same bytes
+alone, in turns as well: processor time.
 
-    python benchmarks/reliability/realtime.py --out DIR     three rates, in a quarter of an hour
-    python benchmarks/reliability/realtime.py --seconds 5   a quick look
+    python benchmarks/reliability/realtime.py --out docs                         in eight minutes
+    python benchmarks/reliability/realtime.py --slices 1 --seconds 3 --rounds 1  a short try
 
-The figures go to DIR/realtime.json; exit code 1 where a promise does not hold at 1 kHz.
+After every round the figures go to DIR/realtime.json and DIR/log_speed.json, and the page of them
+to DIR/timing.md, so that Ctrl-C keeps what was measured. Of each contender: median and 99 % of the
+lateness, us, medians over the slices, and the largest; the ticks missed and those there were; the
+processor time, s, from the median slice. Exit code 1 where a limit does not hold.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+import zlib
+from contextlib import ExitStack
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
-from harness import DOMAIN, Process, finish, listening, node, options, quantiles, running
+import zstandard
+from harness import DOMAIN, Diagnostics, Process, finish, listening, node, options, running
+from timing_page import CONTENDERS, limits, page
 
+from linkage_ros import cli
+from linkage_ros.log.mcap_file import McapFile
 from linkage_ros.log.reader import LogReader
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.record import record
+from linkage_ros.recovery.recover import recover
+from linkage_ros.verification.verify import verify
 
 TIMER_NODE = Path(__file__).with_name('timer_node.py')
-RATES = (200.0, 1000.0, 2000.0)  # Hz
-SETTLE = 3.0  # s: discovery, and the first second of a run
+RATE = 1000.0  # Hz
+SETTLE = 1.5  # s after the first state: discovery, and the first second of a run
+STATES = 20_000  # of a log
+CASES = {
+    'speed-driven': configure({'rate_hz': RATE}),
+    'torque-driven': configure({**load('wind_pump').parameters(), 'rate_hz': RATE}),
+}
 
 
-def bare_loop(rate: float, seconds: float, lateness: list[int]) -> tuple[int, float]:
-    """Sleeps until each deadline; returns the ticks missed and the processor time, s."""
-    period, missed, tick = round(1e9 / rate), 0, 0
+def bare_loop(seconds: float) -> dict[str, float]:
+    """Sleeps until each deadline."""
+    period, tick, lateness = round(1e9 / RATE), 0, []
     computed, origin = time.process_time(), time.monotonic_ns()
-    while tick < seconds * rate:
+    while tick < seconds * RATE:
         while (left := origin + tick * period - time.monotonic_ns()) > 0:
             time.sleep(left * 1e-9)
         lateness.append(-left)
-        due = (time.monotonic_ns() - origin) // period
-        missed += due - tick
-        tick = due + 1
-    return missed, time.process_time() - computed
+        tick = 1 + (time.monotonic_ns() - origin) // period
+    took = time.process_time() - computed
+    late = np.quantile(lateness, (0.5, 0.99, 1.0)) * 1e-3
+    return figures(late, len(lateness), tick - len(lateness), took)
 
 
-def watch(process: Process, seconds: float) -> dict[str, float]:
-    """What a process takes while it runs for a while."""
+def figures(late: Any, ticks: int, missed: int, computed: float) -> dict[str, float]:
+    """Of one slice: lateness, us, median, 99 % and largest; processor time, s."""
+    p50, p99, most = map(float, late)
+    words = {'p50_us': p50, 'p99_us': p99, 'max_us': most}
+    return {**words, 'missed': missed, 'ticks': ticks, 'cpu_seconds': computed}
+
+
+def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]:
+    """One slice of a contender.
+
+    Raises:
+        RuntimeError: A node ends with another exit code than 0.
+    """
+    if name == 'bare loop':
+        return bare_loop(seconds)
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        heard = Path(folder, 'times.npy')
+        listener = stack.enter_context(listening(DOMAIN, heard))
+        parameters: dict[str, object] = {'rate_hz': RATE}
+        if 'log' in name:
+            parameters['log'] = Path(folder, 'run.mcap')
+        if 'viewer' in name:
+            parameters['viewer'] = 'web'
+        if name.startswith('linkage_node'):
+            process = stack.enter_context(node(DOMAIN, **parameters))
+        else:
+            words = TIMER_NODE, RATE, name
+            process = stack.enter_context(running(*words, domain=DOMAIN))
+        computed = watch(process, listener, seconds)
+        values = {key: text for *_, part in health.parts.values() for key, text in part.items()}
+        if process.end():
+            raise RuntimeError(process.output)
+        listener.end()
+        stamps = np.load(heard)[:, 0]
+    if name.startswith('linkage_node'):
+        late = [1e3 * float(values[f'lateness {key}, ms']) for key in ('p50', 'p99', 'max')]
+    else:
+        late = [float(word) for word in process.lines[-1][1].split()]
+    stamps = stamps[stamps > stamps[-1] - seconds * 1e9]
+    gaps = np.rint(np.diff(stamps) * 1e-9 * RATE).astype(int) - 1
+    return figures(late, len(stamps), int(gaps.sum()), computed)
+
+
+def watch(process: Process, listener: Process, seconds: float) -> float:
+    """The processor time, s, that a node takes for some seconds of its run.
+
+    Raises:
+        RuntimeError: It ends before.
+    """
+    while 'heard' not in listener.output:
+        if not process.alive:
+            raise RuntimeError(process.output)
+        time.sleep(0.02)
     time.sleep(SETTLE)
-    computed, memory = process.computed(), process.memory()
+    before = process.computed()
     time.sleep(seconds)
+    return process.computed() - before
+
+
+def summary(name: str, slices: list[dict[str, float]]) -> dict[str, object]:
+    """The record of a contender."""
+    ticks = sum(one['ticks'] for one in slices)
     return {
-        'cpu_percent': 100 * (process.computed() - computed) / seconds,
-        'memory_MiB': process.memory(),
-        'memory_grown_MiB': process.memory() - memory,
-    }
+        'contender': name, 'rate': RATE,
+        **{key: round(median(one[key] for one in slices), 1) for key in ('p50_us', 'p99_us')},
+        'max_us': round(max(one['max_us'] for one in slices), 1),
+        'missed': sum(one['missed'] for one in slices), 'ticks': ticks,
+        'cpu_seconds': round(ticks * median(s['cpu_seconds'] / s['ticks'] for s in slices), 4),
+    }  # fmt: skip
 
 
-def heard(path: Path, rate: float, seconds: float) -> dict[str, Any]:
-    """What the subscriber got in the last seconds: rate, gaps, age at its arrival."""
-    times = np.load(path)
-    times = times[times[:, 0] > times[-1, 0] - seconds * 1e9]
-    stamps = times[:, 0]
-    gaps = np.rint(np.diff(stamps) * 1e-9 * rate).astype(int) - 1
-    age = (times[:, 1] - stamps) * 1e-3
-    return {
-        'rate': (len(stamps) - 1) / ((stamps[-1] - stamps[0]) * 1e-9),
-        'states': len(stamps),
-        'missed': int(gaps.sum()),
-        'age': {**quantiles(age), 'over_1_ms': int((age > 1000).sum())},
-    }
-
-
-def listened(start: Callable[[], Any], rate: float, seconds: float) -> dict[str, Any]:
-    """Runs a node with a subscriber; the figures of both, and the node's output."""
+def log_speed(rounds: int) -> list[dict[str, object]]:
+    """Processor time per state of record, verify and recover over compression alone."""
+    found = []
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, 'times.npy')
-        with listening(DOMAIN, path) as listener:
-            with start() as process:
-                figures = watch(process, seconds)
-                code = process.end()
-            assert code == 0, process.output
-            listener.end()
-        return {**figures, **heard(path, rate, seconds), 'output': process.output}
-
-
-def our_node(rate: float, seconds: float, viewer: str) -> dict[str, Any]:
-    """linkage_node, with log and, perhaps, viewer."""
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder, 'run.mcap')
-        given = {'rate_hz': rate, 'log': log, **({'viewer': viewer} if viewer else {})}
-        figures = listened(lambda: node(DOMAIN, **given), rate, seconds)
-        with LogReader(log) as run:
-            *_, last = run.messages(['/diagnostics'])
-            times = [(m.time, m.data) for m in run.messages(['/joint_states'])]
-        figures['log_MB'] = log.stat().st_size / 1e6
-    figures['late'] = {
-        key: 1e3 * float(diagnosed(last.data, f'lateness {key}, ms'))
-        for key in ('p50', 'p99', 'max')
-    }
-    figures['logged'] = len(times)
-    return figures
-
-
-def diagnosed(data: bytes, key: str) -> str:
-    """A value in a message of /diagnostics."""
-    from diagnostic_msgs.msg import DiagnosticArray
-    from rclpy.serialization import deserialize_message
-
-    message = deserialize_message(data, DiagnosticArray)
-    (found,) = [v.value for status in message.status for v in status.values if v.key == key]
-    return str(found)
-
-
-def timer_node(rate: float, seconds: float) -> dict[str, Any]:
-    """The same message from a timer of rclpy."""
-    figures = listened(lambda: running(TIMER_NODE, rate, domain=DOMAIN), rate, seconds)
-    p50, p99, most = map(float, figures['output'].splitlines()[-1].split())
-    figures['late'] = {'p50': p50, 'p99': p99, 'max': most}
-    return figures
-
-
-def measure(rate: float, seconds: float) -> dict[str, Any]:
-    """All three at one rate; the bare loop before and between the others."""
-    missed, computed = 0, 0.0
-    lateness: list[int] = []
-    found: dict[str, Any] = {}
-    runs = {
-        'log, viewer': lambda: our_node(rate, seconds, 'web'),
-        'log alone': lambda: our_node(rate, seconds, ''),
-        'rclpy timer': lambda: timer_node(rate, seconds),
-    }
-    for name, run in runs.items():
-        more, took = bare_loop(rate, seconds / 3, lateness)
-        missed, computed = missed + more, computed + took
-        found[name] = run()
-        found[name].pop('output')
-    found['bare loop'] = {
-        'late': quantiles(np.array(lateness) * 1e-3),
-        'missed': missed,
-        'cpu_percent': 100 * computed / seconds,
-    }
+        log, other = Path(folder, 'log.mcap'), Path(folder, 'other.mcap')
+        for case, configuration in CASES.items():
+            seconds = STATES / RATE
+            record(configuration, log, duration=seconds, overwrite=True)
+            packed = chunks(log)
+            runs = {
+                'compression alone': lambda p=packed: compress(p),
+                'record': lambda c=configuration, s=seconds: record(
+                    c, other, duration=s, overwrite=True
+                ),
+                'verify': lambda: check(log),
+                'recover': lambda: recover(log, other, overwrite=True),
+            }
+            times = [{name: timed(run) for name, run in runs.items()} for _ in range(rounds)]
+            found += [
+                {'case': case, 'work': name,
+                 'us_per_state': round(1e6 / STATES * median(t[name] for t in times), 3),
+                 'over_compression': round(median(
+                     t[name] / t['compression alone'] for t in times), 2)}
+                for name in runs
+            ]  # fmt: skip
     return found
 
 
-def show(rate: float, found: dict[str, Any]) -> None:
-    """A line for each."""
-    for name in ('bare loop', 'rclpy timer', 'log, viewer', 'log alone'):
-        one = found[name]
-        words = ', '.join(f'{key} {value:.0f}' for key, value in one['late'].items())
-        line = f'{rate:5g} Hz  {name:12}  late, us: {words}; {one["missed"]} ticks missed; '
-        line += f'{one["cpu_percent"]:.1f} % of a core'
-        if 'age' in one:
-            age = one['age']
-            line += f'; at the subscriber after, us: p50 {age["p50"]:.0f}, p99 {age["p99"]:.0f}, '
-            line += f'max {age["max"]:.0f}; {one["memory_MiB"]:.0f} MiB'
-        print(line, flush=True)
+def chunks(path: Path) -> list[bytes]:
+    """What the chunks of a log hold, unpacked."""
+    with path.open('rb') as stream:
+        return [part.data for part in McapFile(stream).parts()]
 
 
-def promises(found: dict[str, Any]) -> dict[str, bool]:
-    """Whether the promises at 1 kHz hold."""
-    ours, bare = found['log, viewer'], found['bare loop']
-    return {
-        "p99 lateness at most 1.5 times the bare loop's": ours['late']['p99']
-        <= 1.5 * bare['late']['p99'],
-        'ticks missed no more than the bare loop': ours['missed'] <= bare['missed'],
-        'less than 10 % of a core with the log': found['log alone']['cpu_percent'] < 10.0,
-        'p99 age at the subscriber below 1 ms': ours['age']['p99'] < 1000.0,
-    }
+def compress(packed: list[bytes]) -> None:
+    """What writing them takes at least."""
+    for data in packed:
+        zstandard.compress(data)
+        zlib.crc32(data)
+
+
+def check(path: Path) -> None:
+    """Verifies a log.
+
+    Raises:
+        RuntimeError: It differs.
+    """
+    with LogReader(path) as log:
+        if verify(log).difference:
+            raise RuntimeError(f'{path} differs')
+
+
+def timed(run: Any) -> float:
+    """Processor time of a call, s."""
+    begin = time.process_time()
+    run()
+    return time.process_time() - begin
 
 
 def main() -> int:
-    """Prints the figures."""
-    given = options(__doc__, seconds=(60.0, 's of each contender and rate'))
-    found = {}
-    for rate in RATES:
-        found[f'{rate:g}'] = measure(rate, given.seconds)
-        show(rate, found[f'{rate:g}'])
-    return finish('realtime', given.out, found, promises(found['1000']))
+    """Measures, writes and prints the figures."""
+    given = options(
+        __doc__, slices=(5, 'slices of each contender'), seconds=(12.0, 's of each slice'),
+        rounds=(9, 'rounds of the logs'),
+    )  # fmt: skip
+    slices: dict[str, list[dict[str, float]]] = {name: [] for name in CONTENDERS}
+    logs = log_speed(given.rounds)
+    finish('log_speed', given.out, logs)
+    with Diagnostics(DOMAIN) as health:
+        for number in range(given.slices):
+            for name in CONTENDERS:
+                slices[name].append(slice_of(name, given.seconds, health))
+                print(f'{number + 1}: {name}: {json.dumps(slices[name][-1])}', flush=True)
+            records = [summary(name, found) for name, found in slices.items()]
+            code = finish('realtime', given.out, records, limits(records, logs))
+            (given.out / 'timing.md').write_text(page(records, logs))
+    print(page(records, logs))
+    return code
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(cli.leave(main()))

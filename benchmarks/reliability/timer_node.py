@@ -2,17 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The usual way: an rclpy timer that makes a JointState, as linkage_node's is, and publishes it.
 
-Usage: python timer_node.py HZ; ends at SIGINT with its lateness, us: p50, p99, max.
+Usage: python timer_node.py HZ [WORDS]; ends at SIGINT with its lateness, us: p50, p99, max. With
+'events' in the words it spins rclpy's EventsExecutor instead of the default one.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
-from contextlib import suppress
+import threading
 
 import numpy as np
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from linkage_ros.parameters.configuration import load
@@ -25,7 +29,9 @@ def main() -> None:
     period = 1.0 / float(sys.argv[1])
     simulator = Simulator(load('quadrilateral'))
     late: list[int] = []
-    rclpy.init()
+    stop = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: stop.set())
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('timer_node')
     publisher = node.create_publisher(JointState, 'joint_states', 10)
 
@@ -46,9 +52,10 @@ def main() -> None:
     node.create_timer(period, tick)
     origin = node.get_clock().now().nanoseconds
     motion = simulator.begin(origin)
-    # rclpy's own handler of SIGINT may end the context under a wait set: an RCLError.
-    with suppress(KeyboardInterrupt, ExternalShutdownException, RuntimeError):
-        rclpy.spin(node)
+    executor = EventsExecutor() if 'events' in sys.argv[-1] else SingleThreadedExecutor()
+    executor.add_node(node)
+    while not stop.is_set():  # as rclpy.spin does; spin() of an EventsExecutor calls no timer
+        executor.spin_once(timeout_sec=0.1)
     print(*(np.quantile(late, (0.5, 0.99, 1.0)) * 1e-3).round(1))
 
 
