@@ -26,7 +26,6 @@ from linkage_ros.parameters.configuration import (
     to_strings,
 )
 from linkage_ros.parameters.drives import DRIVES
-from linkage_ros.parameters.presets import preset_names
 from linkage_ros.quantities import MISSING
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
@@ -138,11 +137,6 @@ def test_a_missing_value_is_named_with_its_range(name):
         configure(values)
 
 
-def test_preset_files_are_the_presets():
-    assert [path.stem for path in sorted(CONFIG.glob('*.yaml'))] == preset_names()
-    assert DEFAULT_PRESET in preset_names()
-
-
 @pytest.mark.parametrize('path', sorted(CONFIG.glob('*.yaml')), ids=lambda path: path.stem)
 def test_every_preset_loads_by_name_and_by_path_and_turns(path):
     configuration = load(str(path))
@@ -158,13 +152,6 @@ def test_every_preset_loads_by_name_and_by_path_and_turns(path):
         assert np.isfinite(solver.state(crank, 15.0, 3.0).torque).all()
     known = {leaf.name for leaf in parameter_leaves(configuration.kind)}
     assert set(configuration.parameters()) <= known
-
-
-def test_an_unknown_preset_is_refused_with_the_known_ones():
-    with pytest.raises(
-        ConfigurationError, match=r"no preset 'pentagon': choose one of .*quadrila"
-    ):
-        load('pentagon')
 
 
 # ---------------------------------------------------------------- names
@@ -219,11 +206,6 @@ def test_a_name_of_another_kind_gets_its_owner(given, words):
         ConfigurationError, match=re.escape(f'{name!r} is not a parameter of {words}')
     ):
         configure(given)
-
-
-def test_unknown_names_are_refused_beside_the_preset_too():
-    with pytest.raises(ConfigurationError, match="'rmp' is not a parameter"):
-        configure({'rmp': 60.0})
 
 
 @pytest.mark.parametrize('name', ['use_sim_time', 'start_type_description_service'])
@@ -399,17 +381,6 @@ def test_a_crank_that_cannot_turn_is_refused(lengths, words):
             configure(values)
 
 
-def test_without_a_mechanism_a_torque_may_drive_the_preset():
-    changed = configure({'drive': 'torque', 'motor.torque': 2.0}).parameters()
-    assert (changed['motor.torque'], 'rpm' in changed) == (2.0, False)
-
-
-def test_a_torque_driven_mechanism_must_be_able_to_start():
-    values = {'mechanism': 'wind_pump', 'slider.position': 2.6}
-    with pytest.raises(ConfigurationError, match=r'^no motion starts there: '):
-        configure({**load('wind_pump').parameters(), **values})
-
-
 # ---------------------------------------------------------------- as text
 
 
@@ -441,22 +412,6 @@ def test_text_that_is_not_json_is_refused(text):
     with pytest.raises(ConfigurationError, match='configuration is not JSON: ') as caught:
         from_strings(strings)
     assert '\n' not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ('name', 'text', 'words'),
-    [
-        ('rpm', 'NaN', 'rpm = nan: must be a number'),
-        ('rpm', '1e400', 'rpm = inf: must be a number'),
-        ('rpm', '"150"', "rpm = '150': must be a number"),
-        ('gravity', '[0.0]', r'gravity = \[0.0\]: must be two numbers'),
-        ('crank.color', '1.0', "'crank.color' is not a parameter of a four_bar"),
-        ('crank.length', '9.0', 'the longest link, 9 m'),
-    ],
-)
-def test_text_of_a_bad_value_is_refused(name, text, words):
-    with pytest.raises(ConfigurationError, match=words):
-        from_strings({**to_strings(configure({})), name: text})
 
 
 @pytest.mark.parametrize('name', ['mechanism', 'rpm', 'frame.length', 'rocker.length'])

@@ -345,12 +345,3 @@ def test_the_launch_file_of_the_page_names_what_the_parts_have():
     assert managed[controller]['type'] == 'joint_trajectory_controller/JointTrajectoryController'
     assert managed['update_rate'] * PERIOD == NS_PER_S
     assert manager['executable'] == 'ros2_control_node'
-
-
-def test_every_parameter_of_the_page_is_one_of_the_controller():
-    """P:2-190; a name that is not declared would have no effect there."""
-    declared = {'joints', 'command_interfaces', 'state_interfaces', 'cmd_timeout', 'gains',
-                'allow_nonzero_velocity_at_trajectory_end'}  # fmt: skip
-    parameters = parameters_of_the_page()
-    assert set(parameters) == declared
-    assert set(parameters['gains']['crank']) <= {'p', 'i', 'd'}  # P:142-158

@@ -227,6 +227,8 @@ def quick(words):
     words = [re.sub('^(viewer:=)?(spawn|web)$', r'\1shown.rrd', word) for word in words]
     if '--duration' in words:
         words[words.index('--duration') + 1] = '1'
+    if words[:2] == ['linkage_chart', 'economy']:
+        words.append('--quick')
     return [*words, '--rate', '100'] if words[0] == 'linkage_replay' else words
 
 

@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 import math
-import sys
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from ros_harness import assert_refused
 from scipy.interpolate import CubicSpline
 
 from linkage_ros import Solver, chart_tool
@@ -155,18 +156,11 @@ def test_a_motor_that_does_not_carry_the_cycle(motor):
 # ---------------------------------------------------------------- the command
 
 
-def chart(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, 'argv', ['linkage_chart', 'motion', *map(str, arguments)])
-    try:
-        return chart_tool.main()
-    except SystemExit as error:
-        return error.code
-
-
-def test_the_command_says_what_the_quadrilateral_needs(tmp_path, monkeypatch, capsys):
-    options = 'quadrilateral', '--fluctuation', '0.02', '--out', tmp_path
-    assert chart(monkeypatch, *options) == 0
-    _, torque, power, flywheel, first, picture, *_ = capsys.readouterr().out.splitlines()
+def test_the_command_says_what_the_quadrilateral_needs(tmp_path, called):
+    options = 'motion', 'quadrilateral', '--fluctuation', '0.02', '--out', tmp_path
+    code, out, _ = called(chart_tool, *options)
+    assert code == 0
+    _, torque, power, flywheel, first, picture, *_ = out.splitlines()
     assert torque == 'driving torque: peak 8.547 N m, rms 4.242 N m, mean 0 N m'
     assert power == 'driving power: peak 134.3 W, rms 66.64 W, mean 0 W'
     assert flywheel == (
@@ -176,11 +170,12 @@ def test_the_command_says_what_the_quadrilateral_needs(tmp_path, monkeypatch, ca
     assert (tmp_path / 'quadrilateral_flywheel.png').samefile(picture)
 
 
-def test_the_command_judges_a_motor(tmp_path, monkeypatch, capsys):
+def test_the_command_judges_a_motor(tmp_path, called):
     (tmp_path / 'plant.yaml').write_text(PLANT)
-    options = tmp_path / 'plant.yaml', '--rpm', 200, '--fluctuation', '0.1', '--out', tmp_path
-    assert chart(monkeypatch, *options) == 0
-    lines = capsys.readouterr().out.splitlines()
+    options = '--rpm', 200, '--fluctuation', '0.1', '--out', tmp_path
+    code, out, _ = called(chart_tool, 'motion', tmp_path / 'plant.yaml', *options)
+    assert code == 0
+    lines = out.splitlines()
     line, carried, bare = lines[5:8]
     assert line.startswith('motor 12 N m - 0.5 N m s x speed: 1.528 N m at this speed, where the')
     assert carried.startswith('with the flywheel: the motor carries the cycle at ')
@@ -200,7 +195,6 @@ def test_the_command_judges_a_motor(tmp_path, monkeypatch, capsys):
         (['wind_pump', '--fluctuation', '0.1'], 'leave --fluctuation out'),
     ],
 )
-def test_what_has_no_fluctuation_is_one_line(tmp_path, monkeypatch, capsys, arguments, words):
-    assert chart(monkeypatch, *arguments, '--out', tmp_path) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert words in line
+def test_what_has_no_fluctuation_is_one_line(tmp_path, called, arguments, words):
+    given = called(chart_tool, 'motion', *arguments, '--out', tmp_path)
+    assert_refused(*given, re.escape(words))

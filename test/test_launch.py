@@ -35,8 +35,6 @@ DEMO, CONTROLLER, FOLLOW, TWO = (
     ROOT / 'launch' / f'{name}.launch.py'
     for name in ('demo', 'controller', 'follow', 'two_linkages')
 )
-# Each argument that the task of these files needs; frame_prefix is for robot_state_publisher.
-COMMON = {'rpm', 'namespace', 'use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer'}
 OWN = """
 /left/linkage_node:
   ros__parameters:
@@ -122,15 +120,6 @@ def ros_arguments(node):
     remaps = (word for pair in node.remappings or () for word in ('-r', ':='.join(pair)))
     namespace = f'__ns:=/{node.namespace}'
     return ['--ros-args', '-r', namespace, *remaps, '--params-file', *node.parameters]
-
-
-@pytest.mark.parametrize('file', [DEMO, CONTROLLER, FOLLOW], ids=lambda path: path.name)
-def test_every_argument_is_declared_with_a_meaning(file, launched):
-    *declared, _ = runpy.run_path(file)['generate_launch_description']().positional[0]
-    names = {action.positional[0] for action in declared if action.description}
-    assert names >= (COMMON - {'rpm'} if file == FOLLOW else COMMON)
-    assert len(names) == len(declared)
-    assert ('frame_prefix' in names) == (file != CONTROLLER)
 
 
 @pytest.mark.parametrize(
@@ -230,11 +219,6 @@ def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
     assert f'{model["TF Prefix"]}/' == 'left/'  # RViz puts the '/' there itself
     (_, topic), = nodes['robot_state_publisher'].remappings  # fmt: skip
     assert model['Description Topic']['Value'] == topic
-
-
-def test_without_a_frame_prefix_rviz_gets_the_installed_file(launched):
-    nodes, _ = launched(DEMO, 'robot_state_publisher', 'rviz2', rviz='true')
-    assert Path(nodes['rviz2'].arguments[1]) == ROOT / 'rviz' / 'linkage.rviz'
 
 
 @pytest.mark.parametrize('file', [DEMO, CONTROLLER, FOLLOW], ids=lambda path: path.name)

@@ -53,17 +53,6 @@ def test_core_works_with_all_libraries_but_numpy_absent():
     assert done.returncode == 0, done.stderr
 
 
-def test_programs_are_imported_without_ros_viewer_and_charts():
-    programs = ('record', 'log_tool', 'replay', 'chart_tool', 'export_tool', 'executables')
-    done = run(f'import {", ".join(f"linkage_ros.{name}" for name in programs)}', OPTIONAL)
-    assert done.returncode == 0, done.stderr
-
-
-def test_a_blocked_library_is_not_imported():
-    done = run('import linkage_ros.node', OPTIONAL)
-    assert done.stderr.splitlines()[-1].startswith('ModuleNotFoundError: rclpy is blocked')
-
-
 WRONG = {
     'model/parts.py': ('import linkage_ros.wire.topics', 'model.parts -> linkage_ros.wire.topics'),
     'run/health.py': ('import matplotlib', 'run.health -> matplotlib'),

@@ -17,7 +17,6 @@ from ros_harness import (
     CODEC,
     assert_refused,
     decoded,
-    finished,
     fresh_domain,
     logged,
     node_arguments,
@@ -200,12 +199,13 @@ def test_node_and_record_refuse_a_file_in_the_same_words(called, tmp_path):
     assert not out.exists()
 
 
-def test_a_bad_viewer_or_log_leaves_nothing_behind(tmp_path):
+def test_a_bad_viewer_or_log_leaves_nothing_behind(called, monkeypatch, tmp_path):
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
     log, view = tmp_path / 'run.mcap', tmp_path / 'run.rrd'
     log.write_text('an earlier log')
     given = node_arguments(log=log, log_overwrite='true', viewer='nonsense')
-    assert finished('node', *given).returncode == 2
+    assert_refused(*called(node, *given), 'nonsense')
     assert log.read_text() == 'an earlier log'
-    done = finished('node', *node_arguments(log=log, viewer=view))
-    assert_refused(done.returncode, done.stdout, done.stderr, 'exists already')
+    given = node_arguments(log=log, viewer=view)
+    assert_refused(*called(node, *given), 'exists already')
     assert not view.exists()

@@ -120,18 +120,6 @@ def test_torque_and_position_have_the_digits_of_the_textbook(solver, crank):
         assert abs(state.torque - without) > 0.5
 
 
-def test_the_traced_formulas_have_the_bits_of_the_formulas(solver):
-    random = np.random.default_rng(7)
-    for q, u, a in random.uniform(-20, 20, (100, 3)).tolist():
-        traced, plain = solver.state(q, u, a), solver._moving.untraced(q, u, a)
-        assert [*map(float.hex, flat(traced))] == [*map(float.hex, flat(plain))]
-
-
-def flat(state):
-    """All numbers of a state."""
-    return [float(x) for row in (*state[:3], (state.torque,)) for x in row]
-
-
 def test_accelerations_invert_the_torque_and_energy_holds_the_spring(solver):
     crank = np.linspace(-3, 4, 50)
     state = solver.state(crank, 5.0, 3.0)
