@@ -84,17 +84,22 @@ class LinkageNode(ParameterNode):
         )  # fmt: skip
         self._hardware_id = configuration.kind.mechanism
         self._drive: Drive = configuration.drive  # with what was set since the start
+        self._joint_commands: CommandSubscriber | None = None
+        self._measurements: MeasurementSubscriber | None = None
         with reported_as_configuration():  # a topic may have the name of another
             self._output_publishers = {
                 topic.name: create_publisher(self, topic)
                 for topic in (*self._simulator.topics, *self._other_topics)
             }
+            outputs = self._output_publishers
+            if isinstance(self._drive, TorqueDrive):
+                crank = self._simulator.joints[0]
+                self._joint_commands = CommandSubscriber(self, self._drive, crank, outputs)
+            if isinstance(self._drive, FollowDrive):
+                self._measurements = MeasurementSubscriber(self, self._simulator, outputs)
         self._state_publishers = [
             self._output_publishers[topic.name] for topic in self._simulator.topics
         ]
-        self._measurements: MeasurementSubscriber | None = None
-        if isinstance(configuration.drive, FollowDrive):
-            self._measurements = MeasurementSubscriber(self, self._simulator)
         self._view = self._open_view(configuration) if configuration.session.viewer else None
         try:
             self._log = self._open_log() if configuration.session.log else None
@@ -105,10 +110,6 @@ class LinkageNode(ParameterNode):
         self._ticker = self._make_ticker(simulated=self.get_parameter('use_sim_time').value)
         self._motion: Motion | None = None
         self._state: State | None = None
-        crank = self._simulator.joints[0]
-        self._joint_commands: CommandSubscriber | None = None
-        if isinstance(configuration.drive, TorqueDrive):
-            self._joint_commands = CommandSubscriber(self, configuration.drive, crank)
         self.get_logger().info(preset_note(given) + summary(configuration, self._simulator.solver))
         wait_for_subscribers(self._state_publishers)
         freeze_heap()

@@ -153,11 +153,17 @@ REMAPS = ('-r', 'measured_joint_states:=joint_states', '-r', 'joint_states:=link
 ANSWERS = '/linkage/joint_states'
 
 
-def test_the_same_topic_in_and_out_is_refused():
-    done = finished(
-        'node', *node_arguments(drive='follow'), '-r', 'measured_joint_states:=joint_states'
-    )
-    assert_refused(done.returncode, '', done.stderr, '-r joint_states:=linkage/joint_states')
+def test_a_topic_in_and_out_is_refused_before_there_is_a_log(tmp_path):
+    log = tmp_path / 'run.mcap'
+    for drive, heard, own in (
+        ('follow', 'measured_joint_states', 'joint_states'),
+        ('follow', 'measured_joint_states', 'driving_torque'),  # of another type
+        ('torque', 'joint_commands', 'joint_states'),
+    ):
+        done = finished('node', *node_arguments(drive=drive, log=log), '-r', f'{heard}:={own}')
+        words = f'{heard} and {own} are one topic, /{own}: .* -r {own}:=linkage/{own}$'
+        assert_refused(done.returncode, '', done.stderr, words)
+        assert not log.exists()
 
 
 @pytest.mark.parametrize(

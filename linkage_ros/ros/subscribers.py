@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -22,7 +22,7 @@ from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.topics import JOINT_COMMANDS, JOINT_STATES, MEASURED_JOINT_STATES
+from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
 from linkage_ros.wire.untrusted_command import LARGEST_COMMAND, decode_joint_state
 
 # Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
@@ -50,19 +50,33 @@ class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has n
 
 
 class _PolledSubscription:
-    """Keeps the last JointState messages until the thread of the ticks takes them."""
+    """Keeps the last JointState messages until the thread of the ticks takes them.
 
-    def __init__(self, node: Node, topic: str, depth: int) -> None:
+    Attributes:
+        topic: Resolved name of the topic.
+    """
+
+    def __init__(self, node: Node, topic: Topic, depth: int, outputs: Iterable[str]) -> None:
         """Subscribes.
 
         Args:
             node: The node.
-            topic: Name of the topic.
+            topic: The topic.
             depth: Messages that wait to be taken; of more, the last ones are kept.
+            outputs: Names of the topics on which the node publishes.
+
+        Raises:
+            ConfigurationError: It is one of these: the node would hear itself.
         """
-        self._depth = depth
+        self.topic, self._depth = node.resolve_topic_name(topic.name), depth
+        for name in outputs:
+            if node.resolve_topic_name(name) == self.topic:
+                raise ConfigurationError(
+                    f'{topic.name} and {name} are one topic, {self.topic}: the node would hear '
+                    f'itself; give its own another name, -r {name}:=linkage/{name.lstrip("/")}'
+                )
         self._subscription = node.create_subscription(
-            JointState, topic, lambda _: None, _best_effort(depth), raw=True,
+            JointState, topic.name, lambda _: None, _best_effort(depth), raw=True,
             callback_group=_PolledGroup(),
         )  # fmt: skip
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
@@ -98,17 +112,21 @@ class CommandSubscriber:
         commands: What was commanded, and what became of it.
     """
 
-    def __init__(self, node: Node, drive: TorqueDrive, crank: str) -> None:
+    def __init__(self, node: Node, drive: TorqueDrive, crank: str, outputs: Iterable[str]) -> None:
         """Subscribes.
 
         Args:
             node: The node.
             drive: Drive of the mechanism.
             crank: Name of the crank's joint.
+            outputs: Names of the topics on which the node publishes.
+
+        Raises:
+            ConfigurationError: joint_commands is one of these.
         """
         self.commands = TorqueCommands(drive.torque_limit, drive.command_timeout, crank=crank)
         self._logger = node.get_logger()
-        self._subscription = _PolledSubscription(node, JOINT_COMMANDS.name, _DEPTH)
+        self._subscription = _PolledSubscription(node, JOINT_COMMANDS, _DEPTH, outputs)
 
     def poll(self) -> list[tuple[int, bytes]]:
         """Takes what has come since the last call, good or bad, but for what is too large.
@@ -142,29 +160,23 @@ class MeasurementSubscriber:
         diagnostics: Returns counts of the messages that were left out.
     """
 
-    def __init__(self, node: Node, simulator: Simulator) -> None:
+    def __init__(self, node: Node, simulator: Simulator, outputs: Iterable[str]) -> None:
         """Subscribes.
 
         Args:
             node: The node.
             simulator: Simulator of its configuration.
+            outputs: Names of the topics on which the node publishes.
 
         Raises:
-            ConfigurationError: The node publishes on that topic: it would answer itself for ever.
+            ConfigurationError: measured_joint_states is one of these.
         """
-        topics = JOINT_STATES, MEASURED_JOINT_STATES
-        ours, theirs = (node.resolve_topic_name(topic.name) for topic in topics)
-        if ours == theirs:
-            raise ConfigurationError(
-                f'measured_joint_states and joint_states are one topic, {ours}: the node would '
-                'answer itself; give its own another name, -r joint_states:=linkage/joint_states'
-            )
-        self._logger, self._topic = node.get_logger(), theirs
+        topic, self._logger = MEASURED_JOINT_STATES, node.get_logger()
         self._measured, self._crank = MeasuredCrank(simulator), simulator.joints[0]
         self._last = -math.inf  # when a measurement counted, s
         self.diagnostics = self._measured.diagnostics
-        name, depth = MEASURED_JOINT_STATES.name, MEASURED_JOINT_STATES.depth
-        self._subscription = _PolledSubscription(node, name, depth)
+        self._subscription = _PolledSubscription(node, topic, topic.depth, outputs)
+        self._topic = self._subscription.topic
 
     def receive(self) -> list[tuple[int, bytes]]:
         """Waits for messages, but not for long.
