@@ -20,7 +20,7 @@ from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import ZERO, Opaque, Vector, total
-from linkage_ros.model.parts import Body
+from linkage_ros.model.parts import LOADS, Body
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array, Real, require_finite
 from linkage_ros.quantities import build, flatten
@@ -43,8 +43,7 @@ TERMS: dict[str, tuple[str, ...]] = {
     'slider.force': ('slider.force',),
     'slider.damping': ('slider.damping',),
     'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
-    'load': ('load',),
-    'friction': ('friction',),
+    **{name: (name,) for name in LOADS},
 }
 _SLOW = 1e-6  # of the speed, at which inertia takes no torque
 _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp

@@ -23,6 +23,8 @@ CROSSED = 'crossed'
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
 _FORCES = (-1e12, 1e12)
+# The kinds of load that are not a part's own, by their group of parameters; add a new one here.
+LOADS = {'load': LoadCurve, 'friction': Friction}
 _SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
 
 
@@ -34,8 +36,8 @@ def gravity_quantity() -> Any:
 
 
 def loads_field() -> Any:
-    """Declares the field of a mechanism that holds its loads; a new kind is registered here."""
-    return groups(load=LoadCurve, friction=Friction)
+    """Declares the field of a mechanism that holds its loads."""
+    return groups(**LOADS)
 
 
 @dataclass(frozen=True)
