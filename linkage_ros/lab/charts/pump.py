@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -135,7 +136,12 @@ def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
             lines.append((piece.ends_at, piece.motions[-1].torque, style))
     for name, torque, style in lines:
         label = f'{name}, M0 = {torque:.4g} N m'
-        axes.plot((0.0, top), (torque, torque - motor.damping * top), label=label, **style)
+        axes.plot(
+            (0.0, top),
+            replace(motor, torque=torque).at(np.array((0.0, top))),
+            label=label,
+            **style,
+        )
     _draw_branch(axes, analysis, colors, 'speed', 'load')
     axes.set(title='Load curve and motor line', xlim=(0, top))
     axes.legend()

@@ -168,7 +168,7 @@ def settled_turn(motion: PeriodicMotion) -> Period:
     """A turn of a steady state, 0.5 deg by 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi, 721)
     position, rate, velocity = motion.at(crank)
-    torque = motion.torque - motion.damping * rate
+    torque = Motor(motion.torque, motion.damping).at(rate)
     q, u = (crank, position), (rate, velocity)
     state = motion.solver.state(q, u, motion.solver.accelerations(q, u, torque))
     power = mean(crank, torque) * motion.speed

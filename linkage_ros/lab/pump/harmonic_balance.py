@@ -29,6 +29,7 @@ from linkage_ros.lab.pump.periodic_motion import (
     waves,
 )
 from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 AVERAGED, EXACT = 1, 16  # harmonics
@@ -144,7 +145,7 @@ class HarmonicBalance:
         x, slope, bend, w, rate = values.swapaxes(0, 1)
         q, u = (np.broadcast_to(ANGLES, x.shape), x), (w, w * slope)
         # R = M q'' + h - Q is M (q'' - the q'' of a motion that is left to itself).
-        spin, push = self.solver.accelerations(q, u, torque - self.damping * w)
+        spin, push = self.solver.accelerations(q, u, Motor(torque, self.damping).at(w))
         (m11, m12), (_, m22) = self.solver.matrix(q)
         spin, push = w * rate - spin, w * w * bend + w * rate * slope - push
         return np.array((m11 * spin + m12 * push, m12 * spin + m22 * push))

@@ -18,6 +18,7 @@ import numpy as np
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 PARTS = 64  # of a turn: means over them are exact to rounding
@@ -107,7 +108,7 @@ class PeriodicMotion:
     @property
     def load(self) -> float:
         """Mean torque on the crank over time, N m."""
-        return self.torque - self.damping * self.speed
+        return float(Motor(self.torque, self.damping).at(self.speed))
 
     @functools.cached_property
     def extremes(self) -> tuple[float, float]:
@@ -139,7 +140,7 @@ class PeriodicMotion:
         if not slider.force and all(curve.link != 'slider' for curve in curves):
             return None
         x, w, v = self.at(ANGLES)
-        torque = self.torque - self.damping * w
+        torque = Motor(self.torque, self.damping).at(w)
         state = self.solver.state((ANGLES, x), (w, v))
         force = self.solver.load_forces(state)['slider'] + slider.damping * v
         force = force + slider.stiffness * (x - slider.rest_position)
@@ -195,7 +196,7 @@ def _jacobians(motion: PeriodicMotion, angles: Array) -> Array:
     steps = DIFFERENCE * motion.units
     moves = np.concatenate((np.diag(steps), np.diag(-steps)))
     x, w, v = motion.at(angles)[:, None] + moves.T[..., None]
-    torque = motion.torque - motion.damping * w
+    torque = Motor(motion.torque, motion.damping).at(w)
     spin, push = motion.solver.accelerations((np.broadcast_to(angles, x.shape), x), (w, v), torque)
     slopes = np.array((v, spin, push)) / w
     derivatives = (slopes[:, :3] - slopes[:, 3:]) / (2 * steps[:, None])
