@@ -450,11 +450,9 @@ LAYOUT = {
     'linkage_node:': "'' where a mapping belongs; lay",
     'linkage_node: {ros__parameters: [1]}': 'a list where a mapping belongs; lay',
     '/**:\n  ros_parameters:\n    mechanism: four_bar': (
-        "line 3: 'four_bar' where a mapping belongs; write ros__parameters for 'ros_parameters'$"
+        "line 3: 'four_bar' where a mapping belongs; lay the file out as node name, ros__param"
     ),
-    'n: {ros__parameter: {crank: {length: 1}}}': "; write ros__parameters for 'ros__parameter'$",
-    'ros__params: {a: 1}': "'1' where a mapping belongs; write ros__parameters for 'ros__params'$",
-    'n: {ros_parameters: 1}': "'1' where a mapping belongs; write ros__parameters for 'ros_par",
+    'ros__params: {a: 1}': "'1' where a mapping belongs; lay",
     'ros__parameters: {a: 1}': "'' before ros__parameters is no node; lay",
     'a-b: {ros__parameters: {a: 1}}': "'a-b' before ros__parameters is no node; lay",
     'x: {ros__parameters: {a: 1}, y: {}}': "'y' follows ros__parameters; move it before",

@@ -621,12 +621,6 @@ def test_page_on_all_addresses_names_this_machine(window, bind):
         assert re.fullmatch(rf'http://{host}:\d+/\?url={asked}', view.page)
 
 
-def test_rerun_switched_off_by_environment_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setenv('RERUN', 'off')
-    with pytest.raises(ViewerError, match='unset RERUN'):
-        View(CONFIGURATION, str(tmp_path / 'run.rrd'))
-
-
 def test_file_of_a_running_run_is_not_replaced(tmp_path):
     path = tmp_path / 'run.rrd'
     with closing(View(CONFIGURATION, str(path))) as view:

@@ -10,7 +10,6 @@ refuses what rcl refuses, and for the node also what rcl silently drops or garbl
 
 from __future__ import annotations
 
-import difflib
 import re
 from pathlib import Path
 from typing import TypeAlias, cast
@@ -85,8 +84,7 @@ class _Reader:
             if in_section and not _NODE.fullmatch(name):
                 raise self.error(f'{name!r} before ros__parameters is no node; {_LAYOUT}')
             if not isinstance(event := self.next(), yaml.MappingStartEvent):
-                cure = _cure(f'{name}/{key}'.split('/'))
-                raise self.error(f'{_show(event)} where a mapping belongs; {cure}')
+                raise self.error(f'{_show(event)} where a mapping belongs; {_LAYOUT}')
             if in_section:
                 ours = _matches(name, self.node_name)
                 self.parameters(self.sections.setdefault(name, {}) if ours else None, '', 0)
@@ -181,12 +179,6 @@ def _matches(section: str, node: str) -> bool:
     section = re.sub(r'\*\*(/+\*\*)+', '**', section)  # many would take long to fail
     parts = [wildcards.get(part, f'/{re.escape(part)}') for part in section.split('/') if part]
     return re.fullmatch(''.join(parts), f'/{node.strip("/")}') is not None
-
-
-def _cure(names: list[str]) -> str:
-    """Advice where a mapping is missing: a misspelt ros__parameters is read as a node's name."""
-    near = [] if _SECTION in names else difflib.get_close_matches(_SECTION, names, n=1)
-    return f'write {_SECTION} for {shown(near[0])}' if near else _LAYOUT
 
 
 def _show(event: yaml.Event) -> str:

@@ -11,7 +11,6 @@ happens in a thread that can be abandoned.
 from __future__ import annotations
 
 import contextlib
-import os
 import socket
 import threading
 import time
@@ -74,10 +73,6 @@ class Sender:
         Raises:
             ViewerError: The target cannot be opened, or Rerun is missing.
         """
-        if os.environ.get('RERUN', '').lower() in {'0', 'false', 'off'}:  # as Rerun reads it
-            raise ViewerError(
-                'Rerun is switched off: unset RERUN in the environment, or set no viewer'
-            )
         rr.unregister_shutdown()
         self.url: str | None = None
         self.exposed = False
