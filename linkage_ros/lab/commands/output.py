@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import platform
@@ -65,8 +64,6 @@ def save_records(path: Path, records: list[dict[str, Any]]) -> None:
 def save_table(path: Path, columns: Iterable[Column]) -> None:
     """Writes columns as CSV; every number reads back to the last bit."""
     columns = list(columns)
-    with path.open('w', newline='', encoding='utf-8') as stream:
-        writer = csv.writer(stream)
-        writer.writerow(f'{column.name} [{column.unit}]' for column in columns)
-        rows = zip(*(column.values.tolist() for column in columns), strict=True)
-        writer.writerows([repr(value) for value in row] for row in rows)
+    names = ','.join(f'{column.name} [{column.unit}]' for column in columns)
+    rows = np.stack([column.values for column in columns], axis=-1)
+    np.savetxt(path, rows, '%s', ',', header=names, comments='', encoding='utf-8')
