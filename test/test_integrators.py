@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from decimal import Decimal
+from functools import partial
 
 import numpy as np
 import oracle_pump
@@ -17,7 +19,7 @@ from oracle import Oracle
 from linkage_ros import FourBar, Solver
 from linkage_ros.formulas import Vector
 from linkage_ros.lab.methods import accuracy, linkages, registry
-from linkage_ros.lab.methods.integrators import Multipliers
+from linkage_ros.lab.methods.integrators import Multipliers, OfPackage
 from linkage_ros.lab.methods.motion_bench import (
     ENERGY,
     LOOP,
@@ -34,8 +36,8 @@ from linkage_ros.lab.reference.problems import (
     driven_pump,
     free_pump,
 )
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
-from linkage_ros.motion.fixed_step_integrator import FixedSteps
+from linkage_ros.motion.integrators import live_steps, record_steps
+from linkage_ros.motion.stiff_integrator import StiffSteps
 from linkage_ros.numeric import with_turns
 
 BY_NAME = {method.name: method for method in registry.INTEGRATORS}
@@ -151,6 +153,18 @@ def test_fixed_steps_are_of_their_order(benches, name, steps, order):
     assert slope(steps, found) == pytest.approx(order, abs=0.3)
 
 
+def test_implicit_steps_are_of_their_order(benches):
+    steps = 0.025, 0.0125, 0.00625
+    method = replace(
+        BY_NAME[registry.LIVE],
+        solve=lambda problem, setting: OfPackage(
+            problem, partial(StiffSteps, longest=setting['step'], tolerance=math.inf)
+        ),
+    )
+    found = [benches['driven'].worst_error(method, {'step': s}, '', TRAJECTORY) for s in steps]
+    assert slope(steps, found) == pytest.approx(5, abs=0.3)
+
+
 @each
 def test_errors_fall_with_each_setting_down_to_a_floor(benches, method):
     bench = benches['driven']
@@ -161,7 +175,7 @@ def test_errors_fall_with_each_setting_down_to_a_floor(benches, method):
 
 
 @pytest.mark.parametrize(
-    ('name', 'steps'), [(registry.LIVE, FixedSteps), (registry.RECORDS, AdaptiveSteps)]
+    ('name', 'steps'), [(registry.LIVE, live_steps), (registry.RECORDS, record_steps)]
 )
 def test_the_defaults_are_right_and_what_live_runs_and_records_take(benches, name, steps):
     method, bench = BY_NAME[name], benches['driven']

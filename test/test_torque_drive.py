@@ -32,6 +32,9 @@ from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 START = 1_780_000_000_000_000_000
 PUMP = load('wind_pump')
 QUADRILATERAL = configure({'drive': 'torque', 'motor.torque': 2.0, 'motor.damping': 0.05})
+# 150 rpm from rest, within time constants of 5 ns and 6 ms.
+STEEP = configure({'drive': 'torque', 'motor.torque': 5e7 * math.pi, 'motor.damping': 1e7})
+STUCK = configure({**PUMP.parameters(), 'slider.damping': 1e9, 'slider.velocity': 1.0})
 
 
 def changed(configuration=PUMP, **parts):
@@ -250,6 +253,24 @@ def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
         record(changed(resting, session={'rate_hz': 0.05}), tmp_path / 'rest.mcap', revolutions=1)
 
 
+@pytest.mark.parametrize('configuration', [STEEP, STUCK], ids=['steep motor line', 'stiff guide'])
+def test_a_record_against_strong_damping_is_made_again_to_the_bit(tmp_path, configuration):
+    paths = [tmp_path / f'{i}.mcap' for i in range(2)]
+    assert [record(configuration, path, duration=0.5) for path in paths] == [100, 100]
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    with LogReader(paths[0]) as log:
+        assert verify(log).difference == ''
+
+
+def test_a_live_run_refuses_a_spring_that_swings_within_a_tenth_of_a_millisecond():
+    spring = {'drive': 'torque', 'rocker.stiffness': 1e9}
+    words = r'constant of 0\.0\d* ms, with ticks of 5 ms: .* 0\.1 ms .*; divide rocker\.stiffness'
+    with pytest.raises(ConfigurationError, match=words):
+        Simulator(configure(spring)).require_live()
+    Simulator(configure({**spring, 'rocker.stiffness': 1e7})).require_live()
+    Simulator(configure({**spring, 'rocker.damping': 1e6})).require_live()  # swings no more
+
+
 # ---------------------------------------------------------------- live, and verified
 
 
@@ -301,7 +322,10 @@ PLAN = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize('configuration', [PUMP, QUADRILATERAL], ids=['pump', 'quadrilateral'])
+@pytest.mark.parametrize(
+    'configuration', [PUMP, QUADRILATERAL, STEEP, STUCK],
+    ids=['pump', 'quadrilateral', 'steep motor line', 'stiff guide'],
+)  # fmt: skip
 def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configuration):
     fast = changed(configuration, session={'rate_hz': 1000.0})
     with LogReader(live(tmp_path / 'run.mcap', fast, PLAN)) as log:

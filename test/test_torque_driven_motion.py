@@ -26,6 +26,8 @@ from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
+from linkage_ros.motion.integrators import live_steps, record_steps
+from linkage_ros.motion.stiff_integrator import StiffSteps
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.parameters.configuration import load
@@ -94,6 +96,39 @@ def test_a_command_acts_from_its_stamp_on(integrate):
     motion.command(10**9, -1.0)
     assert motion.at(3 * 10**9).u[0] == pytest.approx((3.0 + 2 * 2.0) / 2.0, rel=1e-12)
     assert motion.at(3 * 10**9).a[0] == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize('integrate', [live_steps, record_steps])
+@pytest.mark.parametrize('damping', [1e3, 1e5, 1e7])
+def test_a_steep_motor_line_keeps_its_speed_with_bounded_work(integrate, damping):
+    """From rest; the motor gives what the crank needs at an even speed, but for O(1 / damping)."""
+    speed, calls = 5 * math.pi, []
+
+    def law(u):
+        calls.append(u)
+        return damping * (speed - u)
+
+    steps = begun(integrate, QUADRILATERAL, (0.0, 0.0), law)
+    found = np.array([phase for phase, _ in steps.phases(np.arange(1, 81) * 5e-3)]).T
+    needed = Solver(QUADRILATERAL).state(found[0], speed).torque
+    given = damping * (speed - found[1])
+    assert np.abs(given).max() < 1.2 * np.abs(needed).max()
+    assert given == pytest.approx(needed, abs=40 / damping)
+    # Explicit steps would need a call for each time constant, up to 1e8 of them.
+    assert len(calls) < {live_steps: 11_000, record_steps: 60_000}[integrate]
+
+
+def test_strong_damping_alone_is_followed_implicitly():
+    """Without load curves that leap at rest, and where a massless crank has no inertia."""
+    compressor = load('compressor').mechanism
+    for mechanism, damping, kind in (
+        (QUADRILATERAL, 50.0, FixedSteps),
+        (QUADRILATERAL, 1e3, StiffSteps),
+        (compressor, 1.0, FixedSteps),
+        (replace(QUADRILATERAL, rocker=replace(QUADRILATERAL.rocker, damping=1e4)), 0, StiffSteps),
+    ):
+        steps = begun(live_steps, mechanism, (0.3, 0.0), lambda u, d=damping: 1e3 - d * u)
+        assert type(steps) is kind
 
 
 # ---------------------------------------------------------------- everywhere

@@ -9,18 +9,22 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from statistics import median
 from typing import NoReturn, TypeAlias
+
+import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.model.reach import FULL_TURN
-from linkage_ros.numeric import Real
+from linkage_ros.numeric import Array, Real
 
 # The torque on the crank, N m, at a crank speed, rad/s.
 TorqueLaw: TypeAlias = Callable[[float], Real]
 
-_PLACES = 32  # crank angles at which the damping is found
-_SLOW = 1e-3  # rad/s or m/s
+_NUDGE = 1e-7  # of a value, or of its unit, for derivatives
+_PLACES = 32  # crank angles at which eigenvalues are found
+_SLOW = 1e-3  # rad/s or m/s: as good as rest
 _SOON = 1e-3  # s
 _LEAST = 1e-5  # sine of the angle of a dyad that counts as none
 _NEAR = 0.05  # sine of the angle of a dyad that counts as stretched or folded
@@ -53,33 +57,53 @@ class DrivenMechanism:
         u = y[len(y) // 2 :]
         return (*u, *self.solver.forward(y, self.torque(u[0])))
 
-    @functools.cached_property
-    def damping_rate(self) -> float:
-        """The rate at which damping brings the mechanism from rest to balance, 1/s.
+    def jacobian(self, y: tuple[float, ...], slope: tuple[float, ...]) -> list[float]:
+        """The derivatives of the accelerations, by differences.
 
-        It is the trace of the accelerations' derivatives by the rates, near rest, its median over
-        the crank angles: at a dead centre of a massless crank it is infinite.
+        Args:
+            y: Coordinates, then their rates.
+            slope: The slope there.
+
+        Returns:
+            By each value of y in turn, those of all accelerations.
+
+        Raises:
+            LinkageError: As `Solver.accelerations`.
         """
+        found: list[float] = []
+        for i, (value, unit) in enumerate(zip(y, self.units, strict=True)):
+            # Away from 0, at which the force of a load may leap.
+            nudged = value + math.copysign(_NUDGE * max(abs(value), unit), value)
+            there = self.slope((*y[:i], nudged, *y[i + 1 :]))
+            pairs = zip(there[len(y) // 2 :], slope[len(y) // 2 :], strict=True)
+            found.extend((a - b) / (nudged - value) for a, b in pairs)
+        return found
+
+    @functools.cached_property
+    def rates(self) -> tuple[float, float]:
+        """How fast it settles, and how fast it swings, about rest without the motor's torque, 1/s.
+
+        From the eigenvalues of its linearised motion at several crank angles, the median of the
+        largest: at the dead centre of a massless crank one is infinite.
+        """
+        free = DrivenMechanism(self.solver, lambda speed: self.torque(speed) - self.torque(0.0))
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
         others, _ = self.solver.mechanism.start()
         found = []
         for low, high in arcs:
             for i in range(_PLACES):
-                with suppress(LinkageError):
+                with suppress(LinkageError, np.linalg.LinAlgError):
                     angle = low + (high - low) * (i + 0.5) / _PLACES
-                    found.append(self._damping_rate((angle, *others)))
-        return sorted(found)[len(found) // 2] if found else 0.0
+                    found.append(free.eigenvalues((angle, *others)))
+        settling, swinging = [-x.real.min() for x in found], [x.imag.max() for x in found]
+        return float(median(settling or [0.0])), float(median(swinging or [0.0]))
 
-    def _damping_rate(self, q: tuple[float, ...]) -> float:
-        rate, count = 0.0, len(q)
-        for i in range(count):
-            # Both forwards, lest the force of a load leaps between them.
-            slow, fast = (
-                self.slope((*q, *(speed * (i == j) for j in range(count))))
-                for speed in (_SLOW, 2 * _SLOW)
-            )
-            rate += (slow[count + i] - fast[count + i]) / _SLOW
-        return rate
+    def eigenvalues(self, q: tuple[float, ...]) -> Array:
+        """Those of the motion linearised about rest, 1/s."""
+        y, count = (*q, *[_SLOW] * len(q)), len(q)
+        below = np.reshape(self.jacobian(y, self.slope(y)), (2 * count, count)).T
+        found: Array = np.linalg.eigvals(np.vstack([np.eye(count, 2 * count, count), below]))
+        return found
 
     def sine(self, y: tuple[float, ...]) -> float:
         """The sine of the angle at which two links meet; 0 where the coordinates end."""
@@ -111,8 +135,8 @@ class DrivenMechanism:
             )
         else:
             reason = (
-                'the motion is too fast for the shortest step; lower the speed, the torque or the '
-                'commands (torque_limit), or add mass'
+                'the motion is too fast for the shortest step; lower the speed, the torque, the '
+                'commands (torque_limit) or a stiffness, or add mass'
             )
             if sine < _NEAR:
                 reason += '; the links are in line but for a hair: make it a change point, or no'

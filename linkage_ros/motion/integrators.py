@@ -21,13 +21,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Steps, Values
 from linkage_ros.motion.stiff_integrator import StiffSteps
 
-_STIFF = 4e3  # 1/s: rate of damping from which implicit steps cost less than explicit ones
+# Rates, 1/s: of settling, from which implicit steps cost less than explicit ones; of swinging, for
+# which all of them need more than a core.
+_STIFF, _TOO_FAST = 2e3, 1e4
 _RECORD = {'tolerance': 1e-11, 'trials': 10_000}  # of implicit steps
 
 
@@ -45,13 +48,33 @@ def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
     Raises:
         LinkageError: The motion cannot begin, as `Solver.accelerations` tells.
     """
-    steps = StiffSteps if driven.damping_rate > _STIFF else FixedSteps
+    steps = StiffSteps if driven.rates[0] > _STIFF else FixedSteps
     return steps(driven, phase, **options)
+
+
+def require_live(driven: DrivenMechanism, period: float) -> None:
+    """Refuses a mechanism that swings too fast on its springs for a live run.
+
+    Args:
+        driven: What moves.
+        period: Time of a tick, s.
+
+    Raises:
+        ConfigurationError: It does.
+    """
+    swinging = driven.rates[1]
+    if swinging > _TOO_FAST:
+        raise ConfigurationError(
+            f'the linkage swings on its spring in a time constant of {1e3 / swinging:.3g} ms, '
+            f'with ticks of {1e3 * period:.3g} ms: a live run follows {1e3 / _TOO_FAST:g} ms and '
+            f'more; divide {driven.solver.links[-1]}.stiffness, or the slope of the load, by '
+            f'{(swinging / _TOO_FAST) ** 2:.2g}, or add mass'
+        )
 
 
 def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
     """Begins to follow a motion as exactly as possible; see `live_steps`."""
-    if driven.damping_rate > _STIFF:
+    if driven.rates[0] > _STIFF:
         return live_steps(driven, phase, **_RECORD)
     # A load curve has corners, between which long steps of high order lose their accuracy.
     has_corners = any(isinstance(x, LoadCurve) for x in driven.solver.mechanism.loads)

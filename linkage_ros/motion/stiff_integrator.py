@@ -17,7 +17,6 @@ need a system of n equations. What the last stage adds is the difference from or
 from __future__ import annotations
 
 import functools
-import math
 import operator
 from collections.abc import Callable, Sequence
 
@@ -58,7 +57,6 @@ _COUPLINGS = (
     (37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047,
      -40.06618937091002, -54.66780262877968, -9.48861652309627),
 )  # fmt: skip
-_NUDGE = 1e-7  # of a value, or of its unit, for the derivatives of the slope
 
 
 class StiffSteps(FixedSteps):
@@ -67,24 +65,14 @@ class StiffSteps(FixedSteps):
     method = _METHOD
 
     def _stages(self, h: float, slope: Values) -> list[float]:
-        phase, driven, jacobian = self.phase, self.driven, self._jacobian(slope)
+        phase, driven = self.phase, self.driven
+        jacobian = driven.jacobian(phase, slope)
         first, *others = _solvers(len(phase))
         slopes = [*first(h, *jacobian, *slope)]
         for move, solve in zip(self._sums.moves, others, strict=True):
             slope = driven.slope(move(*phase, h, *slopes))
             slopes += solve(h, *jacobian, *slope, *slopes)
         return slopes
-
-    def _jacobian(self, slope: Values) -> list[float]:
-        """The derivatives of all accelerations by each value, by differences."""
-        phase, found = self.phase, list[float]()
-        for i, (value, unit) in enumerate(zip(phase, self.driven.units, strict=True)):
-            # Away from 0, at which the force of a load may leap.
-            nudged = value + math.copysign(_NUDGE * max(abs(value), unit), value)
-            there = self.driven.slope((*phase[:i], nudged, *phase[i + 1 :]))
-            for k in range(len(phase) // 2, len(phase)):
-                found.append((there[k] - slope[k]) / (nudged - value))
-        return found
 
 
 @functools.cache

@@ -20,10 +20,11 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.motion.follow import ahead as later
-from linkage_ros.motion.integrators import live_steps
+from linkage_ros.motion.integrators import live_steps, require_live
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.numeric import Real
@@ -150,6 +151,17 @@ class Simulator:
         raise ConfigurationError(
             'drive: follow needs a crank that is measured: run linkage_node, or give drive: speed'
         )
+
+    def require_live(self) -> None:
+        """Refuses a configuration that no live run can follow.
+
+        Raises:
+            ConfigurationError: As `integrators.require_live`.
+        """
+        drive = self.configuration.drive
+        if isinstance(drive, TorqueDrive):
+            driven = DrivenMechanism(self.solver, drive.motor.at)
+            require_live(driven, self.elapsed(1) / NS_PER_S)
 
     def elapsed(self, tick: Whole) -> Whole:
         """Time from the first tick to another, ns: whole, and never off by accumulation."""

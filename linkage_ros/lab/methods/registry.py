@@ -29,8 +29,8 @@ from linkage_ros.lab.methods.chain import (
     Task,
 )
 from linkage_ros.lab.methods.integrators import Multipliers, OfPackage, OfScipy, RungeKutta4
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
-from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE, FixedSteps
+from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE
+from linkage_ros.motion.integrators import live_steps, record_steps
 
 
 def _looks_up(make: Callable[[Task, Setting], Callable[..., Any]]) -> Callable[..., Any]:
@@ -138,7 +138,7 @@ INTEGRATORS = (
         lambda problem, setting: OfPackage(
             problem,
             partial(
-                FixedSteps, longest=setting['step'],
+                live_steps, longest=setting['step'],
                 tolerance=setting.get('tolerance', _UNCHECKED),
             ),
         ),
@@ -148,7 +148,7 @@ INTEGRATORS = (
     Method(
         RECORDS, MOTION, 'SciPy; a torque that does not leap',
         f'{_DOP853}; motion/adaptive_integrator.py',
-        lambda problem, _: OfPackage(problem, AdaptiveSteps),
+        lambda problem, _: OfPackage(problem, record_steps),
     ),
     Method(
         'DOP853', MOTION, 'SciPy; no edge of the coordinates on the way', _DOP853,
