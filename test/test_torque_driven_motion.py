@@ -131,6 +131,16 @@ def test_strong_damping_alone_is_followed_implicitly():
         assert type(steps) is kind
 
 
+def test_after_days_time_constants_shorter_than_the_clock_resolves_are_followed():
+    """In double precision, 300 days are known to 4 ns; here 2 ps count."""
+    ends = []
+    for time in (0.0, 300 * 86400.0):
+        steps = begun(live_steps, QUADRILATERAL, (0.0, 0.0), lambda u: 1e10 * (3.0 - u), time=time)
+        steps.advance(time + 1e-3)
+        ends.append(steps.phase)
+    assert ends[1] == pytest.approx(ends[0], abs=1e-7)
+
+
 # ---------------------------------------------------------------- everywhere
 
 

@@ -170,7 +170,9 @@ class FixedSteps:
         elif halvings and self._trials > 0:
             until = self.time + h
             self._step(h / 2, halvings - 1)
-            self._step(until - self.time, halvings - 1)
+            left = until - self.time
+            # After days, time is coarser than the shortest steps.
+            self._step(left if abs(left - h / 2) < h / 4 else h / 2, halvings - 1)
         else:
             self.driven.fail(self.time, self.phase, cause)
 
