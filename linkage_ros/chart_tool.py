@@ -44,11 +44,14 @@ def _commands() -> dict[str, cli.Command]:
     )  # fmt: skip
     return {
         'motion': cli.Command(
-            _draw, 'position, rate, acceleration and torque over one period: PNG and CSV',
+            _draw_motion, 'position, rate, acceleration and torque over one period: PNG and CSV',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
-             'my_linkage.yaml --fluctuation 0.02'),
+             'my_linkage.yaml --fluctuation 0.02', 'long_rod.yaml short_rod.yaml'),
             (
-                params, rpm,
+                (('params',), None,
+                 {'metavar': 'PARAMS', 'nargs': '+',
+                  'help': f'{presets}; several: beside each other'}),
+                rpm,
                 (('--acceleration',), _ACCELERATION,
                  {'default': 0.0, 'metavar': 'A', 'note': ' (default 0)'}),
                 (('--fluctuation',), _FLUCTUATION,
@@ -118,6 +121,15 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     cli.add_commands(parser, _commands())
     return parser
+
+
+def _draw_motion(options: argparse.Namespace) -> None:
+    """Draws the motion of one mechanism, or of several beside each other."""
+    if len(options.params) > 1:
+        options.command = 'comparison'
+    else:
+        (options.params,) = options.params
+    _draw(options)
 
 
 def _draw(options: argparse.Namespace) -> None:

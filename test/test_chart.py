@@ -30,7 +30,9 @@ from linkage_ros import (
     chart_tool,
 )
 from linkage_ros.dynamics.period import SpeedDrivenPeriod, extent
+from linkage_ros.dynamics.travel import travel
 from linkage_ros.lab.charts import linkage, movie
+from linkage_ros.lab.charts.comparison import COLORS
 from linkage_ros.lab.commands.motion import settled_turn
 from linkage_ros.lab.pump.runs import settle
 from linkage_ros.parameters.configuration import load
@@ -315,6 +317,45 @@ def test_a_movie_shows_even_steps_of_time(tmp_path, monkeypatch, capsys, preset,
     assert apart == pytest.approx(apart.mean(), abs=2 * sample)
 
 
+def test_several_mechanisms_stand_beside_each_other_and_in_one_table(
+    tmp_path, monkeypatch, capsys
+):
+    names = ['quadrilateral', 'compressor', 'wiper']
+    assert chart(monkeypatch, 'motion', *names, '--reactions', '--out', tmp_path) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].split() == names
+    with (tmp_path / 'comparison.csv').open() as stream:
+        rows = {row['design']: row for row in csv.DictReader(stream)}
+    assert [*rows] == names
+    for name, row in rows.items():
+        configuration = load(name)
+        speed = configuration.drive.rpm * math.pi / 30
+        period = SpeedDrivenPeriod(configuration.mechanism, speed, reactions=True)
+        found, columns = travel(period.solver), period.columns
+        way, unit = found.extremes[1] - found.extremes[0], 'swing [deg]'
+        if found.slides:
+            unit = 'stroke [m]'
+            assert row['swing [deg]'] == ''
+        way = way if found.slides else math.degrees(way)
+        assert float(row[unit]) == pytest.approx(way, rel=1e-6)
+        assert float(row['time ratio']) == found.time_ratio
+        low, high = map(math.degrees, found.transmission)
+        sharpest = float(row['least transmission angle [deg]'])
+        assert sharpest == pytest.approx(min(low, 180 - high))
+        torque = columns['driving_torque'].values
+        assert float(row['peak torque [N m]']) == pytest.approx(np.abs(torque).max(), rel=1e-4)
+        assert float(row['rms torque [N m]']) == pytest.approx(
+            math.sqrt(np.mean(torque[1:] ** 2)), rel=1e-6
+        )
+        assert float(row['mean power [W]']) == pytest.approx(period.mean_power)
+        forces = [columns[f'shaking_force.{axis}'].values for axis in 'xy']
+        assert float(row['peak shaking force [N]']) == np.hypot(*forces).max()
+    pixels = matplotlib.image.imread(tmp_path / 'comparison.png')[..., :3]
+    assert all((edge == 1.0).all() for edge in (pixels[:3], pixels[-3:]))
+    for color in COLORS[: len(names)]:  # the curves of each
+        assert (np.abs(pixels * 255 - color).max(axis=-1) < 2).sum() > 500
+
+
 def elapsed(crank, speed):
     steps = np.diff(crank) * (1 / speed[1:] + 1 / speed[:-1]) / 2
     return crank, np.concatenate([[0.0], np.cumsum(steps)])
@@ -341,6 +382,12 @@ def elapsed(crank, speed):
         (['motion', 'wind_pump', '--acceleration', '1'], ': leave --acceleration out'),
         (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
         (['motion', 'wind_pump', '--rpm', '0'], '--rpm = 0: must be above 0 rpm, because'),
+        (['motion', 'wiper', 'wiper'], 'wiper, wiper: give each file another name'),
+        (
+            ['motion', 'wiper', 'press', '--fluctuation', '0.1'],
+            '--fluctuation is for one mechanism',
+        ),
+        (['motion', *map(str, range(8))], '8 mechanisms: must be at most 7'),
         (['movie', 'wiper', 'wiper.png'], 'wiper.png: must end with .gif or .mp4'),
         (['movie', 'wiper', '/proc/nowhere/wiper.gif'], 'cannot be written'),
         (['movie', 'wiper', 'wiper.gif', '--rpm', '0'], 'the crank stands still'),

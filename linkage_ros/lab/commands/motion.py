@@ -41,7 +41,7 @@ def motion(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism, the speed or the folder cannot be used.
     """
     configuration, name = load(options.params), find_file(options.params).stem
-    period, title = _period(options, configuration, name)
+    period, title = period_of(options, configuration, name)
     picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
     with folder(options.out):
         flywheel = _flywheel(options, period, configuration.drive, name)
@@ -63,7 +63,7 @@ def movie(options: argparse.Namespace) -> None:
     plain = argparse.Namespace(
         **vars(options), acceleration=0.0, reactions=False, fluctuation=None
     )
-    period, (_, about, speed, *_) = _period(plain, configuration, name)
+    period, (_, about, speed, *_) = period_of(plain, configuration, name)
     share = 2 * math.pi / SECONDS / abs(period.speed or math.inf)
     title = [name, about, speed, f'shown at {share:.3g} of its speed']
     with folder(options.out.parent):
@@ -71,10 +71,18 @@ def movie(options: argparse.Namespace) -> None:
     print(', '.join(title), options.out, sep='\n')
 
 
-def _period(
+def period_of(
     options: argparse.Namespace, configuration: Configuration, name: str
 ) -> tuple[Period, list[str]]:
-    """The period to draw, and its title: name, what it is, lines.
+    """The period to draw.
+
+    Args:
+        options: Options of the command line.
+        configuration: Of the mechanism.
+        name: Of its file.
+
+    Returns:
+        The period, and its title: name, what it is, lines.
 
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
