@@ -127,6 +127,7 @@ class Summary:
     channels: dict[int, records.Channel] = field(default_factory=dict)
     chunks: list[records.ChunkIndex] = field(default_factory=list)
     metadata: list[records.MetadataIndex] = field(default_factory=list)
+    _tables: dict[tuple[int, ...], dict[int, int]] = field(default_factory=dict)
 
     def add(self, record: object) -> None:
         """Takes a record of the summary section."""
@@ -137,6 +138,10 @@ class Summary:
         elif isinstance(record, records.Channel):
             self.channels[record.id] = record
         elif isinstance(record, records.ChunkIndex):
+            # Chunks with the same channels share one table of them: half of what an index holds.
+            # The reader looks at the keys alone; a log of a day has hundreds of thousands.
+            offsets = record.message_index_offsets
+            record.message_index_offsets = self._tables.setdefault(tuple(offsets), offsets)
             self.chunks.append(record)
         elif isinstance(record, records.MetadataIndex):
             self.metadata.append(record)

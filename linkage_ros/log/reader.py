@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Message, Schema, Statistics
+from mcap.records import Channel, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import ConfigurationError, LogError, printable
@@ -136,7 +136,6 @@ class LogReader(AbstractContextManager['LogReader']):
         places = [chunk.chunk_start_offset for chunk in summary.chunks]
         if any(later <= earlier for earlier, later in pairwise(places)):
             raise LogError('it is damaged: its chunks are not in the order of its index')
-        _share_offsets(summary.chunks)
         self.version, self.configuration = decode_configuration(about[0])
         self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
@@ -324,17 +323,6 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
         'transient_local' in channel.metadata.get('offered_qos_profiles', ''),
         (channel.message_encoding, schema.encoding, text),
     )
-
-
-def _share_offsets(chunks: Iterable[ChunkIndex]) -> None:
-    """Gives chunks with the same channels one table of them: half of what an index holds.
-
-    The reader looks at the keys alone. A log of a day has hundreds of thousands of chunks.
-    """
-    tables: dict[tuple[int, ...], dict[int, int]] = {}
-    for chunk in chunks:
-        offsets = chunk.message_index_offsets
-        chunk.message_index_offsets = tables.setdefault(tuple(offsets), offsets)
 
 
 @contextmanager

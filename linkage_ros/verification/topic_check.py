@@ -33,31 +33,28 @@ def check_topics(
         What is wrong with it; empty if there is none.
     """
     interfaces = {t.interface.name: t.interface for t in (*TOPICS, *simulator.topics)}
-    for channel in log.topics:
-        known = interfaces.get(channel.type)
-        if known and channel.layout != ('cdr', 'ros2msg', known.definition):
-            return f'{channel.name}: its schema is not that of {channel.type}'
     carrying = {channel for channel, _ in pairings}
     known_types = {topic.interface.name for _, topic in pairings}
     kinds = {topic.name: topic.interface.name for topic in simulator.topics}
     more = _logged_besides(simulator.configuration.drive)
     for channel in log.topics:
+        known = interfaces.get(channel.type)
+        if known and channel.layout != ('cdr', 'ros2msg', known.definition):
+            return f'{channel.name}: its schema is not that of {channel.type}'
         kind = kinds.get(channel.name.rpartition('/')[2], channel.type)
         if channel in carrying:
             continue
         if channel.type in more:
             more.remove(channel.type)
-            continue
-        if channel.type in known_types and channel.messages:
+        elif channel.type in known_types and channel.messages:
             return f'{channel.name} is of the type of another topic: which one is of this run?'
-        if kind != channel.type:
+        elif kind != channel.type:
             return f'{channel.name} is of type {channel.type}, not {kind}'
-    points = [t.name for t in log.topics if t.type == COUPLER_POINT.interface.name]
-    if points and not any(topic == COUPLER_POINT for _, topic in pairings):
-        return f'{points[0]} is logged, but the configuration has no coupler.point'
-    counts = {topic.name: topic.messages for topic in log.topics}
-    empty = [name for name in descriptions if not counts[name]]
-    return f'{empty[0]} has no message' if empty and has_states(pairings) else ''
+        elif channel.type == COUPLER_POINT.interface.name and COUPLER_POINT.name not in kinds:
+            return f'{channel.name} is logged, but the configuration has no coupler.point'
+        elif channel.name in descriptions and not channel.messages and has_states(pairings):
+            return f'{channel.name} has no message'
+    return ''
 
 
 def _logged_besides(drive: Drive) -> list[str]:

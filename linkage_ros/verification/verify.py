@@ -42,14 +42,14 @@ class Report(NamedTuple):
         difference: The first one; empty if there is none.
     """
 
-    states: int
-    compared: tuple[str, ...]
-    others: tuple[str, ...]
-    absent: tuple[str, ...]
-    missed: int
-    cut: tuple[str, ...]
-    ulp: float
-    difference: str
+    states: int = 0
+    compared: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
+    missed: int = 0
+    cut: tuple[str, ...] = ()
+    ulp: float = 0.0
+    difference: str = ''
 
 
 def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> Report:
@@ -72,37 +72,24 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     difference = difference or check_motions(simulator, log.motions)
     comparable = descriptions if log.has_same_urdf else []
     others = _Others(comparable, simulator.description)
-    found = _Found()
+    found = Report(difference=difference)
     if not difference and has_states(pairings):
         found = _compare(log, simulator, pairings, others, progress)
     elif not difference:
         for message in log.written():
             others.check(message)
-    if log.lost > 0 and not difference + others.wrong + found.difference:
+    difference = others.wrong or found.difference
+    if log.lost > 0 and not difference:
         difference = f'{log.lost} messages that were logged are not there: the end is cut off'
     names = [topic.name for topic in log.topics]
     known = {*(channel.name for channel, _ in pairings), *comparable}
     carried = [*(topic for _, topic in pairings), *[ROBOT_DESCRIPTION][: len(descriptions)]]
-    return Report(
-        states=found.states,
+    return found._replace(
         compared=tuple(name for name in names if name in known),
         others=tuple(name for name in names if name not in known),
         absent=tuple(t.name for t in (*simulator.topics, ROBOT_DESCRIPTION) if t not in carried),
-        missed=found.missed,
-        cut=found.cut,
-        ulp=found.ulp,
-        difference=others.wrong or difference or found.difference,
+        difference=difference,
     )
-
-
-class _Found(NamedTuple):
-    """What came of the states: see `Report`."""
-
-    states: int = 0
-    missed: int = 0
-    cut: tuple[str, ...] = ()
-    ulp: float = 0.0
-    difference: str = ''
 
 
 def _compare(
@@ -111,7 +98,7 @@ def _compare(
     pairings: list[Pairing],
     others: _Others,
     progress: Callable[[int], object],
-) -> _Found:
+) -> Report:
     """Compares the states of a log.
 
     Raises:
@@ -131,28 +118,37 @@ def _compare(
             following.hear(message)
     else:
         check = StateCheck(log, simulator, layout, comparison)
-    waiting = bytearray()
-    tail, stray, difference = b'', None, ''
+    waiting, tail, stray, difference = bytearray(), b'', None, ''
+
+    def compare() -> str:
+        before, wrong = check.states, check.add(bytes(waiting))
+        progress(check.states - before)
+        waiting.clear()
+        return wrong
+
     for rows, stray in log.rows(layout, hear):
         if stray or len(rows) % layout.size:
             tail = rows
             break
         waiting += rows
         if len(waiting) >= _BATCH * layout.size:
-            before, difference = check.states, check.add(bytes(waiting))
-            progress(check.states - before)
-            waiting.clear()
+            difference = compare()
         if difference or others.wrong:
             break
-    difference = difference or check.add(bytes(waiting)) or check.end()
+    difference = difference or compare() or check.end()
     if stray and not difference:
         difference = (
             f'{stray.topic}: the message logged at {seconds(stray.time)} is not the next one of '
             f'state {check.states + 1}: one is lost, altered, there twice or out of order'
         )
     there = len([start for start in layout.starts if start < len(tail)])
-    cut = tuple(names[there:]) if tail and not stray else ()
-    return _Found(check.states, check.missed, cut, comparison.ulp, difference)
+    return Report(
+        states=check.states,
+        missed=check.missed,
+        cut=tuple(names[there:]) if tail and not stray else (),
+        ulp=comparison.ulp,
+        difference=difference,
+    )
 
 
 class _Others:
