@@ -11,7 +11,6 @@ from decimal import Decimal
 from functools import partial
 
 import numpy as np
-import oracle_pump
 import pytest
 from mpmath import mp
 from oracle import Oracle
@@ -84,14 +83,6 @@ def test_reference_agrees_with_the_energy_of_another_hand():
         assert abs(rate(angle) - mp.mpf(str(speed))) < 1e-17
         taken = mp.quad(lambda x: 1 / rate(x), mp.linspace(0, angle, 4))
         assert abs(taken - mp.mpf(0.1)) < 1e-17
-
-
-def test_reference_agrees_with_absolute_coordinates_of_another_hand():
-    times = [0.0, 0.5, 1.0]
-    with np.errstate(under='ignore'):
-        other = oracle_pump.multipliers(oracle_pump.Pump(), oracle_pump.FAST, times)
-    found = np.array(list(map(MotionReference(DRIVEN).at, times)), float)
-    assert found == pytest.approx(other, rel=1e-11, abs=1e-11)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import oracle_pump
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -87,15 +86,6 @@ def test_three_states_are_those_of_another_program(motions):
         for name, value in expected.items():
             assert getattr(motion, name) == pytest.approx(value, abs=1e-10), name
     assert motions[0].at(np.zeros(1))[:, 0] == pytest.approx(LOW_AT_0, abs=1e-10)
-
-
-@pytest.mark.parametrize('number', range(3))
-def test_a_settled_motion_comes_back_where_every_body_moves_by_itself(motions, number):
-    x, w, v = motions[number].at(np.zeros(1))[:, 0]
-    times = np.array([0.0, 2 * math.pi / motions[number].speed])
-    with np.errstate(all='ignore'):
-        _, end = oracle_pump.multipliers(oracle_pump.Pump(), (0.0, x, w, v), times)
-    assert end == pytest.approx((2 * math.pi, x, w, v), abs=1e-9)
 
 
 def test_the_multipliers_shrink_phase_space_as_resistance_does(motions):
