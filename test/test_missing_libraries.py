@@ -28,6 +28,7 @@ def find(name, path=None, target=None):
 
 PathFinder.find_spec = find
 """
+OF_ROS = ('rclpy', 'rcl_interfaces', 'sensor_msgs', 'std_msgs')
 # What pip brings to a machine whose ROS 2 comes from Debian packages.
 OF_PIP = ('mcap', 'lz4', 'zstandard', 'rerun', 'rerun_bindings', 'mpmath')
 
@@ -52,6 +53,15 @@ def run(entry, *arguments):
     )  # fmt: skip
 
 
+def test_solver_needs_numpy_alone(hide):
+    hide(*OF_PIP, *OF_ROS, 'matplotlib', 'scipy', 'yaml', 'tqdm')
+    code = (
+        'from linkage_ros import Body, Coupler, FourBar, Frame, Solver\n'
+        'assert Solver(FourBar(Frame(6), Body(2), Coupler(7), Body(9))).state(0.5).torque == 0.0'
+    )
+    subprocess.run([sys.executable, '-c', code], check=True, timeout=60)
+
+
 def test_node_without_log_and_viewer_runs_on_debian_packages_alone(hide):
     hide(*OF_PIP, 'matplotlib', 'scipy')
     with watched(['/joint_states']) as (listener, node):
@@ -61,7 +71,7 @@ def test_node_without_log_and_viewer_runs_on_debian_packages_alone(hide):
 
 
 def test_record_needs_no_ros_no_viewer_and_no_charts(hide, tmp_path):
-    hide('rclpy', 'rerun', 'rerun_bindings', 'matplotlib')
+    hide(*OF_ROS, 'rerun', 'rerun_bindings', 'matplotlib')
     done = run('record', 'quadrilateral', tmp_path / 'run.mcap', '--duration', 0.5)
     assert (done.returncode, done.stderr) == (0, '')
     record(load('quadrilateral'), tmp_path / 'here.mcap', duration=0.5)

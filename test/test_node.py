@@ -143,9 +143,12 @@ def test_rpm_is_set_live_and_sigterm_ends_with_a_complete_log(tmp_path):
 def test_a_namespace_moves_topics_and_log_and_sighup_ends_with_a_complete_log(tmp_path):
     path, states = tmp_path / 'run.mcap', '/left/joint_states'
     arguments = [*node_arguments(log=path), '-r', '__ns:=/left', '-r', 'driving_torque:=torque']
-    with watched([states], *arguments) as (listener, process):
+    with watched([states, '/diagnostics'], *arguments) as (listener, process):
         listener.await_more(1, states)
+        listener.await_more(1, '/diagnostics')
         assert stop(process, signal.SIGHUP)[0] == 0
+    told = deserialize_message(listener.received['/diagnostics'][0], DiagnosticArray)
+    assert told.status[0].name == 'left/linkage_node: motion'
     log, _ = logged(path)
     names = {topic.name for topic in log.topics}
     moved = 'joint_states', 'torque', 'mechanism_state', 'coupler_point', 'robot_description'

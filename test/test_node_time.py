@@ -1,23 +1,18 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The real node on simulated time, and two nodes side by side."""
+"""The real node on simulated time."""
 
 from __future__ import annotations
 
-import math
 import time
 from itertools import pairwise
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.serialization import deserialize_message
 from ros_harness import (
     CODEC,
     decoded,
-    fresh_domain,
     logged,
     node_arguments,
-    running,
     stop,
     wait_for,
     watched,
@@ -116,25 +111,3 @@ def test_a_clock_that_tells_no_time_ends_nothing(simulated):
     with LogReader(path) as log:
         report = verify(log)
     assert (report.states, report.difference) == (len(got), '')
-
-
-def test_two_nodes_live_side_by_side_in_one_graph():
-    domain, states = fresh_domain(), ('/left/joint_states', '/right/joint_states')
-    left = [*node_arguments(rpm='30.0'), '-r', '__ns:=/left']
-    right = [*node_arguments(rpm='-90.0'), '-r', '__ns:=/right']
-    with (
-        watched([*states, '/diagnostics'], *left, domain=domain) as (listener, first),
-        running('node', *right, domain=domain) as second,
-    ):
-
-        def names():
-            told = listener.received['/diagnostics']
-            return {deserialize_message(data, DiagnosticArray).status[0].name for data in told}
-
-        wait_for(lambda: all(len(listener.received[topic]) > 50 for topic in states))
-        wait_for(lambda: len(names()) == 2)
-        assert stop(first)[0] == stop(second)[0] == 0
-    assert names() == {'left/linkage_node: motion', 'right/linkage_node: motion'}
-    for topic, rpm in zip(states, (30.0, -90.0), strict=True):
-        speeds = {numbers[3] for _, numbers in decoded(listener.received[topic])}
-        assert list(speeds) == pytest.approx([rpm * math.pi / 30], rel=1e-15)

@@ -247,11 +247,6 @@ view.close()
     assert done.stderr == ''  # and none of Rerun's own
 
 
-def test_rerun_is_imported_only_when_a_view_opens():
-    code = 'import sys, linkage_ros.node, linkage_ros.replay; sys.exit("rerun" in sys.modules)'
-    subprocess.run([sys.executable, '-c', code], check=True, timeout=PATIENCE)
-
-
 # ---------------------------------------------------------------- a window of one's own
 
 
