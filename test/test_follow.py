@@ -146,6 +146,29 @@ def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
     assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
 
 
+@pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
+def test_no_measurement_ends_the_motion(lead):
+    """Too large to be squared; at a limit, where rates have no bound; beyond it a moment later."""
+    limited = four_bar(LIMITED['rocker_crank'])
+    (start, end), *_ = limited.reach().arcs
+    for mechanism, inside in ((load('quadrilateral').mechanism, 0.5), (limited, end - 1e-3)):
+        configuration = configure({'drive': 'follow', **lead})
+        simulator = Simulator(replace(configuration, mechanism=mechanism))
+        crank, answers = MeasuredCrank(simulator), 0
+        nearest = math.nextafter(end, start)
+        for n, (position, velocity) in enumerate(
+            [(inside, 0.0), (inside, 1e300), (inside, -1e13), (1e308, 0.0), (-1e308, 0.0),
+             (end, 5.0), (nearest, 5.0), (nearest, 1e12), (inside, 3.0)],
+        ):  # fmt: skip
+            data = message((n + 1) * MS, position=(0.0, position), velocity=(0.0, velocity))
+            heard = crank.hear(data, 0)
+            if heard is not None:
+                answers += 1
+                assert math.isfinite(simulator.snapshot_measured(*heard).state.torque)
+        assert 0 < answers == 9 - crank.left_out.total()
+        assert crank.left_out[NOT_FINITE] >= 2
+
+
 # ---------------------------------------------------------------- the node
 
 MEASURED = '/joint_states'

@@ -32,7 +32,10 @@ _RESTART = NS_PER_S
 # Of 1 / bandwidth; after a longer gap the filter begins anew.
 _GAP = 10.0
 
-NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite'
+# Beyond it, rad or rad/s, nothing is measured, and squares would overflow.
+_LARGEST = 1e12
+
+NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite, or beyond 1e+12'
 
 
 class Measurement(NamedTuple):
@@ -110,7 +113,7 @@ class FollowMotion:
         """
         stamp, position, velocity = measured
         values = (position,) if velocity is None else (position, velocity)
-        if not all(map(math.isfinite, values)):
+        if not all(abs(value) <= _LARGEST for value in values):
             self.left_out[NOT_FINITE] += 1
             return None
         last, since = self._last, 0

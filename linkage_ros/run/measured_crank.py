@@ -7,10 +7,11 @@ from __future__ import annotations
 import math
 from typing import cast
 
-from linkage_ros.errors import UnreachableError
+from linkage_ros.errors import LinkageError
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import FollowMotion, Measurement
+from linkage_ros.numeric import Real
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.untrusted_command import decode_joint_state
 
@@ -31,7 +32,8 @@ class MeasuredCrank:
             simulator: Simulator of a configuration with `drive: follow`.
         """
         self._motion = FollowMotion(cast('FollowDrive', simulator.configuration.drive))
-        self._solver, self._crank = simulator.solver, simulator.joints[0]
+        self._simulator, self._solver = simulator, simulator.solver
+        self._crank = simulator.joints[0]
         self.left_out = self._motion.left_out
 
     def hear(self, data: bytes, received: int) -> tuple[int, Coordinates] | None:
@@ -56,11 +58,18 @@ class MeasuredCrank:
             return None
         position, stamp = heard.positions[index], heard.stamp or received
         velocity = heard.velocities[index] if index < len(heard.velocities) else None
-        if math.isfinite(position) and not self._reaches(position):
+        if math.isfinite(position) and not self._has_state(position):
             self.left_out[OUT_OF_REACH] += 1
             return None
         found = self._motion.at(Measurement(stamp, position, velocity))
-        return None if found is None else (stamp, found)
+        if found is None:
+            return None
+        # At a limit of the crank rates have no bound; a moment later it may be passed.
+        for one in filter(None, (found, self._simulator.later(found))):
+            if not self._has_state(one.q[0], one.u[0], one.a[0]):
+                self.left_out[OUT_OF_REACH] += 1
+                return None
+        return stamp, found
 
     def diagnostics(self) -> dict[str, str]:
         """Counts of the messages that were left out, for diagnostics."""
@@ -68,9 +77,9 @@ class MeasuredCrank:
         counts = list(self.left_out.items())
         return {f'left out, {cause}': str(count) for cause, count in counts}
 
-    def _reaches(self, position: float) -> bool:
+    def _has_state(self, *motion: Real) -> bool:
         try:
-            self._solver.state(position)
-        except UnreachableError:
+            self._solver.state(*motion)
+        except LinkageError:
             return False
         return True
