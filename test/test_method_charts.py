@@ -19,15 +19,13 @@ from test_chart import chart
 from linkage_ros import __version__
 from linkage_ros.lab.charts.accuracy import draw_accuracy
 from linkage_ros.lab.charts.follow import draw_follow
-from linkage_ros.lab.charts.stability import draw_stability
+from linkage_ros.lab.charts.stability import GRIDS, draw_stability
 from linkage_ros.lab.methods.accuracy import NEAR, Measurement
 from linkage_ros.lab.methods.chain import BATCH, ONE, OWN, QUANTITIES, label
 from linkage_ros.lab.methods.follow_accuracy import FollowError
 from linkage_ros.lab.methods.motion_bench import ENERGY, MEAN, SLOWEST, TRAJECTORY
-from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import LIMIT, OUTCOMES, Cell
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, METHODS
-from linkage_ros.lab.methods.situations import SITUATIONS
 
 EPSILON = 2.0**-52
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
@@ -179,20 +177,20 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, monkeypatch, capsys,
 
 def test_every_method_and_situation_has_its_place_in_the_docs():
     page = read('docs/methods.md')
-    for method in (*METHODS, *INTEGRATORS):
+    for method in (method for methods, _ in GRIDS for method in methods):
         computes = {'state': 'everything'}.get(method.stage, method.stage)
         row = rf'\| {re.escape(method.name)} \| {computes} \| .* \| (.*) \| (.*) \|\n'
         assert re.findall(row, page) == [(method.needs, method.source)]
     for outcome in OUTCOMES:
         assert f'| {outcome} | ' in page
-    for situation in (*SITUATIONS, *MOTION_SITUATIONS):
+    for situation in (situation for _, situations in GRIDS for situation in situations):
         assert f'| {situation.name} | {situation.words} |' in page
 
 
 def test_the_charts_of_the_docs_are_of_these_methods_and_situations():
     records = committed('stability')
-    assert {r['method'] for r in records} == EVERY
-    assert {r['situation'] for r in records} == {s.name for s in (*SITUATIONS, *MOTION_SITUATIONS)}
+    cells = {(m.name, s.name) for methods, places in GRIDS for m in methods for s in places}
+    assert {(r['method'], r['situation']) for r in records} == cells
     assert {r['method'] for r in committed('accuracy')} == EVERY
 
 
@@ -207,8 +205,7 @@ def test_charts_can_be_read_at_half_their_size(monkeypatch):
     draw_accuracy([p for p in points if p.mechanism == NEAR], 'it', Path())
     draw_accuracy([p for p in points if p.mode in (MEAN, SLOWEST)], 'it', Path())
     cells = [Cell(**record) for record in committed('stability')]
-    size = len(METHODS) * len(SITUATIONS)
-    draw_stability(cells[:size], cells[size:], 'it', Path())
+    draw_stability(cells, 'it', Path())
     draw_follow([FollowError(**record) for record in committed('accuracy_follow')], 'it', Path())
     for figure in figures:
         pixels = 700 / figure.get_figwidth() / 72  # of a point

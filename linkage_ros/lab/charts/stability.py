@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numerical stability: what comes of methods in situations, as a picture; motions stand below."""
+"""Numerical stability: the outcomes of methods in situations, as a picture of several grids."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TITLE, WIDTH
+from linkage_ros.lab.methods.friction import FRICTION_METHODS, FRICTION_SITUATIONS, GROWN
 from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import (
     DIVERGED,
@@ -41,7 +42,15 @@ _WORDS = {
     WRONG_BRANCH: "wrong branch: the other assembly's", NAN: 'NaN, an arithmetic error, or stuck',
 }  # fmt: skip
 _SHORT = {DIVERGED: 'wrong', WRONG_BRANCH: 'branch'}  # in a cell
-_DEFAULTS = {DEFAULT: 'default', LIVE: 'default, live', RECORDS: 'default for records'}
+_DEFAULTS = {
+    DEFAULT: 'default', LIVE: 'default, live', RECORDS: 'default for records', GROWN: 'default',
+}  # fmt: skip
+# The grids from top to bottom: linkages, friction, motions.
+GRIDS = (
+    (METHODS, SITUATIONS),
+    (FRICTION_METHODS, FRICTION_SITUATIONS),
+    (INTEGRATORS, MOTION_SITUATIONS),
+)
 # Sizes in inches: a cell; the names to the left; those above, aslant; what is above and below all.
 # Cells of whole pixels are alike: the file is smaller by a third.
 _HIGH = 53 / DPI
@@ -50,28 +59,26 @@ _TOP, _FOOT = 0.35, 0.75
 _NAMES, _SAID = 16, 52  # letters in a line, of situations and of what is said of them
 
 
-def draw_stability(cells: Sequence[Cell], motions: Sequence[Cell], title: str, path: Path) -> None:
-    """Draws a grid for the linkages, and one for the motions below.
+def draw_stability(cells: Sequence[Cell], title: str, path: Path) -> None:
+    """Draws one grid below the other.
 
     Args:
-        cells: Cells of the methods for linkages.
-        motions: Cells of the integrators.
+        cells: Cells of all grids.
         title: Title of the picture.
         path: Where to write it; replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.
     """
-    grids = [(METHODS, SITUATIONS, cells), (INTEGRATORS, MOTION_SITUATIONS, motions)]
-    heights = [_ABOVE + _HIGH * len(situations) for _, situations, _ in grids]
+    heights = [_ABOVE + _HIGH * len(situations) for _, situations in GRIDS]
     height = _TOP + sum(heights) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
     y, wide = height - _TOP, (WIDTH - _LEFT - _RIGHT) / len(METHODS)
-    for (methods, situations, chosen), room in zip(grids, heights, strict=True):
+    for (methods, situations), room in zip(GRIDS, heights, strict=True):
         y -= room
         across, down = wide * len(methods), room - _ABOVE
         axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
-        _draw_grid(axes, [method.name for method in methods], situations, chosen)
+        _draw_grid(axes, [method.name for method in methods], situations, cells)
     figure.suptitle(title, fontsize=TITLE, y=1 - 0.15 / height)
     figure.legend(
         handles=[
@@ -90,6 +97,8 @@ def _draw_grid(
     axes.set_xlim(0, len(methods))
     axes.set_ylim(len(rows), 0)
     for cell in cells:
+        if cell.situation not in rows:
+            continue
         x, (y, situation) = methods.index(cell.method), rows[cell.situation]
         fill, ink = map(fractions, _COLORS[cell.outcome])
         axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
@@ -105,9 +114,10 @@ def _draw_grid(
         )  # fmt: skip
     labels = []
     for y, situation in rows.values():
-        absent = '' if situation.exists or situation in MOTION_SITUATIONS else ', no state exists'
+        is_beside = situation not in SITUATIONS  # there is room beside the grid
+        absent = '' if situation.exists or is_beside else ', no state exists'
         labels.append(textwrap.fill(situation.name + absent, _NAMES))
-        if situation in MOTION_SITUATIONS:
+        if is_beside:
             axes.text(
                 len(methods) + 0.15, y + 0.5, textwrap.fill(situation.words, _SAID),
                 va='center', fontsize=SMALL, color='0.3',

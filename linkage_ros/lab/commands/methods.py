@@ -6,16 +6,14 @@ from __future__ import annotations
 
 import argparse
 
+from linkage_ros.lab.charts import stability as stability_chart
 from linkage_ros.lab.charts.accuracy import draw_accuracy
 from linkage_ros.lab.charts.follow import draw_follow
-from linkage_ros.lab.charts.stability import draw_stability
 from linkage_ros.lab.commands.output import about, folder, progress, save_records
 from linkage_ros.lab.methods.accuracy import linkages, measure_accuracy, motions
 from linkage_ros.lab.methods.follow_accuracy import FollowBench, measure_follow
-from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import measure_outcomes
 from linkage_ros.lab.methods.registry import INTEGRATORS, METHODS
-from linkage_ros.lab.methods.situations import SITUATIONS
 
 
 def accuracy(options: argparse.Namespace) -> None:
@@ -66,14 +64,14 @@ def stability(options: argparse.Namespace) -> None:
     records, picture = options.out / 'stability.json', options.out / 'stability.png'
     with folder(options.out):
         cases = 2 if options.quick else 30
-        grids = [
-            measure_outcomes(situations, methods, cases=cases, progress=progress)
-            for situations, methods in ((SITUATIONS, METHODS), (MOTION_SITUATIONS, INTEGRATORS))
-        ]
-        save_records(records, [cell.record() for cells in grids for cell in cells])
+        cells = [
+            cell for methods, situations in stability_chart.GRIDS
+            for cell in measure_outcomes(situations, methods, cases=cases, progress=progress)
+        ]  # fmt: skip
+        save_records(records, [cell.record() for cell in cells])
         title = (
             'Outcome of each method in each situation\n'
             f'the worst of {cases} cases, or of a few motions, and the largest relative error'
         )
-        draw_stability(grids[0], grids[1], title, picture)
+        stability_chart.draw_stability(cells, title, picture)
     print(records, picture, sep='\n')
