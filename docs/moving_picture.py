@@ -118,7 +118,7 @@ def _frames(files: list[Path]) -> Iterator[Image.Image]:
             picture = Image.open(io.BytesIO(client.take_screenshot())).convert('RGB')
             yield picture.crop((0, _BAND, *picture.size))
     finally:
-        program.release()
+        program.close()
 
 
 def _make(out: Path) -> None:

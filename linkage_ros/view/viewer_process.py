@@ -44,7 +44,7 @@ class ViewerProcess:
         setpriv = None if outlives else shutil.which('setpriv')
         prefix = [setpriv, '--pdeathsig', 'TERM'] if setpriv else []
         self._outlives = outlives
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115, release closes it
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115, close closes it
         try:
             self.process = subprocess.Popen(  # noqa: S603, the program is Rerun's own
                 [*prefix, *command],
