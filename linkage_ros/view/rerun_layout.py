@@ -13,13 +13,11 @@ import rerun.blueprint as rrb
 
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.numeric import Array
-from linkage_ros.palette import FIRST, GREY, SECOND, Color, color_of
+from linkage_ros.palette import GREY, SECOND, Color, color_of
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.scene import (
     DIRECTIONS,
-    ENERGIES,
-    ENERGY,
     JOINT_FIELDS,
     JOINT_STATES,
     LINKAGE,
@@ -64,7 +62,7 @@ def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
 def _plots(
     configuration: Configuration, drawing: Drawing
 ) -> tuple[list[rrb.TimeSeriesView], list[rrb.TimeSeriesView]]:
-    """Two columns: torque and rates; positions, and under a torque the energies."""
+    """Two columns: torque and rates, under a torque the speed too; positions."""
     drive, joints = configuration.drive, {name: color_of(name) for name in drawing.joints}
     turning = {name: joints[name] for name in drawing.turning}
     seconds = _plotted_seconds(drive.rpm) if isinstance(drive, SpeedDrive) else _DRIVEN_SECONDS
@@ -80,8 +78,6 @@ def _plots(
     second = [plot('Angles, rad', DIRECTIONS, angles)]
     if isinstance(drive, TorqueDrive):
         first.insert(0, of_joint('Crank speed, rad/s', 'velocity', 'crank'))
-        energies = dict(zip(ENERGIES, (FIRST, SECOND, GREY), strict=True))
-        second.insert(0, plot('Energies, J', ENERGY, energies))
     if drawing.output not in turning:
         second.insert(0, of_joint('Slider, m/s', 'velocity', drawing.output))
         second.insert(0, of_joint('Slider, m', 'position', drawing.output))

@@ -12,10 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import LinkageError
-from linkage_ros.motion.drives import FollowDrive, TorqueDrive
-from linkage_ros.motion.torque_driven import start
+from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.view.drawing import Drawing
@@ -29,7 +26,6 @@ JOINT_FIELDS = ('position', 'velocity', 'effort')
 # Directions in base_link of the links that turn, except the crank, and rates of all of them. The
 # angles of joints count from the link before, and jump at pi.
 DIRECTIONS, RATES = 'directions', 'rates'
-ENERGY, ENERGIES = 'energies', ('kinetic', 'potential', 'total')
 JOINT_STATES, LINKAGE = 'joint_states', 'linkage'  # with entities below them
 LOADS = f'{LINKAGE}/loads'
 
@@ -79,35 +75,6 @@ class Directions:
         return found
 
 
-class Energies:
-    """The energies of a mechanism in its states; the potential one is 0 where the run starts."""
-
-    def __init__(self, solver: Solver, drive: TorqueDrive) -> None:
-        self._solver = solver
-        self._columns = [solver.links.index(name) for name in solver.coordinates]
-        q = start(solver.mechanism, drive).q
-        _, self._offset = solver.energy(q, (0.0,) * len(q))
-
-    def at(self, position: Array, velocity: Array) -> Array:
-        """The energies, J.
-
-        Args:
-            position: Joint positions, shape (n, joints), rad and m.
-            velocity: Their rates.
-
-        Returns:
-            Kinetic, potential and total, shape (n, 3); nan if one of the states is impossible.
-        """
-        q, u = (tuple(rows[:, i] for i in self._columns) for rows in (position, velocity))
-        with np.errstate(all='ignore'):
-            try:
-                kinetic, potential = np.broadcast_arrays(*self._solver.energy(q, u))
-            except LinkageError:  # a state in the log is impossible: a gap in the curves
-                return np.full((len(position), len(ENERGIES)), np.nan)
-            potential = potential - self._offset
-            return np.stack([kinetic, potential, kinetic + potential], axis=-1)
-
-
 class Scene:
     """Makes rows of samples; the size of the batches does not matter.
 
@@ -123,9 +90,6 @@ class Scene:
         self.drawing = Drawing(mechanism, start)
         self._directions = Directions()
         self._last_frame = -1
-        self._energies: Energies | None = None
-        if isinstance(drive, TorqueDrive):
-            self._energies = Energies(Solver(mechanism), drive)
 
     def advance(
         self, stamps: Stamps, position: Array, velocity: Array, effort: Array
@@ -148,8 +112,6 @@ class Scene:
         yield Rows(DIRECTIONS, rr.Scalars, stamps, directions)
         rates = self.drawing.links_from_joints(velocity)
         yield Rows(RATES, rr.Scalars, stamps, rates[:, :count])
-        if self._energies:
-            yield Rows(ENERGY, rr.Scalars, stamps, self._energies.at(position, velocity))
         frames = stamps // _DRAWING_NS
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
