@@ -78,7 +78,7 @@ class LinkageNode(ParameterNode):
         declare(self, configuration, self._set_live)
         self._stop = stop
         self._simulator = Simulator(configuration)
-        self._simulator.require_live()
+        self._simulator.prepare_live()
         self._ahead = CrankTrajectory.of(self._simulator)
         self._other_topics = (
             ROBOT_DESCRIPTION, DIAGNOSTICS, *([self._ahead.topic] if self._ahead else []),

@@ -13,11 +13,14 @@ import pytest
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
 from linkage_ros import record as recorder
+from linkage_ros.dynamics.program import Program
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.fixed_step_integrator import _sums
+from linkage_ros.motion.stiff_integrator import _solvers
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.parameters.descriptions import summary
@@ -25,6 +28,7 @@ from linkage_ros.parameters.presets import preset_path
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.torque_commands import TorqueCommands
+from linkage_ros.units import NS_PER_MS
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec, TrajectoryCodec
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION
@@ -266,9 +270,18 @@ def test_a_live_run_refuses_a_spring_that_swings_within_a_tenth_of_a_millisecond
     spring = {'drive': 'torque', 'rocker.stiffness': 1e9}
     words = r'constant of 0\.0\d* ms, with ticks of 5 ms: .* 0\.1 ms .*; divide rocker\.stiffness'
     with pytest.raises(ConfigurationError, match=words):
-        Simulator(configure(spring)).require_live()
-    Simulator(configure({**spring, 'rocker.stiffness': 1e7})).require_live()
-    Simulator(configure({**spring, 'rocker.damping': 1e6})).require_live()  # swings no more
+        Simulator(configure(spring)).prepare_live()
+    Simulator(configure({**spring, 'rocker.stiffness': 1e7})).prepare_live()
+    Simulator(configure({**spring, 'rocker.damping': 1e6})).prepare_live()  # swings no more
+
+
+def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
+    for programs in (_solvers, _sums):  # as in a new process
+        programs.cache_clear()
+    simulator = Simulator(STEEP)
+    simulator.prepare_live()
+    monkeypatch.delattr(Program, 'compile')
+    assert simulator.begin(START).at(START + NS_PER_MS).u[0] == pytest.approx(5 * math.pi)
 
 
 # ---------------------------------------------------------------- live, and verified

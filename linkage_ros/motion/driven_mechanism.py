@@ -23,7 +23,7 @@ from linkage_ros.numeric import Array, Real
 TorqueLaw: TypeAlias = Callable[[float], Real]
 
 _NUDGE = 1e-7  # of a value, or of its unit, for derivatives
-_PLACES = 32  # crank angles at which eigenvalues are found
+_PLACES = 12  # crank angles at which eigenvalues are found
 _SLOW = 1e-3  # rad/s or m/s: as good as rest
 _SOON = 1e-3  # s
 _LEAST = 1e-5  # sine of the angle of a dyad that counts as none

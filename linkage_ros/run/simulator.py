@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from typing import NamedTuple, TypeVar
 
@@ -18,7 +19,7 @@ import numpy.typing as npt
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
@@ -30,7 +31,7 @@ from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.numeric import Real
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.drives import FeedForward
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.codecs import (
     STAMP_SOURCES,
     JointStateCodec,
@@ -152,8 +153,8 @@ class Simulator:
             'drive: follow needs a crank that is measured: run linkage_node, or give drive: speed'
         )
 
-    def require_live(self) -> None:
-        """Refuses a configuration that no live run can follow.
+    def prepare_live(self) -> None:
+        """Refuses a configuration that no live run can follow, and compiles what the others need.
 
         Raises:
             ConfigurationError: As `integrators.require_live`.
@@ -162,6 +163,8 @@ class Simulator:
         if isinstance(drive, TorqueDrive):
             driven = DrivenMechanism(self.solver, drive.motor.at)
             require_live(driven, self.elapsed(1) / NS_PER_S)
+            with suppress(LinkageError):  # a run reports it
+                self.begin(0).at(NS_PER_MS)
 
     def elapsed(self, tick: Whole) -> Whole:
         """Time from the first tick to another, ns: whole, and never off by accumulation."""
