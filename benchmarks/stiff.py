@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import time
 from contextlib import suppress
@@ -48,4 +49,5 @@ def main() -> None:
 
 
 if __name__ == '__main__':
+    argparse.ArgumentParser(description=__doc__).parse_args()
     main()

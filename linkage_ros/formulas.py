@@ -11,7 +11,7 @@ import functools
 import math
 import operator
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -50,8 +50,14 @@ class _Zero:
     def __abs__(self) -> _Zero:
         return self
 
+    def __truediv__(self, other: Real) -> _Zero:
+        return other.__rtruediv__(self) if other is self else self
+
+    def __rtruediv__(self, other: Real) -> NoReturn:
+        raise ZeroDivisionError('a formula divides by a constant of 0')
+
     __radd__ = __rsub__ = __add__
-    __rmul__ = __truediv__ = __mul__
+    __rmul__ = __mul__
 
 
 for _compare in (operator.lt, operator.le, operator.gt, operator.ge):

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from linkage_ros.dynamics.equations import balance
-from linkage_ros.formulas import ZERO, Vector, dot
+from linkage_ros.formulas import ZERO, Vector, dot, number
 from linkage_ros.lab.methods.stages import Links
 from linkage_ros.numeric import Real
 
@@ -49,7 +49,10 @@ def power_balance(
     links: Links, position: PerLink, _: PerLink, rates: PerLink, changes: PerLink
 ) -> Real:
     """Power of inertia, weights and loads over the crank's speed (document 1, eq. 1 to 6)."""
-    return virtual_power(links, position, rates, rates, changes) / rates[0]
+    speed = rates[0]
+    if speed is ZERO:
+        speed = position[0] - position[0]  # it must not drop out: at rest this is 0 / 0
+    return number(virtual_power(links, position, rates, rates, changes)) / speed
 
 
 def newton_euler(
