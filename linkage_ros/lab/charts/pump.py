@@ -17,8 +17,9 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import blended_transform_factory
 
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.lab.pump.analysis import Analysis, states_table
-from linkage_ros.lab.pump.branch import END, Piece, SteadyState, bistable_ranges
+from linkage_ros.lab.pump.analysis import Analysis
+from linkage_ros.lab.pump.branch import END, LOST, Piece, SteadyState, bistable_ranges
+from linkage_ros.lab.pump.table import states_table
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 
 # Stable pieces of the load curve by growing speed; the unstable are grey and dashed.
@@ -27,12 +28,13 @@ _STABLE = tuple(
 )
 _UNSTABLE, _MOTOR, _REST = map(fractions, (DARK, BLACK, GREY))
 _PARTS = 256  # of a turn
+_ROW, _LINE = 3.9, 0.185  # heights of a row of panels and of a line of numbers, inches
 _LABELS = {
     'speed': 'Mean crank speed w, rad/s',
     'load': 'Mean torque on the crank, N m',
     'torque': "Motor's torque at rest M0, N m",
     'stroke': 'Stroke s, m',
-    'flow': 'Flow s w, m/s',
+    'flow': 'Flow, m/s',
 }
 _AVERAGED = 'averaged, one harmonic'
 _DOTS: dict[str, Any] = {'color': _MOTOR, 'linestyle': ':'}
@@ -56,9 +58,11 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
     """
     stable = itertools.cycle(_STABLE)
     colors = {piece: next(stable) if piece.stable else _UNSTABLE for piece in analysis.pieces}
-    figure = Figure(figsize=(WIDTH, 13.0), dpi=DPI, layout='constrained')
+    lines = states_table(analysis)
+    below = _LINE * (len(lines) + 1)
+    figure = Figure(figsize=(WIDTH, 3 * _ROW + below), dpi=DPI, layout='constrained')
     figure.suptitle(title, fontsize=TITLE)
-    cells = figure.add_gridspec(4, 2, height_ratios=(1, 1, 1, 0.29))
+    cells = figure.add_gridspec(4, 2, height_ratios=(_ROW, _ROW, _ROW, below))
     with rc_context(_STYLE):
         plane, runs, load, *others = (figure.add_subplot(cells[i // 2, i % 2]) for i in range(6))
         _draw_phase_plane(plane, analysis, colors)
@@ -69,7 +73,7 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
     table = figure.add_subplot(cells[3, :])
     table.axis('off')
     numbers = table.text(
-        0.5, 1, '\n'.join(states_table(analysis)), va='top', ha='center', family='monospace',
+        0.5, 1, '\n'.join(lines), va='top', ha='center', family='monospace',
         multialignment='left', fontsize=NUMBERS, linespacing=1.35,
         transform=blended_transform_factory(figure.transFigure, table.transAxes),
     )  # fmt: skip
@@ -81,7 +85,7 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     """The slider's motions in the steady states, exact and averaged."""
     angles = np.linspace(0, 2 * math.pi, _PARTS + 1)
     for state in analysis.states:
-        x, _, v = state.motion.at(angles)
+        x, _, v = state.motion.at(state.motion.turns * angles)
         axes.plot(x, v, linewidth=2.2, label=_name(state), **_line(colors, state.piece))
         axes.plot(x[0], v[0], **_mark(colors, state))
     for number, state in enumerate(analysis.averaged_states):
@@ -131,17 +135,13 @@ def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     style: dict[str, Any] = {'color': _MOTOR, 'linewidth': 1.4}
     lines = [('motor', motor.torque, style)]
     for piece in analysis.pieces:
-        if piece.ends_at != END:
+        if piece.ends_at not in (END, LOST):
             style = {'color': _REST, 'linewidth': 1, 'linestyle': '-.'}
             lines.append((piece.ends_at, piece.motions[-1].torque, style))
-    for name, torque, style in lines:
-        label = f'{name}, M0 = {torque:.4g} N m'
-        axes.plot(
-            (0.0, top),
-            replace(motor, torque=torque).at(np.array((0.0, top))),
-            label=label,
-            **style,
-        )
+    labels = {f'{name}, M0 = {torque:.4g} N m': (torque, style) for name, torque, style in lines}
+    for label, (torque, style) in labels.items():
+        line = replace(motor, torque=torque).at(np.array((0.0, top)))
+        axes.plot((0.0, top), line, label=label, **style)
     _draw_branch(axes, analysis, colors, 'speed', 'load')
     axes.set(title='Load curve and motor line', xlim=(0, top))
     axes.legend()
@@ -185,4 +185,6 @@ def _mark(colors: _Colors, state: SteadyState) -> dict[str, Any]:
 
 
 def _name(state: SteadyState) -> str:
-    return f'{state.motion.speed:.4g} rad/s{"" if state.motion.stable else ", unstable"}'
+    motion = state.motion
+    turns = f', {motion.turns} turns' if motion.turns > 1 else ''
+    return f'{motion.speed:.4g} rad/s{turns}{"" if motion.stable else ", unstable"}'

@@ -21,7 +21,7 @@ from linkage_ros.lab.charts.movie import SECONDS, draw_movie
 from linkage_ros.lab.commands.output import folder, progress, save_table
 from linkage_ros.lab.flywheel import Cycle, EvenTorque, UnsteadyError, motor_cycle
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
-from linkage_ros.lab.pump.runs import settle
+from linkage_ros.lab.pump.settle import settle
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, Motor, SpeedDrive, TorqueDrive
@@ -163,9 +163,11 @@ def _settled(
         )
     speed = radians_per_second(rpm)
     settled = settle(mechanism, motor, speed, progress)
-    low, high = settled.extremes
+    low, high = settled.turning_points.min(), settled.turning_points.max()
+    repeats = f', repeats after {settled.turns} turns' if settled.turns > 1 else ''
     words = [
-        '', motor_line(motor), f'from {speed:.4g} rad/s', f'settled at {settled.speed:.4g} rad/s',
+        '', motor_line(motor), f'from {speed:.4g} rad/s',
+        f'settled at {settled.speed:.4g} rad/s{repeats}',
         f'stroke {settled.stroke:.4g} m ({low:.4g} to {high:.4g} m)',
         f'flow (stroke x speed) {settled.flow:.4g} m/s',
     ]  # fmt: skip
@@ -173,8 +175,8 @@ def _settled(
 
 
 def settled_turn(motion: PeriodicMotion) -> Period:
-    """A turn of a steady state, 0.5 deg by 0.5 deg."""
-    crank = np.linspace(0, 2 * math.pi, 721)
+    """The turns after which a steady state repeats, 0.5 deg by 0.5 deg."""
+    crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
     position, rate, velocity = motion.at(crank)
     torque = Motor(motion.torque, motion.damping).at(rate)
     q, u = (crank, position), (rate, velocity)

@@ -9,7 +9,8 @@ import argparse
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.charts.pump import draw_pump
 from linkage_ros.lab.commands.output import folder, progress, save_records
-from linkage_ros.lab.pump.analysis import analyse, states_table
+from linkage_ros.lab.pump.analysis import analyse
+from linkage_ros.lab.pump.table import states_table
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import load

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
@@ -12,31 +11,56 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from linkage_ros.lab.pump.attractors import Search
 from linkage_ros.lab.pump.branch import (
     END,
+    LOST,
     Piece,
     SteadyState,
     bistable_ranges,
-    follow,
-    pieces,
     steady_states,
 )
-from linkage_ros.lab.pump.harmonic_balance import AVERAGED, EXACT, HarmonicBalance
+from linkage_ros.lab.pump.continuation import Limits, curves, with_curve
+from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
+from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import NUMBERS, PeriodicMotion
-from linkage_ros.lab.pump.runs import Run, follow_run, require_forwards
-from linkage_ros.model.parts import Piston
+from linkage_ros.lab.pump.starts import named_starts, require_forwards
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
-from linkage_ros.motion.fixed_step_integrator import Values
+from linkage_ros.numeric import Array
 
 CHANGES = (0.95, 1.05)  # of the motor's torque
 _SLOWEST = 1 / 3  # of the slowest start: where the scan of speeds begins
 _FASTEST = 10.0  # times the fastest start: where it ends at most
 _ABOVE = 1.1  # how far beyond the highest torque of interest it goes
-_ASIDE = 0.02  # of the speed of an unstable state: how far from it motions start
-_SETTLED = 1e-3  # what remains of the deviations at the start of a run; quick: ten times that
-_TURNS = 150  # of a state at most, in which a run comes near
-_UNKNOWN = 60  # turns where there is no state
+_STEP, _QUICK_STEP = 0.15, 0.3  # along a curve, relative
+STARTS = 256  # a state that 2 % of them reach is missed once in 170 times
+_SLOW, _SLIDING = 0.03, 2.0  # speeds of starts: of the crank, and of the slider per crank pin's
+
+
+class Start(NamedTuple):
+    """A motion from a start that has a name.
+
+    Attributes:
+        name: Name of the start.
+        times: s.
+        speeds: Speeds of the crank at these times, rad/s.
+        state: Number of the steady state at which it settles; None: at none.
+        ended: Why it ended; None: it did not.
+    """
+
+    name: str
+    times: Array
+    speeds: Array
+    state: int | None
+    ended: str | None
+
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            'start': self.name, 'settles_at_state': self.state, 'ended': self.ended,
+            'duration': float(self.times[-1]),
+        }  # fmt: skip
 
 
 class Analysis(NamedTuple):
@@ -50,7 +74,10 @@ class Analysis(NamedTuple):
         averaged: The averaged load curve.
         sensitivities: Each stable state under the changed torques: number of the state, torque,
             N m, the state then, and its relative changes; none where there is no such state.
-        runs: Motions from single starts.
+        runs: Motions from starts that have names.
+        shares: Share of the starts, by the number of the state where they settle.
+        ended: Share of the starts from which the motion leaves what the coordinates describe.
+        unidentified: Share of the starts that do neither.
     """
 
     motor: Motor
@@ -59,19 +86,28 @@ class Analysis(NamedTuple):
     pieces: list[Piece]
     averaged: list[Piece]
     sensitivities: list[dict[str, Any]]
-    runs: list[Run]
+    runs: list[Start]
+    shares: list[float]
+    ended: float
+    unidentified: float
 
     def record(self) -> dict[str, Any]:
         """For JSON, in SI units."""
         return {
             'motor': asdict(self.motor),
-            'states': [state.motion.record() for state in self.states],
+            'states': [
+                {**state.motion.record(), 'share_of_starts': share}
+                for state, share in zip(self.states, self.shares, strict=True)
+            ],
             'averaged_states': [_numbers(state.motion) for state in self.averaged_states],
+            'starts': {
+                'count': STARTS, 'ended': self.ended, 'unidentified': self.unidentified,
+            },
             'torques_with_two_stable_states': bistable_ranges(self.pieces),
             'stability_lost': [
                 {'kind': piece.ends_at, **piece.motions[-1].record()}
                 for piece in self.pieces
-                if piece.ends_at != END
+                if piece.ends_at not in (END, LOST)
             ],
             'sensitivities': self.sensitivities,
             'load_curve': [
@@ -83,11 +119,12 @@ class Analysis(NamedTuple):
                 _numbers(motion) for piece in self.averaged for motion in piece.motions
             ],
             'runs': [run.record() for run in self.runs],
-        }
+        }  # fmt: skip
 
 
-def _numbers(motion: PeriodicMotion) -> dict[str, float]:
-    return {name: getattr(motion, name) for name in NUMBERS}
+def _numbers(motion: PeriodicMotion) -> dict[str, Any]:
+    multipliers = [[value.real, value.imag] for value in motion.multipliers]
+    return {name: getattr(motion, name) for name in NUMBERS} | {'multipliers': multipliers}
 
 
 def analyse(
@@ -104,7 +141,7 @@ def analyse(
         mechanism: The pump, with the start of its slider.
         motor: Motor of the pump.
         speeds: Speeds of the crank at angle 0, rad/s, from which the pump is started.
-        quick: Whether fewer speeds and shorter runs will do.
+        quick: Whether fewer motions of each curve will do.
         progress: Wraps what is gone through, with a word for it: a progress bar.
 
     Returns:
@@ -116,48 +153,83 @@ def analyse(
     """
     require_forwards(mechanism, motor, speeds)
     averaging = HarmonicBalance(mechanism, motor.damping, AVERAGED)
-    balance = HarmonicBalance(mechanism, motor.damping, EXACT)
-    scan = _scan(averaging, motor, speeds, 24 if quick else 90)
-    averaged = [Piece(stretch) for stretch in follow(averaging, scan)]
-    found = [piece for stretch in follow(balance, scan) for piece in pieces(balance, stretch)]
-    states = steady_states(balance, found, motor.torque)
-    motions = [state.motion for state in states]
-    starts = _starts(mechanism.slider, speeds, motions)
-    duration = _settling_time(motions, 10 * _SETTLED if quick else _SETTLED, scan[-1])
+    balance = HarmonicBalance(mechanism, motor.damping)
+    limits, averaged = _limits(averaging, motor, speeds)
+    limits = limits._replace(step=_QUICK_STEP if quick else _STEP)
+    pieces = curves(balance, limits)
+    known = [state.motion for state in steady_states(balance, pieces, motor.torque)]
+    names, starts = named_starts(mechanism, speeds, known)
+    box = _box(mechanism, motor, limits.fastest)
+    motions = Motions(balance.solver, motor, np.hstack((starts, box)), len(names))
+    search = Search(balance, motor, motions, filter(lambda state: state.stable, known))
+    search.run(progress)
+    for state in search.states:
+        pieces = with_curve(balance, state, pieces, limits)
+    states = steady_states(balance, pieces, motor.torque)
+    states += [SteadyState(piece.motions[0], piece) for piece in pieces if len(piece.motions) == 1]
+    states.sort(key=lambda state: state.motion.speed)
+    numbers = [
+        next(number for number, one in enumerate(states) if one.motion.is_same(state))
+        for state in search.states
+    ]
+    settled = np.array([*numbers, -1])[search.belongs]
+    of_box = slice(len(names), None)
     return Analysis(
         motor,
         states,
         steady_states(averaging, averaged, motor.torque),
-        found,
+        pieces,
         averaged,
         [
             one
             for change in CHANGES
-            for one in _changed(balance, found, states, change * motor.torque)
+            for one in _changed(balance, pieces, states, change * motor.torque)
         ],
         [
-            follow_run(balance.solver, motor, start, duration, name, motions)
-            for name, start in progress(starts, 'runs')
+            Start(
+                name, np.array(motions.times)[:, number], np.array(motions.speeds)[:, number],
+                None if settled[number] < 0 else int(settled[number]), motions.reason(number),
+            )
+            for number, name in enumerate(names)
         ],
-    )
+        [float(np.mean(settled[of_box] == number)) for number in range(len(states))],
+        float(np.mean(motions.ended[of_box])),
+        float(np.mean(search.unidentified[of_box])),
+    )  # fmt: skip
 
 
-def _scan(
-    averaging: HarmonicBalance, motor: Motor, speeds: Sequence[float], count: int
-) -> list[float]:
-    """Speeds up to where an averaged motion takes more torque than any slower one, rad/s.
+def _limits(
+    averaging: HarmonicBalance, motor: Motor, speeds: Sequence[float]
+) -> tuple[Limits, list[Piece]]:
+    """Speeds up to where an averaged motion takes more torque than any slower one; its curve.
 
     The load is never negative: a motor of torque M0 turns nothing faster than M0 / m.
     """
-    peak, scan = motor.torque, []
+    slowest, fastest = _SLOWEST * min(speeds), _FASTEST * max(speeds)
+    peak = motor.torque
+    averaged: list[Piece] = []
     for _ in range(2):
-        top = _FASTEST * max(speeds)
-        if motor.damping:
-            top = min(top, _ABOVE * peak / motor.damping)
-        scan = np.geomspace(_SLOWEST * min(speeds), max(top, *speeds), count).tolist()
-        motions = itertools.chain(*follow(averaging, scan))
-        peak = max((motion.torque for motion in motions), default=peak)
-    return scan
+        top = min(fastest, _ABOVE * peak / motor.damping) if motor.damping else fastest
+        limits = Limits(slowest, max(top, *speeds), _ABOVE * peak, _QUICK_STEP)
+        if averaged:
+            break
+        averaged = curves(averaging, limits._replace(torque=math.inf))
+        peak = max((one.torque for piece in averaged for one in piece.motions), default=peak)
+        peak = max(peak, motor.torque)
+    return limits, averaged
+
+
+def _box(mechanism: WindPump, motor: Motor, fastest: float) -> Array:
+    """Starts all over slider positions and speeds at crank angle 0, of shape (4, n)."""
+    r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
+    if motor.damping:
+        fastest = motor.torque / motor.damping
+    side = math.copysign(1.0, mechanism.slider.position)
+    low = np.array((0.0, side * (abs(b - c) + r), _SLOW * fastest, -_SLIDING * r * fastest))
+    high = np.array((0.0, side * (b + c - r), fastest, _SLIDING * r * fastest))
+    shares = np.random.default_rng(0).random((STARTS, 4))
+    box: Array = (low + shares * (high - low)).T
+    return box
 
 
 def _changed(
@@ -178,69 +250,3 @@ def _changed(
             }
             record = motion and motion.record()
             yield {'state': number, 'torque': torque, 'motion': record, 'changes': changes}
-
-
-def _starts(
-    slider: Piston, speeds: Sequence[float], states: Sequence[PeriodicMotion]
-) -> list[tuple[str, Values]]:
-    """Names and phases of the starts of single runs: those asked for, and next to a saddle."""
-    starts: list[tuple[str, Values]] = [
-        (f'{speed:g} rad/s', (0.0, slider.position, speed, slider.velocity)) for speed in speeds
-    ]
-    for state in states:
-        x, w, v = state.at(np.zeros(1))[:, 0].tolist()
-        for sign, word in ((-1, 'below'), (1, 'above')) if not state.stable else ():
-            name = f'{_ASIDE:.0%} {word} {state.speed:.4g} rad/s'
-            starts.append((name, (0.0, x, w * (1 + sign * _ASIDE), v)))
-    return starts
-
-
-def _settling_time(states: Sequence[PeriodicMotion], shrink: float, fastest: float) -> float:
-    """The time, s, in which deviations from all stable states shrink to this part."""
-    times = [
-        2 * math.pi / state.speed
-        * min(_TURNS, 5 + math.log(shrink) / math.log(max(abs(state.multipliers[0]), 1e-9)))
-        for state in states
-        if state.stable
-    ]  # fmt: skip
-    return max(times, default=_UNKNOWN * 2 * math.pi / fastest)
-
-
-def states_table(analysis: Analysis) -> list[str]:
-    """The states, and the stable ones under changed torques, as a table.
-
-    Args:
-        analysis: Analysis of a pump.
-
-    Returns:
-        Lines, for a font of equal widths.
-    """
-    if not analysis.states:
-        return ['no settled motion found']
-    lines = [
-        f'{"":<11}{"mean speed":>11}{"averaged":>10}{"stroke":>10}{"flow":>10}{"efficiency":>12}'
-        f'{"largest":>19}' + ''.join(f'{f"torque {change - 1:+.0%}":>27}' for change in CHANGES),
-        f'{"":<11}{"rad/s":>11}{"rad/s":>10}{"m":>10}{"m/s":>10}{"":>12}'
-        f'{"multiplier":>19}' + f'{"speed":>11}{"stroke":>8}{"flow":>8}' * len(CHANGES),
-    ]
-    for number, (state, _) in enumerate(analysis.states):
-        averaged = min(
-            (one.motion.speed for one in analysis.averaged_states),
-            key=lambda speed: abs(speed - state.speed),
-            default=math.nan,
-        )
-        largest = state.multipliers[0]
-        share = state.efficiency
-        lifted = '-' if share is None else f'{share:.4f}'
-        aside = f' \N{PLUS-MINUS SIGN} {largest.imag:.4f}i' if largest.imag else ''
-        changes = ''.join(
-            '   ' + (''.join(f'{x:>+8.2%}' for x in one['changes'].values()) or f'{"none":>24}')
-            for one in analysis.sensitivities
-            if one['state'] == number
-        )
-        lines.append(
-            f'{"stable" if state.stable else "unstable":<11}{state.speed:>11.6f}'
-            f'{averaged:>10.4f}{state.stroke:>10.6f}{state.flow:>10.6f}{lifted:>12}'
-            f'{f"{largest.real:.4f}{aside}":>19}{changes}'
-        )
-    return lines

@@ -4,27 +4,29 @@
 
 Averaged over time, the motor's torque M0 - m phi1' is M0 - m w, w the mean speed. So M0(w) - m w
 is the load of the motion at w: the load curve. Its crossings with the motor's line are the
-steady states. Followed over the speed, the curve passes its folds.
+steady states.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from scipy import optimize
-
-from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
+from linkage_ros.lab.pump.harmonic_balance import (
+    HarmonicBalance,
+    at_torque,
+    between,
+)
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
-from linkage_ros.numeric import Array
 
 # How stability is lost, by the largest multiplier: 1 (two motions merge), -1, or a complex pair.
 FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
-END = 'end of the scan'
-_ROUNDING = 1e-9  # of a speed
+# Why a curve ends: at a limit of speed or torque; where no next motion is found, since the crank
+# stops or the dyad is stretched.
+END, LOST = 'end of the scan', 'end of the description'
+_GAP = 1e-2  # relative, between a torque where a period doubles and the doubled motion beside it
 
 
 @dataclass(eq=False)
@@ -32,8 +34,8 @@ class Piece:
     """A piece of the load curve without a change of stability.
 
     Attributes:
-        motions: By growing speed.
-        begins_at: FOLD, PERIOD_DOUBLING, TORUS or END.
+        motions: In the order of the curve.
+        begins_at: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
         ends_at: Likewise.
     """
 
@@ -77,91 +79,19 @@ def steady_states(
         for one, other in itertools.pairwise(piece.motions):
             if (one.torque < torque) != (other.torque < torque):
                 share = (torque - one.torque) / (other.torque - one.torque)
-                if motion := balance.find(_between(one, other, share), torque=torque):
+                equations = balance.over(one.turns)
+                guess = between(equations, one, other, share)
+                if motion := equations.find(guess, at_torque(torque)):
                     states.append(SteadyState(motion, piece))
     return sorted(states, key=lambda state: state.motion.speed)
-
-
-def follow(balance: HarmonicBalance, speeds: Sequence[float]) -> list[list[PeriodicMotion]]:
-    """Follows the motions over the speed, from above and from below, each from the one before.
-
-    Args:
-        balance: The equations.
-        speeds: Mean speeds of the crank, growing, rad/s.
-
-    Returns:
-        By growing speed, in one stretch or, if they do not meet, in two.
-    """
-    down = list(_follow(balance, speeds[::-1]))[::-1]
-    lowest = down[0].speed * (1 - _ROUNDING) if down else math.inf
-    up = list(_follow(balance, [speed for speed in speeds if speed < lowest]))
-    return [stretch for stretch in (up, down) if stretch]
-
-
-def _follow(balance: HarmonicBalance, speeds: Iterable[float]) -> Iterator[PeriodicMotion]:
-    """From the first speed with a motion to the last before one without."""
-    guesses: list[Array] = []
-    for speed in speeds:
-        found = (balance.find(x, speed=speed) for x in guesses or balance.resting_sliders(speed))
-        motion = next(filter(None, found), None)
-        if motion:
-            guesses = [motion.unknowns]
-            yield motion
-        elif guesses:
-            return
-
-
-def pieces(balance: HarmonicBalance, stretch: Sequence[PeriodicMotion]) -> list[Piece]:
-    """Cuts a stretch of motions where their stability changes.
-
-    Args:
-        balance: The equations.
-        stretch: By growing speed, without a gap.
-
-    Returns:
-        The pieces; neighbours share the motion between them.
-    """
-    found = [Piece([stretch[0]])]
-    for one, other in itertools.pairwise(stretch):
-        if one.stable != other.stable:
-            motion, kind = _boundary(balance, one, other)
-            found[-1].motions.append(motion)
-            found[-1].ends_at = kind
-            found.append(Piece([motion], begins_at=kind))
-        found[-1].motions.append(other)
-    return found
-
-
-def _boundary(
-    balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion
-) -> tuple[PeriodicMotion, str]:
-    """The motion between two others whose largest multiplier has the modulus 1, and the kind."""
-
-    def motion(share: float) -> PeriodicMotion:
-        speed = one.speed + share * (other.speed - one.speed)
-        found = balance.find(_between(one, other, share), speed=speed)
-        return found or (one if share < 0.5 else other)
-
-    share: float = optimize.brentq(
-        lambda share: abs(motion(share).multipliers[0]) - 1, 0.0, 1.0, xtol=1e-9
-    )
-    found = motion(share)
-    largest = found.multipliers[0]
-    if largest.imag:
-        return found, TORUS
-    return found, FOLD if largest.real > 0 else PERIOD_DOUBLING
-
-
-def _between(one: PeriodicMotion, other: PeriodicMotion, share: float) -> Array:
-    return one.unknowns + share * (other.unknowns - one.unknowns)
 
 
 def bistable_ranges(found: Sequence[Piece]) -> list[dict[str, Any]]:
     """The torques of the motor at rest for which two or more stable states exist.
 
     Args:
-        found: The pieces of the load curve. Along a stable piece the torque grows with the
-            speed, so that it has one state at each of its torques.
+        found: The pieces of the load curve. Along a stable piece the torque grows or falls, so
+            that it has one state at each of its torques.
 
     Returns:
         For each range: low and high, N m; low_is and high_is, what ends it there.
@@ -169,11 +99,17 @@ def bistable_ranges(found: Sequence[Piece]) -> list[dict[str, Any]]:
     ends = []
     for piece in found:
         if piece.stable:
-            ends.append((piece.motions[0].torque, 1, piece.begins_at))
-            ends.append((piece.motions[-1].torque, -1, piece.ends_at))
-    ranges, exist = [], 0
+            first, last = piece.motions[0].torque, piece.motions[-1].torque
+            lower, upper = sorted(((first, piece.begins_at), (last, piece.ends_at)))
+            ends += [(lower[0], 1, lower[1]), (upper[0], -1, upper[1])]
+    ranges: list[dict[str, Any]] = []
+    exist = 0
     for (low, change, low_is), (high, _, high_is) in itertools.pairwise(sorted(ends)):
         exist += change
         if exist >= 2:
-            ranges.append({'low': low, 'high': high, 'low_is': low_is, 'high_is': high_is})
+            one = {'low': low, 'high': high, 'low_is': low_is, 'high_is': high_is}
+            if ranges and low - ranges[-1]['high'] < _GAP * low:  # a doubled period takes over
+                one.update(low=ranges[-1]['low'], low_is=ranges[-1]['low_is'])
+                ranges.pop()
+            ranges.append(one)
     return ranges

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions of a wind pump that repeat after each turn, as Fourier series in the crank angle.
+"""Motions of a wind pump that repeat after whole turns, as Fourier series in the crank angle.
 
 The crank angle phi serves as the independent variable in place of time, as long as the crank
 turns (M. Henon, Physica D 5 (1982), 412-414).
@@ -21,24 +21,40 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
-PARTS = 64  # of a turn: means over them are exact to rounding
-ANGLES: Array = np.linspace(0, 2 * math.pi, PARTS, endpoint=False)
 DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 NUMBERS = ('torque', 'load', 'speed', 'stroke', 'flow')
+_FINE, _STEPS = 256, 4  # parts of a turn, and Newton's steps from there to where it turns
+_SAME = 1e-6  # relative difference of two numbers of one motion
+_TINY = 1e-5  # wave that counts as none, in crank lengths
 
 
-def waves(angles: Array, count: int, derivative: int = 0) -> Array:
-    """The functions 1, cos phi, sin phi, cos 2 phi, ... or their derivatives.
+def parts_of(turns: int, harmonics: int) -> Array:
+    """Crank angles over whose equal parts the mean of a product of two series is exact, rad.
 
     Args:
-        angles: phi, of shape (n), rad.
+        turns: Turns of the crank.
+        harmonics: Largest number of waves in a turn.
+
+    Returns:
+        From 0.
+    """
+    count = turns * max(64, 4 * harmonics)
+    return np.linspace(0, 2 * math.pi * turns, count, endpoint=False)
+
+
+def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
+    """The functions 1, cos phi/n, sin phi/n, cos 2 phi/n, ... of n turns, or their derivatives.
+
+    Args:
+        angles: phi, of shape (m), rad.
         count: Number of functions, odd.
+        turns: n.
         derivative: Order of the derivative.
 
     Returns:
-        Of shape (n, count).
+        Of shape (m, count).
     """
-    orders = np.arange(1, count // 2 + 1)
+    orders = np.arange(1, count // 2 + 1) / turns
     shifted = np.outer(angles, orders) + derivative * math.pi / 2
     pairs = np.stack((np.cos(shifted), np.sin(shifted)), axis=-1) * orders[:, None] ** derivative
     first = np.full((len(angles), 1), float(derivative == 0))
@@ -47,7 +63,7 @@ def waves(angles: Array, count: int, derivative: int = 0) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PeriodicMotion:
-    """A motion that repeats after each turn.
+    """A motion that repeats after one or more turns.
 
     Attributes:
         solver: Solver of the pump.
@@ -55,6 +71,7 @@ class PeriodicMotion:
         slider: Coefficients of the slider's position, m.
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
+        turns: Turns after which it repeats.
     """
 
     solver: Solver
@@ -62,11 +79,12 @@ class PeriodicMotion:
     slider: Array
     crank: Array
     torque: float
+    turns: int = 1
 
-    @property
-    def unknowns(self) -> Array:
-        """The coefficients, and the torque."""
-        return np.concatenate((self.slider, self.crank, [self.torque]))
+    @functools.cached_property
+    def angles(self) -> Array:
+        """Crank angles in equal parts of its period, rad."""
+        return parts_of(self.turns, len(self.slider) // 2 // self.turns)
 
     @property
     def units(self) -> Array:
@@ -83,27 +101,67 @@ class PeriodicMotion:
         Returns:
             Slider position, m, crank speed, rad/s, and slider velocity, m/s; of shape (3, n).
         """
-        position, slope = (waves(angles, len(self.slider), d) @ self.slider for d in (0, 1))
-        speed = waves(angles, len(self.crank)) @ self.crank
+        position, slope = (
+            waves(angles, len(self.slider), self.turns, d) @ self.slider for d in (0, 1)
+        )
+        speed = waves(angles, len(self.crank), self.turns) @ self.crank
         return np.array((position, speed, speed * slope))
 
-    def is_near(self, phases: Array, share: float) -> bool:
-        """Whether another motion is near to this one.
+    def distance(self, phases: Array) -> Array:
+        """How far other motions are from this one, in crank lengths and shares of its speed.
 
         Args:
-            phases: Of the other: crank angle, slider position and their rates; of shape (4, n).
-            share: Allowed difference, of the crank length and of the speed.
+            phases: Crank angle, slider position and their rates, of shape (4, rows, motions).
 
         Returns:
-            Whether all of its phases are.
+            The largest of all rows, at the best whole number of turns between the motions; of
+            shape (motions).
         """
-        away = np.abs(self.at(phases[0]) - phases[1:])
-        return bool((away < share * self.units[:, None]).all())
+        _, rows, motions = phases.shape
+        apart = []
+        for turn in range(self.turns):
+            angles = (phases[0] + 2 * math.pi * turn).ravel()
+            away = np.abs(self.at(angles).reshape(3, rows, motions) - phases[1:])
+            apart.append((away / self.units[:, None, None]).max(axis=(0, 1)))
+        nearest: Array = np.min(apart, axis=0)
+        return nearest
+
+    def is_same(self, other: PeriodicMotion) -> bool:
+        """Whether another motion is this one, maybe some turns later."""
+        ours, theirs = (np.array((one.speed, one.stroke, one.torque)) for one in (self, other))
+        return self.turns == other.turns and bool(np.allclose(ours, theirs, rtol=_SAME, atol=0))
+
+    def subharmonics(self, part: int) -> Array:
+        """Coefficients of the waves that vanish if it repeats after a part of its turns.
+
+        Args:
+            part: How often it would repeat.
+
+        Returns:
+            Those of the slider, in crank lengths.
+        """
+        orders = np.arange(1, len(self.slider) // 2 + 1)
+        chosen = np.repeat(orders % part > 0, 2)
+        return self.slider[1:][chosen] / self.solver.mechanism.crank.length
+
+    @property
+    def repeats_sooner(self) -> bool:
+        """Whether it repeats after a part of its turns."""
+        parts = (part for part in range(2, self.turns + 1) if self.turns % part == 0)
+        return any(np.abs(self.subharmonics(part)).max() < _TINY for part in parts)
 
     @functools.cached_property
     def speed(self) -> float:
         """Mean crank speed over time, rad/s."""
-        return float(1 / np.mean(1 / self.at(ANGLES)[1]))
+        return float(1 / np.mean(1 / self.at(self.angles)[1]))
+
+    @functools.cached_property
+    def speeds(self) -> list[float]:
+        """Mean crank speed over time in each turn, rad/s."""
+        nodes, weights = np.polynomial.legendre.leggauss(96)
+        angles = math.pi * (nodes + 1)
+        turns = (self.at(angles + 2 * math.pi * turn)[1] for turn in range(self.turns))
+        return [float(2 / (weights @ (1 / speed))) for speed in turns]
 
     @property
     def load(self) -> float:
@@ -111,23 +169,31 @@ class PeriodicMotion:
         return float(Motor(self.torque, self.damping).at(self.speed))
 
     @functools.cached_property
-    def extremes(self) -> tuple[float, float]:
-        """Least and largest slider position, m: by a Newton step from the nearest of 4096."""
-        angles = np.linspace(0, 2 * math.pi, 4097)
-        x, slope, bend = (waves(angles, len(self.slider), d) @ self.slider for d in range(3))
-        low, high = (x[at] - slope[at] ** 2 / (2 * bend[at]) for at in (x.argmin(), x.argmax()))
-        return float(low), float(high)
+    def turning_points(self) -> Array:
+        """Positions at which the slider turns back, one after the other, m."""
+        grid: Any = np.arange(self.turns * _FINE) * (2 * math.pi / _FINE)
+        slope = waves(grid, len(self.slider), self.turns, 1) @ self.slider
+        angles = grid[np.sign(slope) != np.sign(np.roll(slope, -1))]
+        for _ in range(_STEPS):
+            slope, bend = (
+                waves(angles, len(self.slider), self.turns, d) @ self.slider for d in (1, 2)
+            )
+            move = np.clip(slope / np.where(bend, bend, np.inf), -grid[1], grid[1])
+            angles = angles - move
+        points: Array = waves(angles, len(self.slider), self.turns) @ self.slider
+        return points
 
     @property
     def stroke(self) -> float:
         """Way of the slider from end to end, m."""
-        low, high = self.extremes
-        return high - low
+        return float(np.ptp(self.turning_points))
 
     @property
     def flow(self) -> float:
-        """Stroke x speed, m/s: proportional to the flow of water."""
-        return self.stroke * self.speed
+        """Way of the slider forth in a turn x speed, m/s: proportional to the flow of water."""
+        points = self.turning_points
+        forth = np.abs(points - np.roll(points, 1)).sum() / 2
+        return float(forth / self.turns * self.speed)
 
     @functools.cached_property
     def efficiency(self) -> float | None:
@@ -139,18 +205,17 @@ class PeriodicMotion:
         slider, curves = pump.slider, (one for one in pump.loads if isinstance(one, LoadCurve))
         if not slider.force and all(curve.link != 'slider' for curve in curves):
             return None
-        x, w, v = self.at(ANGLES)
+        x, w, v = self.at(self.angles)
         torque = Motor(self.torque, self.damping).at(w)
-        state = self.solver.state((ANGLES, x), (w, v))
+        state = self.solver.state((self.angles, x), (w, v))
         force = self.solver.load_forces(state)['slider'] + slider.damping * v
         force = force + slider.stiffness * (x - slider.rest_position)
         return float(-np.mean(force * v / w) / np.mean(torque))
 
     @functools.cached_property
     def multipliers(self) -> tuple[complex, ...]:
-        """Floquet multipliers, the largest first: a turn multiplies small deviations by them."""
-        values = np.linalg.eigvals(_monodromy(self)).tolist()
-        return tuple(sorted(map(complex, values), key=lambda value: (-abs(value), -value.imag)))
+        """Floquet multipliers, the largest first: a period multiplies small deviations by them."""
+        return by_size(np.linalg.eigvals(_monodromy(self)))
 
     @property
     def stable(self) -> bool:
@@ -158,30 +223,37 @@ class PeriodicMotion:
         return abs(self.multipliers[0]) < 1
 
     def record(self) -> dict[str, Any]:
-        """For JSON, in SI units; flow is stroke x speed."""
+        """For JSON, in SI units; period in turns."""
         start = self.at(np.zeros(1))[:, 0].tolist()
         names = 'slider_position', 'crank_speed', 'slider_velocity'
-        low, high = self.extremes
         return {
             **{name: getattr(self, name) for name in NUMBERS},
             'efficiency': self.efficiency,
             'stable': self.stable,
-            'period': 2 * math.pi / self.speed,
-            'slider_lowest': low,
-            'slider_highest': high,
+            'period': self.turns,
+            'speeds': self.speeds,
+            'slider_lowest': float(self.turning_points.min()),
+            'slider_highest': float(self.turning_points.max()),
             'at_crank_angle_0': dict(zip(names, start, strict=True)),
             'multipliers': [[value.real, value.imag] for value in self.multipliers],
         }
 
 
+def by_size(values: Any) -> tuple[complex, ...]:
+    """Multipliers, the largest first, and of a pair the one with the positive imaginary part."""
+    ordered = sorted(values.tolist(), key=lambda one: (-round(abs(one), 9), -one.imag))
+    return tuple(map(complex, ordered))
+
+
 def _monodromy(motion: PeriodicMotion) -> Array:
-    """Derivatives of the values of `at` after a turn by those before.
+    """Derivatives of the values of `at` after a period by those before.
 
     By Magnus' method of order 4 (S. Blanes and others, Physics Reports 470 (2009), 151-238).
     """
-    step = 2 * math.pi / PARTS
+    angles = motion.angles
+    step = angles[1]
     aside = step * math.sqrt(3) / 6
-    one, other = (step * _jacobians(motion, ANGLES + shift) for shift in (-aside, aside))
+    one, other = (step * _jacobians(motion, angles + shift) for shift in (-aside, aside))
     exponents = (one + other) / 2 - math.sqrt(3) / 12 * (one @ other - other @ one)
     # Exponentials by Pade's approximation: for such small ones, SciPy's takes five times as long.
     squares = exponents @ exponents

@@ -1,0 +1,88 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The steady states of a wind pump as lines of text."""
+
+from __future__ import annotations
+
+from linkage_ros.lab.pump.analysis import CHANGES, STARTS, Analysis
+
+
+def states_table(analysis: Analysis) -> list[str]:
+    """The states, the stable ones under changed torques, and what is left, as tables.
+
+    Args:
+        analysis: Analysis of a pump.
+
+    Returns:
+        Lines, for a font of equal widths.
+    """
+    lines = [*_states_lines(analysis), *_changes_lines(analysis)]
+    if analysis.ended:
+        lines.append(
+            f'{analysis.ended:.1%} of {STARTS} starts end where coupler and rod are stretched or '
+            'folded'
+        )
+    if analysis.unidentified:
+        lines.append(
+            f'warning: {analysis.unidentified:.1%} of {STARTS} starts settle at no state that is '
+            'listed: quasi-periodic, chaotic, slow to settle, or of a long period'
+        )
+    return lines
+
+
+def _states_lines(analysis: Analysis) -> list[str]:
+    if not analysis.states:
+        return ['no settled motion found']
+    head = (
+        ('', 'turns', 'mean speed', 'stroke', 'flow', 'efficiency', 'starts', 'Floquet',
+         'averaged', 'slow flow'),
+        ('', '', 'rad/s', 'm', 'm/s', '', '', 'multiplier', 'rad/s', 'multiplier'),
+    )  # fmt: skip
+    rows = [_cells(analysis, number) for number in range(len(analysis.states))]
+    widths = 9, 6, 12, 10, 10, 12, 9, 20, 10, 20
+    return [
+        ''.join(f'{cell:<{width}}' if not i else f'{cell:>{width}}'
+                for i, (cell, width) in enumerate(zip(row, widths, strict=True)))
+        for row in (*head, *rows)
+    ]  # fmt: skip
+
+
+def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
+    """A state's row of the table, and of the averaged state that is nearest to it."""
+    state = analysis.states[number].motion
+    averaged = min(
+        (one.motion for one in analysis.averaged_states if state.turns == 1),
+        key=lambda one: abs(one.speed - state.speed),
+        default=None,
+    )
+    share = state.efficiency
+    return (
+        'stable' if state.stable else 'unstable', str(state.turns), f'{state.speed:.6f}',
+        f'{state.stroke:.6f}', f'{state.flow:.6f}', '-' if share is None else f'{share:.4f}',
+        f'{analysis.shares[number]:.1%}' if state.stable else '-', _complex(state.multipliers[0]),
+        f'{averaged.speed:.4f}' if averaged else '-',
+        _complex(averaged.multipliers[0]) if averaged else '-',
+    )  # fmt: skip
+
+
+def _complex(value: complex) -> str:
+    aside = f' \N{PLUS-MINUS SIGN} {value.imag:.4f}i' if value.imag else ''
+    return f'{value.real:.4f}{aside}'
+
+
+def _changes_lines(analysis: Analysis) -> list[str]:
+    """The stable states under changed torques: relative changes."""
+    lines = []
+    for number, (state, _) in enumerate(analysis.states):
+        if state.stable:
+            cells = (
+                f'torque {change - 1:+.0%}: '
+                + (', '.join(f'{name} {x:+.2%}' for name, x in one['changes'].items()) or 'none')
+                for change, one in zip(
+                    CHANGES,
+                    (one for one in analysis.sensitivities if one['state'] == number),
+                    strict=True,
+                )
+            )
+            lines.append(f'at {state.speed:.4g} rad/s, ' + '; '.join(cells))
+    return lines
