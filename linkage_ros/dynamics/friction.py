@@ -299,13 +299,19 @@ def _largest(values: Sequence[Real]) -> Real:
     return functools.reduce(lambda x, y: where(x > y, x, y), values)
 
 
-def settle(run: Callable[..., Round], count: int, refuse: Callable[[Any], object]) -> Round:
+def settle(
+    run: Callable[..., Round],
+    count: int,
+    shape: tuple[int, ...],
+    refuse: Callable[[Any], object],
+) -> Round:
     """Repeats rounds until the forces are solved.
 
     Args:
         run: `friction_round` of one motion, or of an array of them: a function of the numbers of
             a `Search`.
         count: How many these are.
+        shape: Shape of an array of motions; empty: it is one.
         refuse: Called with where the mechanism locks itself, True or an array; raises an error.
 
     Returns:
@@ -315,6 +321,8 @@ def settle(run: Callable[..., Round], count: int, refuse: Callable[[Any], object
         AssertionError: `refuse` has not raised an error.
     """
     search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (count - 3)]
+    if shape:  # one program for all rounds
+        search = [np.full(shape, value) for value in search]
     for _ in range(_ROUNDS):
         found = run(*search)
         left = np.asarray(found.left)

@@ -374,8 +374,9 @@ class Solver:
             )
 
         program = self._round
-        run = functools.partial(self._run, program, *given, by_math=by_math)
-        return settle(run, len(program.names) - len(given), refuse)
+        motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
+        run = functools.partial(self._run, program, *motion, by_math=by_math)
+        return settle(run, len(program.names) - len(given), shape, refuse)
 
     def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
         """The values of all coordinates.
