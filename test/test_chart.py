@@ -38,9 +38,9 @@ from linkage_ros.lab.pump.settle import settle
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path
 
-# A coupler point, a guide, a load curve, friction; at a given speed. A wind pump has the speed
-# that it settles at.
-PRESETS = ['coupler_point', 'slider_crank', 'compressor', 'press']
+# A coupler point, a guide, a load curve, at a given speed; a wind pump has the speed that it
+# settles at.
+PRESETS = ['coupler_point', 'slider_crank', 'compressor']
 ALL = [*PRESETS, 'wind_pump']
 CHANGE_POINT = """
 linkage_node:
