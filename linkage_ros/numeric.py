@@ -40,7 +40,7 @@ HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 _TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
 # The same with a first part of 31 bits: 4 million turns times that are exact.
 _SHORT_TWO_PI = (6.2831853069365025, 2.430840202602477e-10)
-_TURN = Fraction(_TWO_PI[0]) + Fraction(_TWO_PI[1])
+TURN = Fraction(_TWO_PI[0]) + Fraction(_TWO_PI[1])
 
 
 def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
@@ -75,7 +75,7 @@ def nearest_turns(angle: float) -> int:
     Returns:
         The number of turns.
     """
-    return round(Fraction(angle) / _TURN)
+    return round(Fraction(angle) / TURN)
 
 
 def within_two_turns(angle: float) -> tuple[float, int]:
@@ -99,7 +99,7 @@ def with_turns(angle: float, pairs: int) -> float:
 @functools.lru_cache(maxsize=64)
 def _parts_of(pairs: int) -> tuple[float, ...]:
     """Numbers whose exact sum is that of pairs of turns, rad."""
-    parts, rest = [], pairs * 2 * _TURN
+    parts, rest = [], pairs * 2 * TURN
     while rest:
         parts.append(float(rest))
         rest -= Fraction(parts[-1])

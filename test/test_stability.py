@@ -8,6 +8,7 @@ import pytest
 from test_method_charts import run_quick
 
 from linkage_ros.lab.charts import stability as stability_chart
+from linkage_ros.lab.methods.curves import CURVE_METHODS, CURVE_SITUATIONS, STRAIGHT
 from linkage_ros.lab.methods.friction import FRICTION_METHODS, FRICTION_SITUATIONS, GROWN
 from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import (
@@ -21,7 +22,7 @@ from linkage_ros.lab.methods.outcomes import (
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.lab.methods.situations import SITUATIONS
 
-DEFAULTS = DEFAULT, GROWN, LIVE, RECORDS
+DEFAULTS = DEFAULT, STRAIGHT, GROWN, LIVE, RECORDS
 GRIDS = stability_chart.GRIDS
 NAMED = {
     ('factored, float32', 'near a change point'): DIVERGED,
@@ -37,6 +38,9 @@ NAMED = {
     ('central differences', 'near a change point'): DIVERGED,
     ('power balance', 'crank at rest'): NAN,
     ('constrained Newton-Euler', 'near a change point'): DIVERGED,
+    ('cubic spline', 'steep edge'): DIVERGED,
+    ('even nodes', 'corner of a load curve'): DIVERGED,
+    ('harmonics', 'corner after many turns'): DIVERGED,
     ('Newton, at once', 'friction that relieves'): DIVERGED,
     ('fixed point', 'nearly self-locking'): DIVERGED,
     ('one round', 'friction'): DIVERGED,
@@ -65,7 +69,7 @@ def test_defaults_are_right_or_refuse_and_others_fail_where_they_are_named(situa
             assert cell.outcome == NAMED[cell.method, cell.situation], cell
             continue
         assert cell.outcome == (RIGHT if situation.exists else REFUSED), cell
-        largest = {DEFAULT: 1e-8, GROWN: 1e-10}.get(
+        largest = {DEFAULT: 1e-8, STRAIGHT: 1e-9, GROWN: 1e-10}.get(
             cell.method, 1e-7 if situation.exists else 1e-3
         )
         assert cell.worst_error is None or cell.worst_error < largest, cell
@@ -79,12 +83,15 @@ def test_every_method_but_the_defaults_has_a_cell_where_it_fails():
 
 
 def test_command_writes_a_picture_and_the_cells(tmp_path, monkeypatch):
-    chosen = SITUATIONS[5:6], FRICTION_SITUATIONS[1:2], MOTION_SITUATIONS[1:2]
+    chosen = (
+        SITUATIONS[5:6], CURVE_SITUATIONS[:1], FRICTION_SITUATIONS[1:2], MOTION_SITUATIONS[1:2],
+    )  # fmt: skip
     grids = tuple((methods, few) for (methods, _), few in zip(GRIDS, chosen, strict=True))
     monkeypatch.setattr(stability_chart, 'GRIDS', grids)
     written, records = run_quick('stability', tmp_path)
     assert written == ['stability.json', 'stability.png']
     assert set(records[0]) == {'method', 'situation', 'outcome', 'worst_error'}
-    assert len(records) == len(METHODS) + len(FRICTION_METHODS) + len(INTEGRATORS)
+    all_methods = *METHODS, *CURVE_METHODS, *FRICTION_METHODS, *INTEGRATORS
+    assert len(records) == len(all_methods)
     assert all(r['worst_error'] is None or r['worst_error'] >= 0 for r in records)
     assert {r['outcome'] for r in records} == {RIGHT, REFUSED, DIVERGED, NAN}

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TITLE, WIDTH
+from linkage_ros.lab.methods.curves import CURVE_METHODS, CURVE_SITUATIONS, STRAIGHT
 from linkage_ros.lab.methods.friction import FRICTION_METHODS, FRICTION_SITUATIONS, GROWN
 from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import (
@@ -44,10 +45,12 @@ _WORDS = {
 _SHORT = {DIVERGED: 'wrong', WRONG_BRANCH: 'branch'}  # in a cell
 _DEFAULTS = {
     DEFAULT: 'default', LIVE: 'default, live', RECORDS: 'default for records', GROWN: 'default',
+    STRAIGHT: 'default',
 }  # fmt: skip
-# The grids from top to bottom: linkages, friction, motions.
+# The grids from top to bottom: linkages, load curves, friction, motions.
 GRIDS = (
     (METHODS, SITUATIONS),
+    (CURVE_METHODS, CURVE_SITUATIONS),
     (FRICTION_METHODS, FRICTION_SITUATIONS),
     (INTEGRATORS, MOTION_SITUATIONS),
 )
