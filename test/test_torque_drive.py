@@ -331,7 +331,8 @@ def ticks(count):
 PLAN = [
     *ticks(60), ('command', 3.0), *ticks(40), ('skip', 7), *ticks(20), ('motor', -1.5), *ticks(50),
     ('step', -1_234_567_890), ('command', -2.0), *ticks(30), ('step', 98_765_432), *ticks(10),
-    ('motor', 4.0), ('skip', 3), *ticks(30), ('skip', 12_000), *ticks(20),
+    ('motor', 4.0), ('skip', 3), *ticks(30), ('skip', 12_000), *ticks(20), ('skip', 1_200),
+    *ticks(9),
 ]  # fmt: skip
 
 
@@ -345,9 +346,9 @@ def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configur
         report = verify(log)
         assert report.difference == ''
         assert report.states == sum(kind in {'tick', 'step'} for kind, _ in PLAN)
-        assert report.missed == 7 + 3 + 12_000
+        assert report.missed == 7 + 3 + 12_000 + 1_200
         assert [segment.torque for segment in log.motions] == [
-            fast.drive.motor.torque, -1.5, -1.5, -1.5, 4.0, 4.0,
+            fast.drive.motor.torque, -1.5, -1.5, -1.5, 4.0, 4.0, 4.0,
         ]  # fmt: skip
 
 
@@ -461,6 +462,7 @@ def elsewhere(shift, simulator, snapshot):
             'does not follow from the one before: crank position',
         ),
         (lambda m, s: elsewhere(1e-3, m, s), 'does not follow from the one before'),
+        (moved(0, 2, np.inf), 'of state 30 has a mechanism_state that is not finite'),
     ],
 )
 def test_a_changed_state_is_found(tmp_path, alter, words):
