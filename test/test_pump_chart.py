@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from scipy.integrate import solve_ivp
 
 from linkage_ros import ConfigurationError, UnreachableError
 from linkage_ros.lab.charts.pump import draw_pump
@@ -236,6 +237,25 @@ def test_a_state_of_two_turns_comes_back_after_two_where_every_body_moves_by_its
         )
     assert end == pytest.approx((4 * math.pi, x, w, v), abs=1e-8)
     assert abs(half[2] - w) > 0.1
+
+
+def test_brute_force_ends_at_the_listed_states_and_at_no_others(doubled):
+    """Motions from four starts, by SciPy's integrator, end beside the stable states."""
+    solver = doubled.states[0].motion.solver
+    stable = [state.motion for state in doubled.states if state.motion.stable]
+    reached = set()
+
+    def slope(_, y):
+        return (y[2], y[3], *solver.forward(tuple(y.tolist()), MOTOR.at(y[2])))
+
+    for x, w, v in ((1.3, 2.0, 0.5), (1.8, 3.0, -0.5), (1.2, 5.5, 0.0), (1.6, 6.0, -0.4)):
+        with np.errstate(all='ignore'):
+            course = solve_ivp(slope, (0.0, 110.0), (0.0, x, w, v), rtol=1e-6, atol=1e-8)
+        last = course.y[:, -20:]
+        away = [one.distance(last[:, :, None])[0] for one in stable]
+        assert min(away) < 0.3, (x, w, v)
+        reached.add(int(np.argmin(away)))
+    assert reached == {0, 1}
 
 
 def test_two_stable_states_last_where_the_period_doubles(doubled):

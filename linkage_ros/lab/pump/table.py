@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from linkage_ros.lab.pump.analysis import CHANGES, STARTS, Analysis
 
+_LARGE = 1e4  # multiplier of which the size alone is shown
+
 
 def states_table(analysis: Analysis) -> list[str]:
     """The states, the stable ones under changed torques, and what is left, as tables.
@@ -66,6 +68,8 @@ def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
 
 
 def _complex(value: complex) -> str:
+    if abs(value) >= _LARGE:
+        return f'{abs(value):.1e}'
     aside = f' \N{PLUS-MINUS SIGN} {value.imag:.4f}i' if value.imag else ''
     return f'{value.real:.4f}{aside}'
 
