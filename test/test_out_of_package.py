@@ -244,7 +244,7 @@ points = accuracy.measure_accuracy(
 draw_accuracy([p for p in points if p.mechanism == 'quadrilateral'], 'it', 'accuracy.png')
 some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
 cells = outcomes.measure_outcomes(some, METHODS, cases=2, progress=plain)
-draw_stability(cells, [], 'it', 'stability.png')
+draw_stability(cells, 'it', 'stability.png')
 print(json.dumps([[p.record() for p in points], [c.record() for c in cells]]))
 """
 

@@ -51,8 +51,10 @@ class LoadArrows:
             positions: Positions that the links can take, shape (n, links), rad and m.
             output_pin: The pin of the output link there, x + iy, m, shape (n,).
         """
-        loads = tuple(load for load in mechanism.loads if not isinstance(load, Friction))
-        bare: Any = replace(mechanism, loads=loads)  # type: ignore[type-var]
+        bare: Any = mechanism
+        if mechanism.friction:
+            loads = tuple(load for load in mechanism.loads if not isinstance(load, Friction))
+            bare = replace(mechanism, loads=loads)  # type: ignore[type-var]
         self._solver, self._mark = Solver(bare), mark
         self._largest: dict[str, float] = {}
         for rate in (_HARDLY, -_HARDLY):
