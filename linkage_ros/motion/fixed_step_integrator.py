@@ -47,7 +47,7 @@ class Method(NamedTuple):
     error: tuple[Real, ...]
 
 
-_DORMAND_PRINCE = Method(
+DORMAND_PRINCE = Method(
     (
         (0.2,),
         (3 / 40, 9 / 40),
@@ -98,7 +98,7 @@ class FixedSteps:
         method: Method of a step.
     """
 
-    method = _DORMAND_PRINCE
+    method = DORMAND_PRINCE
 
     def __init__(
         self,
@@ -215,10 +215,10 @@ def leap(
         The end of each step, and its errors in those units, one array for each value.
     """
     slopes, end = [slope(phase)], phase
-    for weights in (*_DORMAND_PRINCE.stages, _DORMAND_PRINCE.end):
+    for weights in (*DORMAND_PRINCE.stages, DORMAND_PRINCE.end):
         end = _moved(weights, phase, h, *slopes)
         slopes.append(slope(end))
-    return end, _errors(_DORMAND_PRINCE.error, units, end, h, *slopes)
+    return end, _errors(DORMAND_PRINCE.error, units, end, h, *slopes)
 
 
 def wound(phase: Values) -> tuple[Values, int]:

@@ -166,7 +166,10 @@ def analyse(
     for state in search.states:
         pieces = with_curve(balance, state, pieces, limits)
     states = steady_states(balance, pieces, motor.torque)
-    states += [SteadyState(piece.motions[0], piece) for piece in pieces if len(piece.motions) == 1]
+    for state in search.states:
+        if not any(state.is_same(one.motion) for one in states):
+            pieces.append(Piece([state], LOST, LOST))
+            states.append(SteadyState(state, pieces[-1]))
     states.sort(key=lambda state: state.motion.speed)
     numbers = [
         next(number for number, one in enumerate(states) if one.motion.is_same(state))

@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance, at_torque
-from linkage_ros.lab.pump.motions import TURN, Motions
+from linkage_ros.lab.pump.motions import TURN, Course, Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.motion.drives import Motor
 
@@ -83,10 +82,10 @@ class Search:
             return False
         for turns in _periods(course):
             equations = self._balance.over(turns)
-            first = TURN * math.floor(course.x[-1] / TURN - turns)
-            if first < course.x[0]:
+            first = TURN * math.floor(course.angles[-1] / TURN - turns)
+            if first < course.angles[0]:
                 break
-            _, x, w, _ = course(first + equations.angles).T
+            _, x, w, _ = course.at(first + equations.angles).T
             torque = self._motor.torque
             state = equations.find(equations.fit(x, w, torque), at_torque(torque))
             if state and state.stable and not state.repeats_sooner:
@@ -105,12 +104,12 @@ class Search:
             self.belongs[number] = same[0]
 
 
-def _periods(course: CubicHermiteSpline) -> Iterable[int]:
+def _periods(course: Course) -> Iterable[int]:
     """The turns after which a motion may repeat: the least after which it does, then guesses."""
-    end, start = course.x[-1], course.x[0]
+    end, start = course.angles[-1], course.angles[0]
     back = np.arange(min(int((end - start) / TURN), 2 * _PERIODS))
-    points = course(end - TURN * back)[:, 1:]
-    spread = np.ptp(course(course.x)[:, 1:], axis=0)
+    points = course.at(end - TURN * back)[:, 1:]
+    spread = np.ptp(course.values[:, 1:], axis=0)
     repeats = (
         turns
         for turns in range(1, len(points) // 2 + 1)

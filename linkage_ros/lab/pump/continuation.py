@@ -5,11 +5,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import optimize
 
 from linkage_ros.lab.pump.branch import (
     END,
@@ -33,6 +32,7 @@ _NUDGE = 1e-3  # of the speed: from a motion to the first one beside it
 _SHORTEST = 1e-4  # step along a curve, relative to the unknowns' units
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosines of the angle between two steps: too large, and small
 _MOST = 400  # steps along a curve
+_MOST_SECANTS, _UNIT = 40, 1e-9  # to where a multiplier has the modulus 1, and how nearly
 
 
 class Limits(NamedTuple):
@@ -213,8 +213,25 @@ def _boundary(
     def excess(share: float) -> float:
         return abs(motion(share).multipliers[0]) - 1
 
-    found = motion(optimize.brentq(excess, 0.0, 1.0, xtol=1e-9))
+    found = motion(_zero(excess))
     largest = found.multipliers[0]
     if largest.imag:
         return found, TORUS
     return found, FOLD if largest.real > 0 else PERIOD_DOUBLING
+
+
+def _zero(function: Callable[[float], float]) -> float:
+    """Where a function changes its sign between 0 and 1, by the Illinois method.
+
+    See M. Dowell and P. Jarratt, BIT 11 (1971), 168-174.
+    """
+    x, y = 0.0, 1.0
+    at_x, at_y = function(x), function(y)
+    for _ in range(_MOST_SECANTS):
+        z = y - at_y * (y - x) / (at_y - at_x)
+        at_z = function(z)
+        x, at_x = (x, 0.5 * at_x) if at_z * at_y > 0 else (y, at_y)
+        y, at_y = z, at_z
+        if abs(at_y) < _UNIT:
+            break
+    return y

@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from scipy import linalg
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
@@ -175,8 +174,10 @@ class HarmonicBalance:
         if not motion.at(self.angles)[1].min() > 0:
             return None
         tail = np.abs(slider[-2:]).max() / self._mechanism.crank.length
-        if tail < _TAIL or self._harmonics == _FINEST:
-            return motion if tail < _TAIL else None
+        if tail < _TAIL:  # the multipliers refuse a motion next to a stretched dyad
+            return motion if np.isfinite(motion.multipliers).all() else None
+        if self._harmonics == _FINEST:
+            return None
         return self.finer.find(self.finer.unknowns(motion), condition)
 
     def slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
@@ -196,8 +197,8 @@ class HarmonicBalance:
         inertia = weights[0].T @ (m11[:, None] * spin + m12[:, None] * push)
         inertia += weights[1].T @ (m12[:, None] * spin + m22[:, None] * push)
         jacobian = self._equations(unknowns)[0][:-1, :-1]
-        growth = linalg.eigvals(-jacobian, inertia)
-        growth = growth[np.argsort(np.abs(growth))][:3]  # X0 has no rate: the fourth is infinite
+        times = np.linalg.eigvals(np.linalg.solve(-jacobian, inertia))
+        growth = 1 / times[np.argsort(-np.abs(times))][:3]  # X0 has no rate: the fourth time is 0
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
     def _equations(self, unknowns: Array) -> tuple[Array, Array]:

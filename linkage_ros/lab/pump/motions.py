@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any, cast
+from collections.abc import Iterable
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-from scipy.integrate import RK45
-from scipy.interpolate import CubicHermiteSpline
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import MotionError
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
+from linkage_ros.motion.fixed_step_integrator import DORMAND_PRINCE
 from linkage_ros.numeric import Array
 
 TURN = 2 * math.pi
@@ -29,6 +29,32 @@ _SHORTEST = 1e-7  # step, of the time of a radian
 _FASTEST = 1e3  # rates, in the same units: beyond, a motion has ended
 _EDGE = 1e-9  # relative, of the square of the dyad's length
 _KEPT = 500  # steps
+
+
+class Course(NamedTuple):
+    """Values over the crank angle, by cubic polynomials between some angles.
+
+    Attributes:
+        angles: Rising, of shape (n), rad.
+        values: There, of shape (n, m).
+        rates: Their derivatives by the angle.
+    """
+
+    angles: Array
+    values: Array
+    rates: Array
+
+    def at(self, angles: Array) -> Array:
+        """The values at other angles, of shape (k, m)."""
+        last = len(self.angles) - 2
+        one = np.clip(np.searchsorted(self.angles, angles, side='right') - 1, 0, last)
+        width = np.diff(self.angles)[one, None]
+        t = (angles[:, None] - self.angles[one, None]) / width
+        start, end = self.values[one], self.values[one + 1]
+        way = end - start
+        before, after = self.rates[one] * width - way, way - self.rates[one + 1] * width
+        found: Array = start + t * way + t * (1 - t) * ((1 - t) * before + t * after)
+        return found
 
 
 class Motions:
@@ -75,12 +101,12 @@ class Motions:
 
     def _try(self) -> None:
         h, slopes = self._step, [self._slope]
-        for row in RK45.A[1:]:
-            moved = sum(a * slope for a, slope in zip(row, slopes, strict=False))
+        for row in DORMAND_PRINCE.stages:
+            moved = _sum(row, slopes)
             slopes.append(self._slopes(self._phase + h * moved))
-        end = self._phase + h * sum(map(np.multiply, RK45.B, slopes))
+        end = self._phase + h * _sum(DORMAND_PRINCE.end, slopes)
         slopes.append(self._slopes(end))
-        error = h * sum(map(np.multiply, RK45.E, slopes)) / self._units
+        error = h * _sum(DORMAND_PRINCE.error, slopes) / self._units
         worst = np.nan_to_num(np.abs(error).max(axis=0) / _TOLERANCE, nan=np.inf)
         good = (worst <= 1) & ~self.ended
         self._time = np.where(good, self._time + h, self._time)
@@ -118,15 +144,15 @@ class Motions:
         found: Array = np.array([self._rows[i][1] for i in chosen]).swapaxes(0, 1)
         return found
 
-    def course(self, number: int) -> CubicHermiteSpline | None:
+    def course(self, number: int) -> Course | None:
         """The last steps of a motion over the crank angle.
 
         Args:
             number: Of the motion.
 
         Returns:
-            Of crank angles, rad: time, slider position, and the rates of crank and slider; None if
-            the crank does not turn forwards.
+            Time, slider position, and the rates of crank and slider; None if the crank does not
+            turn forwards.
         """
         times, phases, slopes = (
             np.array([row[part][..., number] for row in self._rows]) for part in range(3)
@@ -141,7 +167,7 @@ class Motions:
         w = phases[:, 2:3]
         values = np.column_stack((times, phases[:, 1:]))
         rates = np.column_stack((np.ones(len(w)), slopes[:, 1:])) / w
-        return CubicHermiteSpline(phases[:, 0], values, rates)
+        return Course(phases[:, 0], values, rates)
 
     def turns(self, number: int) -> float:
         """How often the crank of a motion has turned."""
@@ -164,3 +190,8 @@ class Motions:
         except MotionError as error:
             return str(error)
         return None
+
+
+def _sum(weights: Iterable[float], slopes: Iterable[Array]) -> Any:
+    """The weighted sum of slopes."""
+    return sum(weight * slope for weight, slope in zip(weights, slopes, strict=False) if weight)
