@@ -404,6 +404,19 @@ def test_what_cannot_be_drawn_is_one_line(monkeypatch, capsys, arguments, words)
     assert out == ''
 
 
+@pytest.mark.parametrize('command', [['motion'], ['movie', 'crank.gif']])
+@pytest.mark.parametrize('drive', ['torque', 'follow'])
+def test_a_crank_without_a_speed_of_its_own_needs_one(
+    tmp_path, monkeypatch, capsys, command, drive
+):
+    monkeypatch.chdir(tmp_path)
+    Path('crank.yaml').write_text(f'/**: {{ros__parameters: {{drive: {drive}}}}}')
+    kind, *rest = command
+    assert chart(monkeypatch, kind, 'crank.yaml', *rest) == 2
+    expected = 'crank.yaml has no crank speed of its own: at which speed to draw it? Add --rpm 60'
+    assert expected in capsys.readouterr().err
+
+
 def test_a_pump_that_starts_at_rest_says_which_parameter_to_set(tmp_path, monkeypatch, capsys):
     text = preset_path('wind_pump').read_text()
     (tmp_path / 'still.yaml').write_text(re.sub('start_rpm: .*', 'start_rpm: 0.0', text))

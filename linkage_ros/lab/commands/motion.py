@@ -122,11 +122,12 @@ def _driven(
         raise ConfigurationError(
             '--fluctuation is for a steady speed, and --acceleration changes it: leave one out'
         )
-    if rpm is None and isinstance(drive, TorqueDrive):
-        raise ConfigurationError(
-            f'{options.params} is driven by a torque: at which speed to draw it? Add --rpm 60'
-        )
-    if rpm is None and isinstance(drive, SpeedDrive):
+    if rpm is None:
+        if not isinstance(drive, SpeedDrive):
+            raise ConfigurationError(
+                f'{options.params} has no crank speed of its own: at which speed to draw it? '
+                'Add --rpm 60'
+            )
         rpm = drive.rpm
     period = SpeedDrivenPeriod(
         mechanism, radians_per_second(rpm), options.acceleration, reactions=options.reactions
