@@ -189,6 +189,14 @@ def test_a_topic_in_and_out_is_refused_before_there_is_a_log(tmp_path):
         assert not log.exists()
 
 
+def test_a_command_topic_that_is_the_measured_one_is_not_to_be_remapped():
+    """Both would move."""
+    done = finished(
+        'node', *node_arguments(drive='follow', effort_command_topic='/measured_joint_states')
+    )
+    assert_refused(done.returncode, '', done.stderr, 'itself; give its own another name$')
+
+
 @pytest.mark.parametrize(
     ('values', 'words'),
     [

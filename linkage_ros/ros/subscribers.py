@@ -71,9 +71,12 @@ class _PolledSubscription:
         self.topic, self._depth = node.resolve_topic_name(topic.name), depth
         for name in outputs:
             if node.resolve_topic_name(name) == self.topic:
+                own = name.lstrip('/')
+                # A remapping of one name cannot tell the two apart.
+                cure = '' if own == topic.name else f', -r {name}:=linkage/{own}'
                 raise ConfigurationError(
                     f'{topic.name} and {name} are one topic, {self.topic}: the node would hear '
-                    f'itself; give its own another name, -r {name}:=linkage/{name.lstrip("/")}'
+                    f'itself; give its own another name{cure}'
                 )
         self._subscription = node.create_subscription(
             JointState, topic.name, lambda _: None, _best_effort(depth), raw=True,
