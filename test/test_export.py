@@ -202,8 +202,8 @@ def run(configuration, seconds, mechanism=None):
 
 
 def rows_of_the_page():
-    """Preset, difference, deg, and gap, micrometres, as the page shows them."""
-    found = re.findall(r'^\| (\w+) \| (\S+) deg \| (\S+) um \|$', PAGE, re.MULTILINE)
+    """Of each preset seconds, difference, deg, and gap, micrometres, as the page shows them."""
+    found = re.findall(r'^\| (\w+) \| (\d) s \| (\S+) deg \| (\S+) um \|$', PAGE, re.MULTILINE)
     return {preset: [float(number) for number in row] for preset, *row in found}
 
 
@@ -213,8 +213,8 @@ def test_the_page_shows_every_preset():
 
 @each
 def test_mujoco_turns_as_far_off_our_plant_as_the_page_says(preset):
-    angle, micrometres = rows_of_the_page()[preset]
-    worst, widest = run(load(preset), 1.0)
+    seconds, angle, micrometres = rows_of_the_page()[preset]
+    worst, widest = run(load(preset), seconds)
     # Two digits are shown.
     assert worst == pytest.approx(angle, rel=0.06)
     assert widest * 1e6 == pytest.approx(micrometres, rel=0.06)
