@@ -131,6 +131,7 @@ def test_a_file_gives_the_curve_of_its_columns(tmp_path):
         ('at,value\n0,1\n1,one\n', 'row 3: must be 2 finite numbers'),
         ('at,value\n0,1\n1,nan\n', 'row 3'),
         ('at,value\n0,1,2\n', 'row 2'),
+        ('at,value\n0,1\n1,1e15\n', r'load\.value = \(1\.0, .*: must be .* to 1e\+12 N or N m'),
         (None, 'No such file'),
     ],
 )

@@ -9,7 +9,7 @@ import csv
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -96,8 +96,11 @@ class LoadCurve(Checked):
                 f'load.file = {shown(self.file)}: leave out at, value and return_value, which the '
                 'file holds'
             )
-        for name, row in _columns_of(self.file).items():
-            object.__setattr__(self, name, row)
+        columns = _columns_of(self.file)
+        for field in fields(self):
+            if field.name in columns:
+                name, row = f'load.{field.name}', columns[field.name]
+                object.__setattr__(self, field.name, field.metadata['quantity'].clean(name, row))
         object.__setattr__(self, 'file', '')
 
     def _require_one_turn(self, at: Sequence[float], value: Sequence[float]) -> None:
