@@ -51,10 +51,11 @@ def called(monkeypatch, capfd):
 
 
 # First, so that no process is left alone with one of them at the end.
-LONGEST = ('test_docs', 'test_pump_chart', 'test_stability', 'test_faults', 'test_hostile', 'test_method_charts',
-           'test_fifty_digits', 'test_replay', 'test_rerun_view', 'test_two_hosts',
-           'test_out_of_package', 'test_packaging', 'test_flywheel', 'test_hostile_findings',
-           'test_chart', 'test_node', 'test_launch', 'test_ros', 'test_integrators')  # fmt: skip
+LONGEST = ('test_docs', 'test_pump_chart', 'test_stability', 'test_faults', 'test_hostile',
+           'test_method_charts', 'test_export', 'test_fifty_digits', 'test_replay',
+           'test_rerun_view', 'test_two_hosts', 'test_out_of_package',
+           'test_packaging', 'test_flywheel', 'test_hostile_findings', 'test_chart',
+           'test_node', 'test_launch', 'test_ros', 'test_integrators')  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):
