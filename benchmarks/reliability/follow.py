@@ -22,8 +22,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from harness import DOMAIN, finish, listening, node, options, wait_for
-from realtime import SETTLE, heard
+import numpy as np
+from harness import DOMAIN, finish, listening, node, options, quantiles, wait_for
+from realtime import SETTLE
 
 from linkage_ros.lab.reference.states import Reference
 from linkage_ros.log.reader import LogReader
@@ -34,6 +35,20 @@ RATES = (100.0, 500.0, 1000.0)  # Hz
 MEASURED, ANSWERS = '/joint_states', '/linkage/joint_states'
 REMAPS = {'measured_joint_states': MEASURED, 'joint_states': ANSWERS}
 COMPARED = 200  # states
+
+
+def heard(path: Path, rate: float, seconds: float) -> dict[str, Any]:
+    """What the subscriber got in the last seconds: rate, gaps, age at its arrival."""
+    times = np.load(path)
+    times = times[times[:, 0] > times[-1, 0] - seconds * 1e9]
+    stamps = times[:, 0]
+    gaps = np.rint(np.diff(stamps) * 1e-9 * rate).astype(int) - 1
+    return {
+        'rate': (len(stamps) - 1) / ((stamps[-1] - stamps[0]) * 1e-9),
+        'states': len(stamps),
+        'missed': int(gaps.sum()),
+        'age': quantiles((times[:, 1] - stamps) * 1e-3),
+    }
 
 
 def compared(path: Path) -> dict[str, Any]:
