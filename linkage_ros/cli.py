@@ -170,8 +170,9 @@ class Stop:
 
     The signals are SIGINT, SIGTERM, and SIGHUP unless it is ignored, as behind nohup. Python
     handles them in the main thread, and at once only where that thread waits in Python; so
-    whatever works does so in other threads, or naps here. A threading.Event would lock itself up
-    where a signal comes just as the wait for it begins; this queue may be filled at any time.
+    all work is done in other threads, or the main thread waits here between its steps. A
+    threading.Event would lock itself up where a signal comes just as the wait for it begins;
+    this queue may be filled at any time.
     """
 
     def __init__(self) -> None:

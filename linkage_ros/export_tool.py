@@ -80,7 +80,7 @@ def _write(options: argparse.Namespace, text: str) -> None:
 
 
 def _options(file: str) -> tuple[cli.Option, ...]:
-    """What both commands take."""
+    """The options that both commands have."""
     presets = f'parameter file, or a preset: {", ".join(preset_names())}'
     prefix = 'put before every joint and link name (default: joint_prefix of the file)'
     return (

@@ -38,7 +38,7 @@ COMPARED = 200  # states
 
 
 def heard(path: Path, rate: float, seconds: float) -> dict[str, Any]:
-    """What the subscriber got in the last seconds: rate, gaps, age at its arrival."""
+    """Rate, gaps and ages of the states that the subscriber received in the last seconds."""
     times = np.load(path)
     times = times[times[:, 0] > times[-1, 0] - seconds * 1e9]
     stamps = times[:, 0]

@@ -166,13 +166,13 @@ def log_speed(rounds: int) -> list[dict[str, object]]:
 
 
 def chunks(path: Path) -> list[bytes]:
-    """What the chunks of a log hold, unpacked."""
+    """The decompressed contents of all chunks of a log."""
     with path.open('rb') as stream:
         return [part.data for part in McapFile(stream).parts()]
 
 
 def compress(packed: list[bytes]) -> None:
-    """What writing them takes at least."""
+    """Compresses chunks: the least work that writing a log takes."""
     for data in packed:
         zstandard.compress(data)
         zlib.crc32(data)

@@ -63,7 +63,7 @@ def per_tick(record: dict[str, Any]) -> float:
 def _limits(
     ticks: Sequence[dict[str, Any]], logs: Sequence[dict[str, Any]]
 ) -> Iterator[tuple[str, float, float]]:
-    """What is limited, its value, and the limit."""
+    """Each limited quantity with its measured value and its limit."""
     found = {record['contender']: record for record in ticks}
     cost = {name: per_tick(record) for name, record in found.items()}
     log, viewer = 'linkage_node, log', 'linkage_node, log, viewer'

@@ -162,8 +162,8 @@ def friction_round(
         u: Their rates.
         a: Their accelerations.
         begun: The first three fields of `Search`.
-        sizes: Its next field.
-        known: Its last field.
+        sizes: `Search.sizes`, N.
+        known: `Search.known`, N.
 
     Returns:
         The round.
@@ -261,7 +261,7 @@ def _advanced(
 def _next(
     search: Search, steps: Sequence[Real], whole: Real, largest: Real
 ) -> tuple[Search, Real]:
-    """What the next round begins with, and `Round.left`.
+    """The search with which the next round begins, and `Round.left`.
 
     Args:
         search: What this round began with.

@@ -144,7 +144,7 @@ class Code(NamedTuple):
 
     Attributes:
         bind: A function of the constants that are used; it returns the program.
-        text: Its source.
+        text: Source code of the program.
         used: For each number of the constants, whether it is used.
     """
 
@@ -191,7 +191,7 @@ class Program:
 
         Args:
             formula: From constants and arguments to numbers in nested tuples.
-            constants: Its constants.
+            constants: The constants of the formula.
             arguments: The names of the arguments.
         """
         self.formula, self.constants, self._arguments = formula, constants, arguments

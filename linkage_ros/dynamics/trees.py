@@ -36,11 +36,11 @@ _NOTHING = Vector(ZERO, ZERO), (Vector, ZERO, ZERO)
 
 
 class Constants:
-    """What programs bind to a formula, found once for all programs that share it.
+    """The constants of a formula, prepared once for all programs that use them.
 
     Attributes:
-        tree: As formulas take it: vectors in place of complex numbers, ZERO in place of 0.0.
-        numbers: Its numbers and opaque functions, in order.
+        tree: The constants, with vectors in place of complex numbers and ZERO in place of 0.0.
+        numbers: The numbers and opaque functions in the tree, in order.
         structure: The tree without these, as a key.
     """
 

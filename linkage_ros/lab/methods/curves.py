@@ -18,10 +18,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import LinkageError
 from linkage_ros.lab.methods.chain import Method
 from linkage_ros.lab.methods.linkages import Random, slider_crank
-from linkage_ros.lab.methods.outcomes import DIVERGED, LIMIT, REFUSED, RIGHT, Outcome, Situation
+from linkage_ros.lab.methods.outcomes import Outcome, Situation, judged
 from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.numeric import TURN
 
@@ -54,13 +53,8 @@ class CurveBench:
 
     def judge(self, method: Method, situation: Situation) -> Iterator[Outcome]:
         """The outcome of a method."""
-        try:
-            found = method.solve(self)
-        except LinkageError:
-            yield REFUSED, None
-            return
-        error = abs(found - self.exact(self.crank)) / _LARGEST
-        yield (RIGHT if situation.exists and error <= LIMIT else DIVERGED), error
+        exact = self.exact(self.crank)
+        yield judged(lambda: method.solve(self), exact, _LARGEST, exists=situation.exists)
 
 
 def _own(bench: CurveBench) -> float:

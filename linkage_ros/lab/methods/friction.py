@@ -17,17 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import LinkageError
 from linkage_ros.lab.methods.chain import Method, Task
 from linkage_ros.lab.methods.linkages import Random, slider_crank
-from linkage_ros.lab.methods.outcomes import (
-    DIVERGED,
-    LIMIT,
-    REFUSED,
-    RIGHT,
-    Outcome,
-    Situation,
-)
+from linkage_ros.lab.methods.outcomes import Outcome, Situation, judged
 from linkage_ros.model.friction import Friction
 
 if TYPE_CHECKING:
@@ -78,14 +70,8 @@ class FrictionBench:
 
     def judge(self, method: Method, situation: Situation) -> Iterator[Outcome]:
         """The outcome of a method."""
-        try:
-            found = method.solve(self)
-        except LinkageError:
-            yield REFUSED, None
-            return
         exact = abs(self.push) / (1 - self.locks)
-        error = abs(found - exact) / abs(exact)
-        yield (RIGHT if situation.exists and error <= LIMIT else DIVERGED), error
+        yield judged(lambda: method.solve(self), exact, abs(exact), exists=situation.exists)
 
 
 def _own(bench: FrictionBench) -> float:

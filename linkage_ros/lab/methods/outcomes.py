@@ -23,6 +23,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from linkage_ros.errors import LinkageError
 from linkage_ros.lab.methods.chain import Method
 
 RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
@@ -52,6 +53,27 @@ class Situation:
     cases: Callable[[int], Sequence[Any]]
     exists: bool = True
     judged: str = ''
+
+
+def judged(
+    solve: Callable[[], float], exact: float, size: float, *, exists: bool = True
+) -> Outcome:
+    """The outcome of a method that computes one number.
+
+    Args:
+        solve: Computes it.
+        exact: The right answer.
+        size: What errors are relative to.
+        exists: See `Situation`.
+
+    Returns:
+        The outcome, with the relative error.
+    """
+    try:
+        error = abs(solve() - exact) / size
+    except LinkageError:
+        return REFUSED, None
+    return (RIGHT if exists and error <= LIMIT else DIVERGED), error
 
 
 @dataclass(frozen=True)
