@@ -202,6 +202,11 @@ def cross(u: Vector, v: Vector) -> Real:
     return u.x * v.y - u.y * v.x
 
 
+def turned(vector: Vector, cos: Real, sin: Real) -> Vector:
+    """A vector turned by an angle, and stretched where cos^2 + sin^2 is not 1."""
+    return Vector(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos)
+
+
 def _apply(
     name: str, scalar: Callable[..., float], array: Callable[..., Real], *values: Real
 ) -> Real:

@@ -91,6 +91,7 @@ class Model(NamedTuple):
         pins: The pin joints, empty where they are not known.
         places: Their points, in the same order.
         dyads: Which links meet in pins.
+        other_dyads: The same for other coordinates.
         gravity: Acceleration of gravity, m/s^2.
         loads: What acts on the links besides their weights.
         refuse: Refuses q, u and a that are not finite, or that make a result not finite.
@@ -104,6 +105,7 @@ class Model(NamedTuple):
     pins: tuple[Pin, ...]
     places: tuple[Point, ...]
     dyads: tuple[Dyad, ...]
+    other_dyads: tuple[Dyad, ...]
     gravity: Vector
     loads: tuple[Load, ...]
     refuse: Opaque
@@ -112,14 +114,21 @@ class Model(NamedTuple):
     massless: Opaque
 
     @classmethod
-    def of(cls, mechanism: Mechanism, structure: Structure, *refusals: Opaque) -> Model:
-        """The constants of a mechanism, with the last fields as given."""
+    def of(
+        cls,
+        mechanism: Mechanism,
+        structure: Structure,
+        *refusals: Opaque,
+        loop: Loop | None = None,
+    ) -> Model:
+        """The constants of a mechanism, with the last fields as given; by default its own loop."""
+        loop = loop or mechanism.loop()
         pins, gravity = structure.pins, Vector(*mechanism.gravity)
         places = tuple(structure.points[pin.name] for pin in pins)
         loads = mechanism.link_loads()
         return cls(
-            mechanism.loop(), structure.links, pins, places, structure.dyads, gravity, loads,
-            *refusals,
+            loop, structure.links, pins, places, structure.dyads, structure.other_dyads, gravity,
+            loads, *refusals,
         )  # fmt: skip
 
     def all_loads(self) -> tuple[Load, ...]:
@@ -233,13 +242,24 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
     pose = model.loop.pose(tuple(q))
     held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
     matrix = mass_matrix(model, pose)
-    driven = [torque - held[0], *(-force for force in held[1:])]
+    driven = [
+        torque * lever - force for lever, force in zip(pose.links[0].jacobian, held, strict=True)
+    ]
     inertia = number(determinant(matrix))
     require(inertia > 0, model.massless)
     found = solved(matrix, driven, inertia)
     for change in found:
         require(is_finite(change), model.refuse_torque, *q, *u, torque)
     return found
+
+
+def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> State:
+    """The motion of all links under a torque on the crank."""
+    changes = forward(model, q, u, torque)
+    pose = model.loop.pose(tuple(q))
+    positions = tuple(link.position for link in pose.links)
+    rates = tuple(velocities(pose, u))
+    return State(positions, rates, tuple(accelerations(pose, u, changes)), torque)
 
 
 def solved(
@@ -282,14 +302,15 @@ class Meeting(NamedTuple):
 
 
 def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meeting, ...]:
-    """The angles at which the links of each dyad meet."""
+    """The angles at which the links of each dyad meet, then those of the other dyads."""
     pose = model.loop.pose(tuple(q))
     rates, found = velocities(pose, u), []
-    for dyad, sine in zip(model.dyads, pose.sines, strict=True):
+    for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
         first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
         # A link that slides meets the other with its normal, and does not turn.
         slides = model.links[dyad.second].slides
-        slope = dot(first, second.left() if slides else second)
+        normal = second.left() if slides else second
+        slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact
         rate = slope * ((ZERO if slides else rates[dyad.second]) - rates[dyad.first])
         found.append(Meeting(abs(sine), dot(first, second), where(sine >= 0, rate, -rate)))
     return tuple(found)

@@ -18,6 +18,7 @@ from linkage_ros.dynamics.equations import Meeting, Model
 from linkage_ros.dynamics.friction import Round, friction_program, settle
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Reactions, reactions
+from linkage_ros.dynamics.refusals import refuse_massless, refuse_overflow
 from linkage_ros.dynamics.state import PointMotion, State
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
@@ -26,8 +27,8 @@ from linkage_ros.model.friction import Friction
 from linkage_ros.model.loads import Load
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.model.reach import Reach
-from linkage_ros.model.structure import Mechanism, Point
-from linkage_ros.numeric import Real, real_numbers, require_finite
+from linkage_ros.model.structure import Description, Mechanism, Point
+from linkage_ros.numeric import Real, real_numbers
 from linkage_ros.quantities import shown
 
 
@@ -42,27 +43,43 @@ class Solver:
         mechanism: The description it was made from.
         structure: How its links hang together.
         links: Names of the links, in the order of all tuples.
+        description: Its coordinates and assembly.
         coordinates: Names of the links whose positions are the coordinates.
     """
 
-    def __init__(self, mechanism: Mechanism, *, compiled: bool = False) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        compiled: bool = False,
+        description: Description | None = None,
+    ) -> None:
         """Prepares the programs; each is compiled when it is first used.
 
         Args:
             mechanism: The mechanism to solve.
             compiled: Whether Numba turns the programs for arrays into machine code.
+            description: Coordinates and assembly; None: the mechanism's own. In its other
+                coordinates only what takes a torque, and `meetings`, are meant to be used: that
+                torque acts on the crank.
 
         Raises:
             MechanismError: That is not a mechanism.
         """
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
-        self.mechanism, self.structure = mechanism, mechanism.structure()
+        self.mechanism, structure = mechanism, mechanism.structure()
+        self.description = description or mechanism.description
+        if self.description.coordinates != mechanism.coordinates:
+            structure = structure._replace(
+                dyads=structure.other_dyads, other_dyads=structure.dyads
+            )
+        self.structure = structure
         self._compiled = compiled
         self.links = tuple(link.name for link in self.structure.links)
-        self.coordinates = mechanism.coordinates
+        self.coordinates = self.description.coordinates
         self._count = len(self.coordinates)
-        slides = {link.name: link.slides for link in self.structure.links}
+        slides = {link.name: link.slides for link in structure.links}
         q = tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in self.coordinates)
         u, a = (
             tuple(f'{x}_{word}' for x in self.coordinates) for word in ('speed', 'acceleration')
@@ -70,11 +87,12 @@ class Solver:
         self._names = {'q': q, 'u': u, 'a': a}
         self._model = Model.of(
             mechanism,
-            self.structure,
-            Opaque(functools.partial(_refuse, (*q, *u, *a))),
-            Opaque(functools.partial(_refuse, (*q, *u, 'torque'))),
+            structure,
+            Opaque(functools.partial(refuse_overflow, (*q, *u, *a))),
+            Opaque(functools.partial(refuse_overflow, (*q, *u, 'torque'))),
             Opaque(self._refuse_change_point),
-            Opaque(_refuse_massless),
+            Opaque(refuse_massless),
+            loop=mechanism.loop_of(self.description),
         )
         self._constants = model = Constants(self._model)
         self._steady = Program(equations.state, model, (q, u, ()))
@@ -82,6 +100,7 @@ class Solver:
         self._forward = Program(equations.forward, model, (q, u, 'torque'))
         self._energy = Program(equations.energy, model, (q, u))
         self._matrix = Program(equations.matrix, model, (q,))
+        self._driven = Program(equations.driven_state, model, (q, u, 'torque'))
         self._meetings = Program(equations.meetings, model, (q, u))
         self._points: dict[str, Program] = {}
         self._friction = mechanism.friction
@@ -89,7 +108,8 @@ class Solver:
         self._is_plain = self._count == 1 and self._friction is None
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
-        return functools.partial(type(self), compiled=self._compiled), (self.mechanism,)
+        make = functools.partial(type(self), compiled=self._compiled, description=self.description)
+        return make, (self.mechanism,)
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
@@ -179,6 +199,25 @@ class Solver:
         found = self._run(self._forward, *row, by_math=by_math)
         return found if self._count > 1 or isinstance(q, tuple) else found[0]
 
+    def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
+        """Solves the whole motion under a torque.
+
+        Args:
+            q: Coordinates.
+            u: Their rates.
+            torque: On the crank, N m, counter-clockwise positive.
+            by_math: Whether arrays have the bits that their floats would have; see `state`.
+
+        Returns:
+            The state; its torque is the given one.
+
+        Raises:
+            LinkageError: As for `accelerations`.
+        """
+        row = (*self._row('q', q), *self._row('u', u), torque)
+        state: State = self._run(self._driven, *row, by_math=by_math)
+        return state
+
     def forward(self, y: Sequence[float], torque: float) -> tuple[float, ...]:
         """The accelerations under a torque, for integrators: floats that nothing checks.
 
@@ -202,7 +241,7 @@ class Solver:
             y: Coordinates, then their rates, floats.
 
         Returns:
-            See `Meeting`.
+            See `Meeting`; behind them those of the dyads of the other coordinates, if there are.
 
         Raises:
             LinkageError: As for `state`.
@@ -263,7 +302,7 @@ class Solver:
             names = tuple(
                 tuple(f'{link}_{field}' for link in self.links) for field in State._fields[:3]
             )
-            refuse = Opaque(functools.partial(_refuse, tuple(itertools.chain(*names))))
+            refuse = Opaque(functools.partial(refuse_overflow, tuple(itertools.chain(*names))))
             point = Constants((points[name], refuse))
             self._points[name] = Program(_point_motion, point, names)
         row = itertools.chain(*self._rows(state))
@@ -344,7 +383,7 @@ class Solver:
             met = self.meetings((*q, *(0.0 for _ in q)))
         except UnreachableError:
             return 0.0, ' and '.join(links[i].name for i in dyads[0][:2]) + ' are in line'
-        (sine, cosine, _), dyad = min(zip(met, dyads, strict=True))
+        (sine, cosine, _), dyad = min(zip(met, dyads, strict=False))
         first, second = links[dyad.first], links[dyad.second]
         if second.slides:
             return sine, f'the {first.name} stands across the guide'
@@ -434,18 +473,6 @@ class Solver:
         )
 
 
-def _refuse(names: Sequence[str], *values: float) -> NoReturn:
-    """Refuses numbers that are not finite, or so large that a result is not.
-
-    Raises:
-        ConfigurationError: Always.
-    """
-    given = dict(zip(names, values, strict=False))
-    require_finite(**given)
-    words = ', '.join(f'{name.replace("_", " ")} = {x:g}' for name, x in given.items())
-    raise ConfigurationError(f'the torque or an acceleration overflows at {words}: lower them')
-
-
 def _point_motion(
     constants: tuple[Point, Opaque],
     angles: Sequence[Real],
@@ -456,10 +483,3 @@ def _point_motion(
     require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
     directions = [Vector.at(angle) for angle in angles]
     return PointMotion(*point.follow(directions, rates, changes))
-
-
-def _refuse_massless() -> NoReturn:
-    raise MechanismError(
-        'something moves without a mass: its acceleration under a torque has no finite value; '
-        'give the links a mass or an inertia'
-    )

@@ -24,11 +24,12 @@ import cmath
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError, MechanismError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, where
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, turned, where
 from linkage_ros.model.loads import Load, link_forces
+from linkage_ros.model.other_coordinates import ByRocker, half_turn_on
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -42,7 +43,7 @@ from linkage_ros.model.parts import (
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
-from linkage_ros.model.swing import swing
+from linkage_ros.model.swing import middle, swing
 from linkage_ros.model.transmission import Halves, Square, Transmission
 from linkage_ros.numeric import (
     Real,
@@ -50,7 +51,6 @@ from linkage_ros.numeric import (
     nearest_turns,
     rounded,
     short_sum,
-    wrap,
 )
 from linkage_ros.quantities import quantity
 
@@ -115,7 +115,7 @@ class FourBarLoop(NamedTuple):
             dyad = Vector(diff_bc * cos_m, sum_bc * sin_m)
             square = nearest + growth * (S * S)
             scale = 1.0 / square
-            base = _turned(half_way, scale * dot(ground, dyad), scale * cross(ground, dyad))
+            base = turned(half_way, scale * dot(ground, dyad), scale * cross(ground, dyad))
             if self.close:
                 mean, mean_slope = self._careful_mean(halves, (first, second), square)
             else:
@@ -174,11 +174,6 @@ class FourBarLoop(NamedTuple):
         return 0.5 * (1.0 - nu), -0.5 * nu_slope
 
 
-def _turned(vector: Vector, cos: Real, sin: Real) -> Vector:
-    """A vector turned by an angle, and stretched where cos^2 + sin^2 is not 1."""
-    return Vector(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos)
-
-
 @dataclass(frozen=True)
 class FourBar(Mechanism):
     """A four-bar linkage: crank A0-A, coupler A-B, rocker B0-B, frame A0-B0.
@@ -194,6 +189,8 @@ class FourBar(Mechanism):
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Load curves and friction; what else acts on the rocker is its own.
     """
+
+    other_coordinates: ClassVar[tuple[str, ...]] = ('rocker',)
 
     frame: Frame
     crank: Body
@@ -299,6 +296,15 @@ class FourBar(Mechanism):
             close=not transmission.sin.limits and abs(diff_dr) < _CLOSE * sum_dr,
         )
 
+    def other_loop(self, assembly: str) -> ByRocker:
+        """The constants of the pose at a rocker angle."""
+        r, b, c, d = self._lengths()
+        reference = half_turn_on(self.frame.angle)
+        loop = FourBar(Frame(d, reference[0]), Body(c), Coupler(b), Rocker(r), assembly).loop()
+        transmission = loop.transmission._replace(reference=reference)
+        axis = -math.cos(self.frame.angle), -math.sin(self.frame.angle)
+        return ByRocker(loop._replace(transmission=transmission, axis=axis))
+
     def reach(self) -> Reach:
         """What the crank can do."""
         transmission = self._transmission()
@@ -361,20 +367,14 @@ class FourBar(Mechanism):
             ConfigurationError: The rocker turns fully.
         """
         del link
-        low, high = swing(*self._lengths())
-        if (low, high) == (0.0, math.pi):
+        spread, arcs = swing(*self._lengths()), self.reach().arcs
+        if spread == (0.0, math.pi):
             raise ConfigurationError(
                 f'{what}: the rocker of this {self.grashof} linkage turns fully, so that its '
                 'angle has no beginning; use a load over crank_angle'
             )
-        middle = 0.5 * (low + high)
-        if low == 0 or high == math.pi or len(self.reach().arcs) > 1:
-            middle = math.pi if high == math.pi else 0.0  # it swings to both sides of the frame
-        back: float = wrap(self.frame.angle + math.pi)  # from B0 to A0
-        links, _ = self.loop().pose((0.5 * sum(self.reach().arcs[0]),))
-        side = math.copysign(1.0, wrap(links[2].position - back))
-        found: float = wrap(back + side * middle)
-        return found
+        links, _ = self.loop().pose((0.5 * sum(arcs[0]),))
+        return middle(*spread, len(arcs) > 1, self.frame.angle, links[2].position)
 
     def structure(self) -> Structure:
         """How the links hang together: the loop is cut at B."""
@@ -396,4 +396,5 @@ class FourBar(Mechanism):
             .along(2, -rocker.length),
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('B0', None, 2)),
             dyads=(Dyad(1, 2, 'B', ('A', 'B0')),),
+            other_dyads=(Dyad(0, 1, 'A', ('A0', 'B')),),
         )

@@ -22,11 +22,12 @@ import cmath
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
-from linkage_ros.errors import MechanismError
+from linkage_ros.errors import MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2
 from linkage_ros.model.loads import Load, link_forces
+from linkage_ros.model.other_coordinates import BySlider
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -124,6 +125,8 @@ class SliderCrank(Mechanism):
         loads: Load curves and friction; what else acts on the slider is its own.
     """
 
+    other_coordinates: ClassVar[tuple[str, ...]] = ('slider',)
+
     crank: Body
     coupler: Coupler
     slider: Slider = field(default_factory=Slider)
@@ -198,6 +201,20 @@ class SliderCrank(Mechanism):
             self.coupler.length,
         )
 
+    def other_loop(self, assembly: str) -> BySlider:
+        """The constants of the pose at a position of the slider."""
+        return BySlider(
+            1 if assembly == OPEN else -1, self.loop().guide, *self._lengths(),
+            Opaque(self._refuse_slide),
+        )  # fmt: skip
+
+    def _refuse_slide(self, slide: float) -> NoReturn:
+        raise UnreachableError(
+            f'crank and coupler do not reach, or are in line, with the slider at {slide:.9g} m',
+            crank_angle=math.nan,
+            arcs=(),
+        )
+
     def link_loads(self) -> tuple[Load, ...]:
         """What acts on the slider and on the crank."""
         slider = self.slider
@@ -254,4 +271,5 @@ class SliderCrank(Mechanism):
             closure=B,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
             dyads=(Dyad(1, 2, 'B', ('A', '')),),
+            other_dyads=(Dyad(0, 1, 'A', ('A0', 'B')),),
         )  # fmt: skip

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector
@@ -170,6 +170,7 @@ class Structure(NamedTuple):
             is, or where the way began.
         pins: Empty: forces in the joints are not known.
         dyads: In the order in which they are closed.
+        other_dyads: The same for the mechanism's other coordinates; see `Mechanism`.
     """
 
     links: tuple[Link, ...]
@@ -177,6 +178,19 @@ class Structure(NamedTuple):
     closure: Point
     pins: tuple[Pin, ...] = ()
     dyads: tuple[Dyad, ...] = ()
+    other_dyads: tuple[Dyad, ...] = ()
+
+
+class Description(NamedTuple):
+    """How numbers describe where a mechanism is.
+
+    Attributes:
+        coordinates: Names of the links whose positions determine all others.
+        assembly: 'open' or 'crossed': the way in which the loop is then closed.
+    """
+
+    coordinates: tuple[str, ...]
+    assembly: str
 
 
 class Mechanism(Checked):
@@ -184,6 +198,8 @@ class Mechanism(Checked):
 
     Attributes:
         coordinates: Names of the links whose positions determine all others.
+        other_coordinates: Links that do so where the `coordinates` reach their end, at a dead
+            centre or a stretched dyad; empty: there are none.
         crank: The link that the drive turns.
         assembly: Which way round the loop is closed.
         gravity: Acceleration of gravity [x, y], m/s^2.
@@ -191,6 +207,7 @@ class Mechanism(Checked):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank',)
+    other_coordinates: ClassVar[tuple[str, ...]] = ()
     crank: Body
     assembly: str
     gravity: tuple[float, float]
@@ -245,6 +262,31 @@ class Mechanism(Checked):
 
     def loop(self) -> Loop:
         """The constants of the kinematics."""
+        raise NotImplementedError
+
+    @property
+    def description(self) -> Description:
+        """How its own coordinates and assembly describe it."""
+        return Description(self.coordinates, self.assembly)
+
+    def loop_of(self, description: Description) -> Loop:
+        """The constants of the kinematics in one of its descriptions."""
+        if description == self.description:
+            return self.loop()
+        if description.coordinates == self.other_coordinates:
+            return self.other_loop(description.assembly)
+        reassembled: Mechanism = replace(cast('Any', self), assembly=description.assembly)
+        return reassembled.loop()
+
+    def other_loop(self, assembly: str) -> Loop:
+        """The constants of the kinematics in the other coordinates.
+
+        Args:
+            assembly: 'open' or 'crossed': one of the two ways to close the loop in them.
+
+        Returns:
+            The constants.
+        """
         raise NotImplementedError
 
     def link_loads(self) -> tuple[Load, ...]:

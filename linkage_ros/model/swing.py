@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from linkage_ros.numeric import short_sum
+from linkage_ros.numeric import short_sum, wrap
 
 
 def swing(crank: float, coupler: float, rocker: float, frame: float) -> tuple[float, float]:
@@ -32,6 +32,28 @@ def swing(crank: float, coupler: float, rocker: float, frame: float) -> tuple[fl
     if short_sum(longest, coupler, crank, -rocker, -frame) < 0:
         high = _angle(rocker, frame, farthest)
     return low, high
+
+
+def middle(low: float, high: float, both_sides: bool, frame: float, rocker: float) -> float:
+    """The middle of a rocker's swing.
+
+    Args:
+        low: From `swing`.
+        high: From `swing`.
+        both_sides: Whether it swings to both sides of the frame's line, or may.
+        frame: Direction of the frame, rad.
+        rocker: One of its own directions, rad.
+
+    Returns:
+        In [-pi, pi], rad.
+    """
+    found = 0.5 * (low + high)
+    if low == 0 or high == math.pi or both_sides:
+        found = math.pi if high == math.pi else 0.0
+    back: float = wrap(frame + math.pi)  # from B0 to A0
+    side = math.copysign(1.0, wrap(rocker - back))
+    result: float = wrap(back + side * found)
+    return result
 
 
 def _angle(rocker: float, frame: float, opposite: float) -> float:

@@ -38,6 +38,7 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.model.loads import Load, link_forces
+from linkage_ros.model.other_coordinates import ByCoupler, directions
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -117,13 +118,8 @@ class WindPumpLoop(NamedTuple):
         require(fold > 0, self.refuse, angle, slide)
         root = self.side * (sqrt(stretch) * sqrt(fold))
         crank = Vector(cos(angle), sin(angle))
-        # D - A, and the coupler's and the rod's shares of it.
         apart = Vector(slide - r * crank.x, -r * crank.y)
-        moment, scale = (b - c) * (b + c), 0.5 / square
-        part, rest = scale * (square + moment) / b, scale * (square - moment) / c
-        turn_b, turn_c = scale * root / b, scale * root / c
-        coupler = Vector(apart.x * part - apart.y * turn_b, apart.x * turn_b + apart.y * part)
-        rod = Vector(apart.x * rest + apart.y * turn_c, apart.y * rest - apart.x * turn_c)
+        coupler, rod = directions(apart, square, root, b, c)
         # 1 / [l2 sin(phi2 - phi3)] and 1 / [l3 sin(phi2 - phi3)].
         over_b, over_c = 2 * c / root, 2 * b / root
         cos23 = dot(coupler, rod)
@@ -173,6 +169,7 @@ class WindPump(Mechanism):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank', 'slider')
+    other_coordinates: ClassVar[tuple[str, ...]] = ('crank', 'coupler')
 
     crank: Body
     coupler: Coupler
@@ -193,6 +190,11 @@ class WindPump(Mechanism):
             1 if self.assembly == OPEN else -1,
             Opaque(self._refuse),
         )
+
+    def other_loop(self, assembly: str) -> ByCoupler:
+        """The constants of the pose at the angles of crank and coupler."""
+        lengths = self.crank.length, self.coupler.length, self.rod.length
+        return ByCoupler(*lengths, 1 if assembly == OPEN else -1, Opaque(self._refuse_rod))
 
     def link_loads(self) -> tuple[Load, ...]:
         """What acts on the slider, the resistance of the pump included, and on the crank."""
@@ -215,6 +217,14 @@ class WindPump(Mechanism):
             f'coupler and rod {words} at crank angle {math.degrees(angle):.9g} deg and slider '
             f'position {slide:.9g} m; {self._slider_range(angle)}',
             crank_angle=angle,
+            arcs=(),
+        )
+
+    def _refuse_rod(self, crank: float, coupler: float) -> NoReturn:
+        raise UnreachableError(
+            f'the rod does not reach the guide, or stands across it, at crank angle '
+            f'{math.degrees(crank):.9g} deg and coupler angle {math.degrees(coupler):.9g} deg',
+            crank_angle=crank,
             arcs=(),
         )
 
@@ -248,4 +258,5 @@ class WindPump(Mechanism):
             closure=D,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('D', 2, 3)),
             dyads=(Dyad(1, 2, 'B', ('A', 'D')),),
+            other_dyads=(Dyad(2, 3, 'D', ('B', '')),),
         )
