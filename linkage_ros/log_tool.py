@@ -73,8 +73,12 @@ def _as_yaml(value: object) -> str:
 
 def _motion(segment: Segment) -> str:
     if isinstance(segment, TorqueSegment):
-        return f'motor torque {segment.torque:g} N m'
-    _, (speed,), _, angle = SpeedMotion(segment).at(segment.stamp)
+        words = f'motor torque {segment.torque:g} N m'
+        if segment.description:
+            coordinates, assembly = segment.description
+            words += f', described by {" and ".join(coordinates)}, {assembly}'
+        return words
+    _, (speed,), _, angle, _ = SpeedMotion(segment).at(segment.stamp)
     ramp = f' at {segment.acceleration:g} rad/s^2' if segment.acceleration else ''
     return f'from {angle:.6f} rad, {speed:.6f} rad/s to {segment.rpm:g} rpm{ramp}'
 

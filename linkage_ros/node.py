@@ -189,7 +189,9 @@ class LinkageNode(ParameterNode):
                 if self._log is not None:
                     self._log.write_heard(received, command)
             motion.command(stamp, self._joint_commands.commands.torque())
-        self._show(self._simulator.snapshot_at(motion, stamp))
+        snapshot = self._simulator.snapshot_at(motion, stamp)
+        self._set_motion(motion)  # it may be described in another way from here on
+        self._show(snapshot)
         if self._ahead and (message := self._ahead.message_at(motion, stamp)):
             self._publish(self._ahead.topic, message)
 

@@ -91,13 +91,13 @@ def within_two_turns(angle: float) -> tuple[float, int]:
     return with_turns(angle, -pairs), pairs
 
 
-def with_turns(angle: float, pairs: int) -> float:
+def with_turns(angle: float, pairs: int | Fraction) -> float:
     """An angle with pairs of turns added to it, rounded once: undoes `within_two_turns`."""
     return math.fsum((angle, *_parts_of(pairs))) if pairs else angle
 
 
 @functools.lru_cache(maxsize=64)
-def _parts_of(pairs: int) -> tuple[float, ...]:
+def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
     """Numbers whose exact sum is that of pairs of turns, rad."""
     parts, rest = [], pairs * 2 * TURN
     while rest:

@@ -80,7 +80,7 @@ def record(
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
         description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
-        log.write_motion(motion.segment)
+        log.write_motion(segment := motion.segment)
         log.write(description, 0, simulator.description)
         written = 0
         try:
@@ -90,6 +90,8 @@ def record(
                 for rows in _rows(simulator, motion, count, turns):
                     if stopped():
                         break
+                    if motion.segment is not segment:
+                        log.write_motion(segment := motion.segment)
                     log.write_rows(rows)
                     states = len(rows) // simulator.layout.size
                     written += states

@@ -158,7 +158,7 @@ def test_points_hold_the_exact_motion_and_torque_of_the_crank_alone(prefix):
         for number, point in enumerate(message.points):
             after = nanoseconds(point.time_from_start)
             assert after == number * NS_PER_MS
-            (q,), (u,), (a,), unwrapped = motion.at(start + after)
+            (q,), (u,), (a,), unwrapped, _ = motion.at(start + after)
             row = point.positions, point.velocities, point.accelerations, point.effort
             assert [value for (value,) in row] == [
                 unwrapped,
@@ -232,7 +232,7 @@ def test_spline_and_line_between_the_points_are_the_motion_and_the_torque():
         if data := ahead.message_at(motion, stamp):
             controller.receive(data, stamp + 200_000)
         found = controller.sample(stamp + 777_777)
-        (q,), (u,), (a,), unwrapped = motion.at(stamp + 777_777)
+        (q,), (u,), (a,), unwrapped, _ = motion.at(stamp + 777_777)
         places.append((found[0] - unwrapped, found[1] - u))
         effort.append((found[2], one.solver.state(q, u, a).torque))
     assert np.abs(places).max() < 1e-9

@@ -187,7 +187,7 @@ def run(configuration, seconds, mechanism=None):
         if is_motor:
             torque = drive.motor.at(place.u[0])
         else:  # that of the middle of the step, on the preset's own motion
-            (q,), (u,), (a,), _ = given.at(stamp + step // 2)
+            (q,), (u,), (a,), *_ = given.at(stamp + step // 2)
             torque = solver.state(q, u, a).torque
         plant.command(stamp, torque)
         place = plant.at(stamp + step)

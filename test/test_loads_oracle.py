@@ -193,7 +193,7 @@ def test_recorded_torque_is_that_of_newton_and_euler(tmp_path):
     oracle, drive = Oracle(mechanism), SpeedMotion.begin(configuration.drive, 0)
     found = []
     for message in messages['/driving_torque'][::16]:
-        (q,), (u,), (a,), _ = drive.at(message.time)
+        (q,), (u,), (a,), *_ = drive.at(message.time)
         (torque,) = struct.unpack('<d', message.data[4:])
         found.append((torque, oracle.state(q, u, a).torque))
     assert len(found) == 5

@@ -28,10 +28,9 @@ from linkage_ros.lab.methods.outcomes import (
 )
 from linkage_ros.lab.methods.registry import INTEGRATORS
 from linkage_ros.lab.methods.situations import SITUATIONS
-from linkage_ros.lab.reference.problems import driven_pump, free_pump
+from linkage_ros.lab.reference.problems import free_pump
 
 BY_NAME = {situation.name: situation for situation in (*SITUATIONS, *MOTION_SITUATIONS)}
-STRETCHED = 0.3994655636001  # s
 measured = partial(measure_outcomes, cases=2, progress=lambda items, _: items)
 
 
@@ -187,11 +186,7 @@ class Planted(Follower):
 
 def motion_outcome(fault, situation='change point under a torque', since=1.0):
     chosen = BY_NAME[situation]
-    if 'stretched' in situation:
-        times = 0.1, 0.2, 0.3, 0.398, 0.4005, 0.42
-        bench = MotionBench(driven_pump(2.0, 5.0), times, end=STRETCHED)
-        chosen = replace(chosen, cases=lambda _: [bench])
-    elif 'run' in situation:
+    if 'run' in situation:
         chosen = replace(chosen, cases=lambda _: [MotionBench(free_pump(6.0), (0.5, 1.0, 1.5))])
     method = Method('planted', MOTION, '', '', lambda problem, _: Planted(problem, since, fault))
     (cell,) = measured([chosen], [method])
@@ -235,22 +230,6 @@ def test_a_wrong_value_counts_more_than_a_failure_after_it(error):
         return moved(1e-3)(right, time)
 
     assert motion_outcome(fault) == (DIVERGED, pytest.approx(1e-3, rel=1e-2))
-
-
-def test_a_motion_that_ends_is_told_from_one_that_is_refused_too_early():
-    assert motion_outcome(told(0.1), 'before a stretched dyad', 0.3)[0] == REFUSED
-    assert motion_outcome(told(0.1), 'stretched dyad', 0.3) == (
-        REFUSED, pytest.approx(STRETCHED - 0.1),
-    )  # fmt: skip
-    assert motion_outcome(told(0.3994), 'before a stretched dyad', 0.399)[0] == RIGHT
-    late = motion_outcome(told(0.3994), 'stretched dyad', 0.399)[1]
-    assert late == pytest.approx(STRETCHED - 0.3994)
-    timeless = raised(ConfigurationError('it ends somewhere'))
-    assert motion_outcome(timeless, 'stretched dyad', 0.399) == (REFUSED, None)
-
-
-def test_beyond_the_end_only_the_true_motion_counts():
-    assert motion_outcome(lambda right, _: right.phase, 'stretched dyad', 0.399)[0] == DIVERGED
 
 
 def test_energy_and_loop_are_judged_by_themselves():

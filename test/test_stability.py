@@ -52,7 +52,6 @@ NAMED = {
     ('Radau', 'stretched dyad'): DIVERGED,
     ('multipliers, unstabilised', 'change point under a torque'): DIVERGED,
     ('multipliers, unstabilised', 'loop after a long run'): DIVERGED,
-    # In coordinates of every body it goes on where the other coordinates end.
     ('multipliers, unstabilised', 'stretched dyad'): RIGHT,
 }
 

@@ -16,6 +16,7 @@ from fractions import Fraction
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
+from linkage_ros.model.structure import Description
 from linkage_ros.motion.segments import Segment, SpeedSegment, TorqueSegment
 from linkage_ros.parameters.configuration import Configuration, from_strings, to_strings
 
@@ -56,6 +57,9 @@ def encode_motion(segment: Segment) -> dict[str, str]:
     fields = {'stamp': str(segment.stamp)}
     if isinstance(segment, TorqueSegment):
         fields['torque'] = json.dumps(segment.torque)
+        if segment.description:
+            fields['coordinates'] = ' '.join(segment.description.coordinates)
+            fields['assembly'] = segment.description.assembly
     else:
         fields['phase'] = str(segment.phase)
         fields['speed'] = str(segment.speed)
@@ -85,7 +89,10 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
         stamp = _time(fields['stamp'])
         old_stamp = _time(fields['before']) if 'before' in fields else None
         if 'torque' in fields:
-            return TorqueSegment(stamp, _finite(fields['torque']), old_stamp)
+            description = None
+            if 'coordinates' in fields:
+                description = Description(tuple(fields['coordinates'].split()), fields['assembly'])
+            return TorqueSegment(stamp, _finite(fields['torque']), old_stamp, description)
         return SpeedSegment(
             stamp,
             _fraction(fields['phase']),

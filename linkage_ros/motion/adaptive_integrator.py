@@ -8,7 +8,6 @@ with a continuous solution of order 7 between its steps.
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.motion.fixed_step_integrator import EDGE_PART, FixedSteps, Values, wound
+from linkage_ros.motion.fixed_step_integrator import EDGE_PART, Values
 from linkage_ros.numeric import Array
 
 _TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
@@ -25,8 +24,6 @@ _FIRST_STEP = 1e-4  # s
 _SHORTEST_STEP = 1e-8  # s
 # Between two states; a turn of a four-bar takes a hundred, a second of the wind pump some twenty.
 _STEPS, _STEPS_A_SECOND = 5_000, 20_000
-# Sine of the angle of a dyad, below which this tolerance would ask for ever shorter steps.
-_EDGE = 5e-4
 _END = 1e10  # s, which no run reaches
 
 
@@ -34,7 +31,7 @@ class AdaptiveSteps:
     """Follows a motion with an error that is controlled at every step.
 
     Attributes:
-        driven: What moves.
+        driven: What moves, in the coordinates that describe it now.
         time: Up to which it is followed, s.
         phase: At that time: coordinates, then their rates; the crank within two turns of 0.
         pairs: Pairs of whole turns that belong to it.
@@ -51,24 +48,22 @@ class AdaptiveSteps:
             LinkageError: The motion cannot even begin, as `Solver.accelerations` tells.
         """
         self.driven, self.time = driven, 0.0
-        self.phase, self.pairs = wound(phase)
-        # Next to the edge of what the coordinates describe, equal steps are followed instead.
-        self._fixed: FixedSteps | None = None
-        self._steps = self._begin()
+        self.phase, self.pairs = driven.wound(phase)
+        self._steps = self._begin(0.0, self.phase)
         # The continuous solution of the last step, and the pairs of turns left out of it.
         self._between: Any = None
         self._pairs_ahead = self._pairs_between = self.pairs
 
     def changed(self) -> None:
         """Begins to step anew where the motion is: the torque is another from now on."""
-        self._steps, self._fixed = self._begin(), None
+        self._steps = self._begin(self.time, self.phase)
         self._pairs_ahead = self.pairs
 
-    def _begin(self) -> Any:
+    def _begin(self, time: float, phase: Values) -> Any:
         from scipy.integrate import DOP853
 
         return DOP853(
-            self._slope, self.time, np.array(self.phase), _END,
+            self._slope, time, np.array(phase), _END,
             rtol=_TOLERANCE, atol=_TOLERANCE * np.array(self.driven.units), first_step=_FIRST_STEP,
         )  # fmt: skip
 
@@ -82,15 +77,13 @@ class AdaptiveSteps:
             MotionError: It cannot be followed that far.
         """
         left = _STEPS + _STEPS_A_SECOND * (time - self.time)
-        while self._fixed is None and self._steps.t < time:
+        while self._steps.t < time:
             if left < 0:
                 self.driven.fail(self._steps.t, tuple(self._steps.y.tolist()), None)
             self._step()
             left -= 1
-        if self._fixed is not None and time > self._fixed.time:
-            self._follow(self._fixed, time)
-        elif time > self.time:
-            phase, pairs = wound(tuple(self._between(time).tolist()))
+        if time > self.time:
+            phase, pairs = self.driven.wound(tuple(self._between(time).tolist()))
             self.time, self.phase, self.pairs = time, phase, self._pairs_between + pairs
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
@@ -101,22 +94,13 @@ class AdaptiveSteps:
             yield self.phase, self.pairs
             done += 1
             # Other times within the same step are a matter of one evaluation.
-            end = bisect_right(times, self._steps.t, done) if self._fixed is None else done
+            end = bisect_right(times, self._steps.t, done)
             if end > done:
                 for values in self._between(np.array(times[done:end])).T.tolist():
-                    self.phase, pairs = wound(tuple(values))
+                    self.phase, pairs = self.driven.wound(tuple(values))
                     self.time, self.pairs = times[done], self._pairs_between + pairs
                     yield self.phase, self.pairs
                     done += 1
-
-    def _follow(self, fixed: FixedSteps, time: float) -> None:
-        """Goes on in equal steps, and ends them where the edge is left behind."""
-        before = fixed.pairs
-        fixed.advance(time)
-        self.pairs += fixed.pairs - before
-        self.time, self.phase = time, fixed.phase
-        if self.driven.sine(fixed.phase) > 2 * _EDGE:
-            self.changed()
 
     def _slope(self, _: float, phase: Array) -> Array:
         return np.array(self.driven.slope(tuple(phase.tolist())))
@@ -124,11 +108,10 @@ class AdaptiveSteps:
     def _step(self) -> None:
         steps = self._steps
         phase = tuple(steps.y.tolist())
-        left = self.driven.time_left(phase)
-        if left < math.inf and self.driven.sine(phase) < _EDGE:
-            self.pairs = self._pairs_ahead
-            self._fixed = FixedSteps(self.driven, phase, time=steps.t)
-            return
+        better, phase, left = self.driven.ready(phase)
+        if better is not self.driven:
+            self.driven = better
+            self._steps = steps = self._begin(steps.t, phase)
         steps.max_step = left * EDGE_PART
         cause = self._try()
         while cause and steps.h_abs > _SHORTEST_STEP:
@@ -137,7 +120,7 @@ class AdaptiveSteps:
         if cause or steps.status == 'failed':
             self.driven.fail(steps.t, phase, cause)
         self._between, self._pairs_between = steps.dense_output(), self._pairs_ahead
-        phase, pairs = wound(tuple(steps.y.tolist()))
+        phase, pairs = self.driven.wound(tuple(steps.y.tolist()))
         if pairs:  # a relative tolerance of a large angle would be no tolerance
             steps.y = np.array(phase)
             self._pairs_ahead += pairs

@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.numeric import Real
+from linkage_ros.dynamics.state import State
+from linkage_ros.numeric import Array, Real
 
 
 class Coordinates(NamedTuple):
@@ -23,18 +24,26 @@ class Coordinates(NamedTuple):
         u: Their rates, rad/s and m/s.
         a: Their accelerations, rad/s^2 and m/s^2.
         unwrapped: The whole crank angle, correctly rounded, rad.
+        state: The state where the coordinates do not tell it, as in another assembly; else None.
     """
 
     q: tuple[Real, ...]
     u: tuple[Real, ...]
     a: tuple[Real, ...]
     unwrapped: Real
+    state: State | None = None
 
 
 def stacked(moments: Sequence[Coordinates]) -> Coordinates:
     """Coordinates of arrays, from those of many moments."""
-    q, u, a = (
-        tuple(np.array(row) for row in zip(*(m[i] for m in moments), strict=True))
-        for i in range(3)
-    )
-    return Coordinates(q, u, a, np.array([m.unwrapped for m in moments]))
+    q, u, a = (_columns([m[i] for m in moments]) for i in range(3))
+    states = [m.state for m in moments if m.state is not None]
+    state = None
+    if states:
+        positions, rates, changes = (_columns([s[i] for s in states]) for i in range(3))
+        state = State(positions, rates, changes, np.array([s.torque for s in states]))
+    return Coordinates(q, u, a, np.array([m.unwrapped for m in moments]), state)
+
+
+def _columns(rows: Sequence[Any]) -> tuple[Array, ...]:
+    return tuple(np.array(column) for column in zip(*rows, strict=True))

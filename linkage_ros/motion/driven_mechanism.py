@@ -1,6 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A mechanism under a torque, as a system of first order: what integrators follow."""
+"""A mechanism under a torque, as a system of first order: what integrators follow.
+
+Where the mechanism's own coordinates come near their end, at a dead centre or a stretched dyad,
+the motion is described by its other coordinates, and behind it by its own again, perhaps in the
+other assembly.
+"""
 
 from __future__ import annotations
 
@@ -8,26 +13,31 @@ import functools
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from statistics import median
-from typing import NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.state import State
 from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.model.reach import FULL_TURN
-from linkage_ros.numeric import Array, Real
+from linkage_ros.model.parts import CROSSED, OPEN
+from linkage_ros.model.reach import FULL_TURN, Arc
+from linkage_ros.model.structure import Description, Link
+from linkage_ros.numeric import Array, Real, with_turns, within_two_turns, wrap
 
 # The torque on the crank, N m, at a crank speed, rad/s.
-TorqueLaw: TypeAlias = Callable[[float], Real]
+TorqueLaw: TypeAlias = Callable[[Any], Real]
 
 _NUDGE = 1e-7  # of a value, or of its unit, for derivatives
 _PLACES = 12  # crank angles at which eigenvalues are found
 _SLOW = 1e-3  # rad/s or m/s: as good as rest
 _SOON = 1e-3  # s
-_LEAST = 1e-5  # sine of the angle of a dyad that counts as none
 _NEAR = 0.05  # sine of the angle of a dyad that counts as stretched or folded
+# Such sines at which a motion leaves its own coordinates, and comes back to them.
+_LEAVE, _RETURN = 0.1, 0.2
 
 
 @dataclass(frozen=True)
@@ -37,16 +47,152 @@ class DrivenMechanism:
     Attributes:
         solver: Solver of the mechanism.
         torque: On the crank, N m, over crank speed, rad/s.
+        middle: Where the crank is no coordinate, the middle of the arc on which it moves, rad.
+        solvers: Solvers of its descriptions, as far as they were needed.
     """
 
     solver: Solver
     torque: TorqueLaw
+    middle: float = 0.0
+    solvers: dict[Description, Solver] = field(default_factory=dict, compare=False)
 
-    @property
+    @functools.cached_property
     def units(self) -> tuple[float, ...]:
         """The units of errors in y: rad and crank lengths, then the same per second."""
-        units = 1.0, self.solver.mechanism.crank.length
-        return units[: len(self.solver.coordinates)] * 2
+        length = self.solver.mechanism.crank.length
+        return tuple(length if link.slides else 1.0 for link in self.links) * 2
+
+    @functools.cached_property
+    def links(self) -> tuple[Link, ...]:
+        """The links whose positions are the coordinates."""
+        links = {link.name: link for link in self.solver.structure.links}
+        return tuple(links[name] for name in self.solver.coordinates)
+
+    @functools.cached_property
+    def has_crank(self) -> bool:
+        """Whether the crank is the first coordinate."""
+        return self.solver.coordinates[0] == self.solver.links[0]
+
+    def wound(self, y: tuple[float, ...]) -> tuple[tuple[float, ...], int]:
+        """Y with the crank within two turns of 0, and the pairs of turns left out."""
+        if not self.has_crank:
+            return y, 0
+        angle, pairs = within_two_turns(y[0])
+        return (angle, *y[1:]), pairs
+
+    def crank(self, y: tuple[float, ...], pairs: int) -> float:
+        """The whole crank angle, rad.
+
+        Args:
+            y: Coordinates, then their rates.
+            pairs: Of turns that belong to it.
+
+        Returns:
+            The angle, rounded once.
+        """
+        if self.has_crank:
+            return with_turns(y[0], pairs)
+        angle = self._state(y).position[0]
+        return with_turns(angle, pairs + turns_between(angle, self.middle))
+
+    def described(self, description: Description) -> DrivenMechanism:
+        """The same in one of its descriptions."""
+        self.solvers.setdefault(self.solver.description, self.solver)
+        if description not in self.solvers:
+            self.solvers[description] = Solver(self.solver.mechanism, description=description)
+        return replace(self, solver=self.solvers[description])
+
+    def ready(self, y: tuple[float, ...]) -> tuple[DrivenMechanism, tuple[float, ...], float]:
+        """The motion in the coordinates that suit it best.
+
+        Args:
+            y: Coordinates, then their rates.
+
+        Returns:
+            What moves, y in its coordinates, and the time in which these would reach their end if
+            all rates were constant, s.
+
+        Raises:
+            LinkageError: As `Solver.accelerations`.
+        """
+        if not self._is_limited:
+            return self, y, math.inf
+        met, count = self.solver.meetings(y), len(self.solver.structure.dyads)
+        own, others = met[:count], met[count:]
+        if others and (better := self._better(y, own[0].sine, others[0].sine)):
+            driven, y = self.redescribed(y, better)
+            return driven.ready(y)
+        left = (sine / -rate for sine, _, rate in own if rate < 0)
+        return self, y, min(left, default=math.inf)
+
+    def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
+        """The coordinates to take from here on; empty: these."""
+        mechanism = self.solver.mechanism
+        is_worse = sine < _LEAVE and other_sine > 2 * sine
+        if self.solver.coordinates == mechanism.coordinates:
+            return mechanism.other_coordinates if is_worse else ()
+        if is_worse or other_sine > _RETURN:
+            return mechanism.coordinates
+        turning = zip(y[self.has_crank :], self.links[self.has_crank :], strict=False)
+        is_beyond = any(abs(angle) > math.pi for angle, link in turning if not link.slides)
+        return self.solver.coordinates if is_beyond else ()
+
+    def redescribed(
+        self, y: tuple[float, ...], coordinates: tuple[str, ...]
+    ) -> tuple[DrivenMechanism, tuple[float, ...]]:
+        """The motion in given coordinates, in the assembly in which the links are where they are.
+
+        Args:
+            y: Coordinates, then their rates.
+            coordinates: The mechanism's own or its other ones.
+
+        Returns:
+            What moves, and y in its coordinates.
+
+        Raises:
+            LinkageError: As `Solver.state`.
+        """
+        state, links = self._state(y), self.solver.structure.links
+        positions = [
+            place if link.slides else wrap(place)
+            for place, link in zip(state.position, links, strict=True)
+        ]
+        positions[0] = self.crank(y, 0)
+        moving = [self.solver.links.index(name) for name in coordinates]
+        there = (*(positions[i] for i in moving), *(state.velocity[i] for i in moving))
+        middle = self.arc_middle(y[0]) if self.has_crank else self.middle
+
+        def distance(driven: DrivenMechanism) -> float:
+            try:
+                found = driven._state(there).position
+            except LinkageError:
+                return math.inf
+            return sum(
+                abs(one - other) if link.slides else abs(math.sin(0.5 * (one - other)))
+                for one, other, link in zip(positions, found, links, strict=True)
+            )
+
+        both = (self.described(Description(coordinates, way)) for way in (OPEN, CROSSED))
+        return replace(min(both, key=distance), middle=middle), there
+
+    def arc_middle(self, crank: float) -> float:
+        """The middle of the arc on which a crank moves, rad, within pi of it."""
+        mobility = self.solver.mobility
+        if mobility is None:
+            return crank
+
+        def outside(arc: Arc) -> float:
+            low, high = arc
+            apart: float = wrap(crank - 0.5 * (low + high))
+            return abs(apart) - 0.5 * (high - low)
+
+        low, high = min(mobility.arcs, key=outside)
+        middle = 0.5 * (low + high)
+        return with_turns(middle, turns_between(middle, crank))
+
+    def _state(self, y: tuple[float, ...]) -> State:
+        """Where all links are, and their rates."""
+        return self.solver.state(y[: len(y) // 2], y[len(y) // 2 :])
 
     def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
         """Rates, then accelerations.
@@ -54,8 +200,11 @@ class DrivenMechanism:
         Raises:
             LinkageError: As `Solver.accelerations`.
         """
-        u = y[len(y) // 2 :]
-        return (*u, *self.solver.forward(y, self.torque(u[0])))
+        return (*y[len(y) // 2 :], *self.solver.forward(y, self.torque(self.speed(y))))
+
+    def speed(self, y: tuple[float, ...]) -> float:
+        """The speed of the crank, rad/s."""
+        return y[len(y) // 2] if self.has_crank else self._state(y).velocity[0]
 
     def jacobian(self, y: tuple[float, ...], slope: tuple[float, ...]) -> list[float]:
         """The derivatives of the accelerations, by differences.
@@ -105,10 +254,6 @@ class DrivenMechanism:
         found: Array = np.linalg.eigvals(np.vstack([np.eye(count, 2 * count, count), below]))
         return found
 
-    def sine(self, y: tuple[float, ...]) -> float:
-        """The sine of the angle at which two links meet; 0 where the coordinates end."""
-        return self.solver.alignment(y[: len(y) // 2])[0]
-
     def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
         """Ends a motion that cannot be followed any further.
 
@@ -123,7 +268,7 @@ class DrivenMechanism:
         q = y[: len(y) // 2]
         sine, words = self.solver.alignment(q)
         with suppress(LinkageError):  # the end itself is a little later
-            left = self.time_left(y, least=0.0)
+            _, _, left = self.ready(y)
             time += left if left < _SOON else 0.0
         place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
         if len(q) > 1:
@@ -143,33 +288,13 @@ class DrivenMechanism:
         message = f'the motion ends at t = {time:.6g} s, {place}: {reason}'
         raise MotionError(message, time=time, coordinates=q) from cause
 
-    def time_left(self, y: tuple[float, ...], least: float = _LEAST) -> float:
-        """The time for which the coordinates can describe the motion, at constant rates, s.
-
-        Where a dyad is stretched or folded, the coordinates turn back while the motion goes on in
-        another assembly: only steps that are short beside this time can tell the two apart.
-
-        Args:
-            y: Coordinates, then their rates.
-            least: A sine below it counts as 0: rounding hides which way it goes.
-
-        Returns:
-            The time to the first such place.
-
-        Raises:
-            LinkageError: As `Solver.accelerations`.
-        """
-        if not self._is_limited:
-            return math.inf
-        left = (
-            -sine / rate if sine > least else 0.0
-            for sine, _, rate in self.solver.meetings(y)
-            if rate < 0
-        )
-        return min(left, default=math.inf)
-
     @functools.cached_property
     def _is_limited(self) -> bool:
         """Whether the coordinates cannot describe every motion; change points do no harm."""
         mobility = self.solver.mobility
         return mobility is None or not mobility.turns_fully
+
+
+def turns_between(angle: float, middle: float) -> Fraction:
+    """The pairs of turns that bring an angle within pi of another."""
+    return Fraction(round((middle - angle) / (2 * math.pi)), 2)

@@ -21,7 +21,7 @@ from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import total, where
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.numeric import Array, Real, within_two_turns
+from linkage_ros.numeric import Array, Real
 
 # Coordinates, then their rates.
 Values: TypeAlias = tuple[float, ...]
@@ -64,11 +64,13 @@ class Steps(Protocol):
     """An integrator that follows one motion.
 
     Attributes:
-        phase: Coordinates, then their rates; the crank within two turns of 0.
+        driven: What moves, in the coordinates that describe it now.
+        phase: These coordinates, then their rates; the crank within two turns of 0.
         pairs: Pairs of whole turns that belong to it.
         time: Up to which it was followed, s.
     """
 
+    driven: DrivenMechanism
     phase: Values
     pairs: int
     time: float
@@ -91,7 +93,7 @@ class FixedSteps:
     """Follows a motion in equal steps between the times that are asked for.
 
     Attributes:
-        driven: What moves.
+        driven: What moves, in the coordinates that describe it now.
         time: Up to which it is followed, s.
         phase: At that time: coordinates, then their rates; the crank within two turns of 0.
         pairs: Pairs of whole turns that belong to it.
@@ -124,10 +126,10 @@ class FixedSteps:
             LinkageError: It cannot even begin, as `Solver.accelerations` tells.
         """
         self.driven, self.time = driven, time
-        self.phase, self.pairs = wound(phase)
+        self.phase, self.pairs = driven.wound(phase)
         self._longest, self._tolerance = longest, tolerance
         self._most_trials = self._trials = trials
-        self._units, self._sums = driven.units, _sums(self.method, len(phase))
+        self._sums = _sums(self.method, len(phase))
         self._slope: Values | None = driven.slope(self.phase)
 
     def changed(self) -> None:
@@ -155,7 +157,7 @@ class FixedSteps:
             self._trials = self._most_trials
             self._step((time if i == steps else start + span * (i / steps)) - self.time, _HALVINGS)
         self.time = time
-        self.phase, pairs = wound(self.phase)
+        self.phase, pairs = self.driven.wound(self.phase)
         self.pairs += pairs
 
     def _step(self, h: float, halvings: int) -> None:
@@ -179,13 +181,17 @@ class FixedSteps:
     def _try(self, h: float) -> tuple[Values, Values, float]:
         """One step: its end, the slope there, and its error."""
         phase, driven = self.phase, self.driven
+        better, self.phase, left = driven.ready(phase)
+        if better is not driven:
+            self.driven, self._slope = better, None
+            driven, phase = better, self.phase
         slope = self._slope or driven.slope(phase)
-        if h > driven.time_left(phase) * EDGE_PART:
+        if h > left * EDGE_PART:
             return phase, slope, math.inf
         slopes = self._stages(h, slope)
         end = self._sums.end(*phase, h, *slopes)
         slope = driven.slope(end)
-        errors = self._sums.error(*self._units, *end, h, *slopes, *slope)
+        errors = self._sums.error(*driven.units, *end, h, *slopes, *slope)
         # Not max: a nan must not pass.
         return end, slope, math.inf if sum(errors) != sum(errors) else max(errors)
 
@@ -219,12 +225,6 @@ def leap(
         end = _moved(weights, phase, h, *slopes)
         slopes.append(slope(end))
     return end, _errors(DORMAND_PRINCE.error, units, end, h, *slopes)
-
-
-def wound(phase: Values) -> tuple[Values, int]:
-    """A phase whose crank angle is within two turns of 0, and the pairs of turns left out."""
-    angle, pairs = within_two_turns(phase[0])
-    return (angle, *phase[1:]), pairs
 
 
 class _Sums(NamedTuple):

@@ -160,6 +160,6 @@ def ahead(coordinates: Coordinates, seconds: float) -> Coordinates:
     Returns:
         The coordinates then.
     """
-    (q,), (u,), (a,), unwrapped = coordinates
+    (q,), (u,), (a,), unwrapped, _ = coordinates
     moved = (u + 0.5 * a * seconds) * seconds
     return Coordinates((q + moved,), (u + a * seconds,), (a,), unwrapped + moved)

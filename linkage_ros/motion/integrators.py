@@ -49,8 +49,12 @@ def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
     Raises:
         LinkageError: The motion cannot begin, as `Solver.accelerations` tells.
     """
-    steps = StiffSteps if driven.rates[0] > _STIFF else FixedSteps
-    return steps(driven, phase, **options)
+    return live_method(driven)(driven, phase, **options)
+
+
+def live_method(driven: DrivenMechanism) -> type[FixedSteps]:
+    """The integrator of live runs that costs less, by how fast a motion settles."""
+    return StiffSteps if driven.rates[0] > _STIFF else FixedSteps
 
 
 def require_live(driven: DrivenMechanism, period: float) -> None:

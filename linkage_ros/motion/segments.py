@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
 
+from linkage_ros.model.structure import Description
+
 
 @dataclass(frozen=True)
 class SpeedSegment:
@@ -38,11 +40,13 @@ class TorqueSegment:
         stamp: Start, ns.
         torque: Torque of the motor at rest, N m.
         old_stamp: The start on the clock before it was stepped, ns; None: it was not.
+        description: Of the states; None: the mechanism's own.
     """
 
     stamp: int
     torque: float
     old_stamp: int | None = None
+    description: Description | None = None
 
 
 Segment: TypeAlias = SpeedSegment | TorqueSegment

@@ -5,21 +5,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
-
-import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import Integrate, Values
+from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.motion.integrators import live_steps
+from linkage_ros.motion.published import all_published, published
 from linkage_ros.motion.segments import TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.numeric import Real, with_turns, within_two_turns
+from linkage_ros.numeric import Real, within_two_turns
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 # What a late run makes up for beyond a tick, ns. More would only hold it up further.
@@ -60,7 +60,8 @@ class TorqueMotion:
         y = begin.unwrapped, *begin.q[1:], *begin.u
         self._steps = integrate(DrivenMechanism(solver, self._torque), y)
         self._end: LinkageError | None = None
-        self._begun = 0.0  # time of the integrator at the start of the segment, s
+        # A stamp, and the time of the integrator there, s.
+        self._origin, self._begun = stamp, 0.0
 
     def at(self, stamp: int) -> Coordinates:
         """The coordinates at a stamp.
@@ -78,12 +79,8 @@ class TorqueMotion:
         if self._end:
             raise self._end
         self._advance(stamp)
-        y, count = self._steps.phase, len(self._solver.coordinates)
-        unwrapped = with_turns(y[0], self._steps.pairs)
-        angle, _ = within_two_turns(unwrapped)
-        q, u = (angle, *y[1:count]), y[count:]
-        torque = self._torque(u[0])
-        return Coordinates(q, u, self._solver.forward((*q, *u), torque), unwrapped)
+        self._describe(stamp, self._steps.driven)
+        return published(self._steps.driven, self._steps.phase, self._steps.pairs)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
         """The coordinates at many stamps, bit for bit as `at` has them.
@@ -92,29 +89,29 @@ class TorqueMotion:
             stamps: Not before the last one, rising, ns.
 
         Returns:
-            Arrays; shorter than the stamps where the motion cannot be followed to all of them.
+            Arrays; shorter than the stamps where the motion cannot be followed to all of them, or
+            goes on in other coordinates, in another segment.
 
         Raises:
             MotionError: It cannot be followed to the first one.
         """
         if self._end:
             raise self._end
-        times = [self._time(stamp) for stamp in stamps]
-        found: list[tuple[Values, int]] = []
+        times, found = [self._time(stamp) for stamp in stamps], []
         try:
-            found.extend(self._steps.phases(times))
+            for phase, pairs in self._steps.phases(times):
+                found.append((self._steps.driven, phase, pairs))
+                if self._steps.driven is not found[0][0]:
+                    break  # other coordinates: the next batch begins there
         except LinkageError as error:
             self._end = error
         if self._end and not found:
             raise self._end
-        self._last, count = stamps[len(found) - 1], len(self._solver.coordinates)
-        crank = [with_turns(phase[0], pairs) for phase, pairs in found]
-        angles = [within_two_turns(angle)[0] for angle in crank]
-        _, *y = np.array([phase for phase, _ in found]).T
-        q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
-        torque = self._torque(u[0])
-        a = self._solver.accelerations(q, u, torque, by_math=True)
-        return Coordinates(q, u, a, np.array(crank))
+        driven = found[0][0]
+        moments = [(phase, pairs) for one, phase, pairs in found if one is driven]
+        self._describe(stamps[0], driven)
+        self._last = stamps[len(moments) - 1]
+        return all_published(driven, moments)
 
     def command(self, stamp: int, torque: float) -> None:
         """Sets the torque that is added to the motor's from a stamp on.
@@ -151,7 +148,9 @@ class TorqueMotion:
         if is_late or drive.motor != self._motor:
             if not is_late:
                 self._advance(stamp)
-            self._begin(TorqueSegment(stamp, drive.motor.torque))
+            self._begin(
+                replace(self.segment, stamp=stamp, torque=drive.motor.torque, old_stamp=None)
+            )
             self._motor = drive.motor
             self._steps.changed()
         return self
@@ -170,11 +169,22 @@ class TorqueMotion:
             MotionError: The motion cannot be followed that far.
         """
         self._advance(old)
-        self._begin(TorqueSegment(new, self._motor.torque, old))
+        self._begin(replace(self.segment, stamp=new, old_stamp=old))
         return self
 
+    def _describe(self, stamp: int, driven: DrivenMechanism) -> None:
+        """Begins a segment at a stamp if the motion is described in another way from there on."""
+        description: Description | None = driven.solver.description
+        if description == self._solver.description:
+            description = None
+        if description != self.segment.description:
+            self.segment = replace(
+                self.segment, stamp=stamp, old_stamp=None, description=description
+            )
+
     def _begin(self, segment: TorqueSegment) -> None:
-        self.segment, self._last, self._begun = segment, segment.stamp, self._steps.time
+        self.segment, self._last = segment, segment.stamp
+        self._origin, self._begun = segment.stamp, self._steps.time
 
     def _advance(self, stamp: int) -> None:
         self._last = stamp
@@ -182,7 +192,7 @@ class TorqueMotion:
 
     def _time(self, stamp: int) -> float:
         """The integrator's time at a stamp, s."""
-        return self._begun + (stamp - self.segment.stamp) / NS_PER_S
+        return self._begun + (stamp - self._origin) / NS_PER_S
 
     def _torque(self, speed: float) -> Real:
         return self._motor.at(speed) + self._command

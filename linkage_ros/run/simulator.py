@@ -285,11 +285,10 @@ class Simulator:
         self, coordinates: Coordinates, *, by_math: bool = False
     ) -> tuple[State, list[Real]]:
         """The state at coordinates, and what its messages contain; a zero there has no sign."""
-        q, u, a, unwrapped = coordinates
-        if len(q) == 1:
-            state = self.solver.state(q[0], u[0], a[0], by_math=by_math)
-        else:
-            state = self.solver.state(q, u, a, by_math=by_math)
+        q, u, a, unwrapped, state = coordinates
+        if state is None:
+            row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
+            state = self.solver.state(*row, by_math=by_math)
         rows = joint_rows(self._links, state, unwrapped, np.rint if by_math else round)
         if self._has_coupler_point:
             rows.append([*self.solver.point(state, 'C', by_math=by_math).position])

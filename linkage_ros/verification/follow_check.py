@@ -82,7 +82,7 @@ class FollowCheck:
         return f'the measurement of {seconds(stamp)} on {self._topic} has no answer'
 
     def _make(self, stamp: int, coordinates: Coordinates, row: bytes) -> bytearray:
-        (q,), (u,), (a,), unwrapped = coordinates
+        (q,), (u,), (a,), unwrapped, _ = coordinates
         columns = [np.array([x]) for x in (q, u, a, unwrapped)]
         arrays = Coordinates((columns[0],), (columns[1],), (columns[2],), columns[3])
         times = self._layout.column(row, self._layout.times)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.segments import Segment, SpeedSegment
+from linkage_ros.motion.segments import Segment, SpeedSegment, TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.ticker import CLOCK_STEP
@@ -124,8 +124,8 @@ class StateCheck:
                 motion = SpeedMotion(segment)
                 coordinates = motion.at_all(stamps)
                 ahead = self._simulator.ahead(motion, stamps)
-            elif self._torque:
-                coordinates = self._torque.coordinates(rows)
+            elif self._torque and isinstance(segment, TorqueSegment):
+                coordinates = self._torque.coordinates(segment, rows)
             else:
                 raise LogError('has a motion under a torque, the configuration a speed')
             times = self._layout.column(rows, self._layout.times)
@@ -152,8 +152,8 @@ class StateCheck:
             number, wrong = self._unlike_a_record(ticks, stamps, times)
         else:
             number, wrong = self._mistimed(piece, stamps, times)
-        if self._torque and not wrong:
-            number, words = self._torque.follow(ticks, rows)
+        if self._torque and isinstance(piece.segment, TorqueSegment) and not wrong:
+            number, words = self._torque.follow(piece.segment, ticks, rows)
             wrong = words and f'{self._state(number + 1, stamps[number])} {words}'
         self._timeline.take(piece, ticks, int(stamps[-1]))
         return number, wrong

@@ -81,7 +81,7 @@ class FollowBench:
         return FollowError(bits, with_velocity, bandwidth, float(errors.max() / self._peak))
 
     def _torque(self, coordinates: Coordinates) -> Any:
-        (q,), (u,), (a,), _ = coordinates
+        (q,), (u,), (a,), _, _ = coordinates
         return self._solver.state(q, u, a).torque
 
 

@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 from scipy import integrate
 
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import loop_residual
 from linkage_ros.formulas import Vector
 from linkage_ros.lab.reference.multibody import Multibody
 from linkage_ros.lab.reference.problems import InitialValueProblem, Phase
 from linkage_ros.motion.fixed_step_integrator import Integrate
-from linkage_ros.numeric import Array, with_turns
+from linkage_ros.motion.published import published
+from linkage_ros.numeric import Array
 
 _FIRST_STEP = 1e-4  # s
 _END = 1e10  # s, which no run reaches
@@ -46,11 +48,14 @@ class Follower:
     def gap(self) -> float:
         """By how much the loop does not close, m: from coordinates it is closed every time."""
         solver, count = self.problem.driven.solver, self.problem.count
-        q, u = self.phase[:count], self.phase[count:]
-        return loop_residual(solver.structure, solver.state(q, u, (0.0,) * count))
+        return _gap(solver, self.phase[:count], self.phase[count:])
 
     def _advance(self, time: float) -> Phase:
         raise NotImplementedError
+
+
+def _gap(solver: Solver, q: Phase, u: Phase) -> float:
+    return loop_residual(solver.structure, solver.state(q, u, (0.0,) * len(q)))
 
 
 class OfPackage(Follower):
@@ -63,7 +68,13 @@ class OfPackage(Follower):
     def _advance(self, time: float) -> Phase:
         steps = self._steps
         steps.advance(time)
-        return with_turns(steps.phase[0], steps.pairs), *steps.phase[1:]
+        moment = published(steps.driven, steps.phase, steps.pairs)
+        return moment.unwrapped, *moment.q[1:], *moment.u
+
+    def gap(self) -> float:
+        """See `Follower`: in the coordinates that describe it now."""
+        phase, half = self._steps.phase, len(self._steps.phase) // 2
+        return _gap(self._steps.driven.solver, phase[:half], phase[half:])
 
 
 class RungeKutta4(Follower):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.errors import LinkageError
 from linkage_ros.lab.methods.chain import Method, Setting, label
 from linkage_ros.lab.methods.outcomes import (
     DIVERGED,
@@ -43,13 +43,11 @@ class Run(NamedTuple):
         phases: At the times that were asked for, as far as it came.
         gaps: Gaps of the loop at these times, m.
         failure: Why it stopped: REFUSED or NAN; None: it did not.
-        end: The time of the end that a refusal reports, s; nan: none.
     """
 
     phases: list[Phase]
     gaps: list[float]
     failure: str | None = None
-    end: float = math.nan
 
 
 class MotionBench:
@@ -68,7 +66,6 @@ class MotionBench:
         problem: InitialValueProblem,
         times: Sequence[float],
         quantities: Sequence[str] = (TRAJECTORY,),
-        end: float = math.inf,
         at: Callable[[float], Sequence[Any]] | None = None,
     ) -> None:
         """Prepares it.
@@ -77,11 +74,10 @@ class MotionBench:
             problem: The motion and its start.
             times: At which states are compared, s.
             quantities: What accuracy is measured of: TRAJECTORY, ENERGY or both.
-            end: When its coordinates end, s.
             at: The true motion; by default it is followed in many digits.
         """
         self.problem, self.times, self._quantities = problem, tuple(times), quantities
-        self._end, self._at = end, at or MotionReference(problem).at
+        self._at = at or MotionReference(problem).at
         self._kinetic, potential = problem.energy(problem.start)
         self._energy = self._kinetic + potential
         self._runs: dict[tuple[Callable[..., Any], str], Run] = {}
@@ -115,9 +111,8 @@ class MotionBench:
                 # A phase that no position belongs to is refused here, as where it is published.
                 run.gaps.append(follower.gap())
                 run.phases.append(phase)
-        except LinkageError as error:
-            end = error.time if isinstance(error, MotionError) else math.nan
-            return run._replace(failure=REFUSED, end=end)
+        except LinkageError:
+            return run._replace(failure=REFUSED)
         except FAILURES:
             return run._replace(failure=NAN)
         return run
@@ -146,20 +141,15 @@ class MotionBench:
     def judge(self, method: Method, situation: Situation) -> Iterator[Outcome]:
         """The outcome at one time after another, up to a failure or a refusal.
 
-        The number of a refusal is how far the time that it tells is from the one at which coupler
-        and third link are in line, s.
-
         Args:
             method: An integrator.
-            situation: What is judged, and whether up to the end of the coordinates or beyond.
+            situation: What is judged.
         """
         run, is_right = self.follow(method, method.steady), True
-        for i, moment in enumerate(self.times):
-            if (moment < self._end) != situation.exists:
-                continue
+        for i in range(len(self.times)):
             if i >= len(run.phases):
                 if run.failure and is_right:
-                    yield run.failure, abs(run.end - self._end)
+                    yield run.failure, math.nan
                 return
             error = self.error(situation.judged, i, run)
             is_right &= error <= LIMIT

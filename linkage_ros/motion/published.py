@@ -1,0 +1,108 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The moments of a motion under a torque, as a run publishes them and a log holds them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.state import State
+from linkage_ros.motion.coordinates import Coordinates, stacked
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
+
+_ROUNDINGS = 8
+
+
+def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coordinates:
+    """The moment that a run publishes.
+
+    Args:
+        driven: What moves.
+        y: Coordinates, then their rates.
+        pairs: Pairs of whole turns that belong to it.
+
+    Returns:
+        The moment. What a reader of its messages computes from them is the same, to the bit:
+        the crank angle within two turns is that of the rounded whole one.
+
+    Raises:
+        LinkageError: As `Solver.accelerations`.
+    """
+    solver, half = driven.solver, len(y) // 2
+    unwrapped = driven.crank(y, pairs)
+    if driven.has_crank:
+        y = within_two_turns(unwrapped)[0], *y[1:]
+    if solver.coordinates == solver.mechanism.coordinates:
+        q, u = y[:half], y[half:]
+        a, state = solver.forward(y, driven.torque(u[0])), None
+        if solver.description != solver.mechanism.description:
+            state = solver.state(q, u, a)
+        return Coordinates(q, u, a, unwrapped, state)
+    y = legible(driven, y)
+    state = solver.driven_state(y[:half], y[half:], driven.torque(driven.speed(y)))
+    return own_coordinates(solver, state, unwrapped)
+
+
+def all_published(
+    driven: DrivenMechanism, moments: list[tuple[tuple[float, ...], int]]
+) -> Coordinates:
+    """The same of many moments, in arrays, to the bit."""
+    solver = driven.solver
+    if solver.coordinates != solver.mechanism.coordinates:
+        return stacked([published(driven, *moment) for moment in moments])
+    crank = [with_turns(y[0], pairs) for y, pairs in moments]
+    angles = [within_two_turns(angle)[0] for angle in crank]
+    (_, *y), count = np.array([y for y, _ in moments]).T, len(solver.coordinates)
+    q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
+    a = solver.accelerations(q, u, driven.torque(u[0]), by_math=True)
+    state = None
+    if solver.description != solver.mechanism.description:
+        state = solver.state(q, u, a, by_math=True)
+    return Coordinates(q, u, a, np.array(crank), state)
+
+
+def legible(driven: DrivenMechanism, y: tuple[float, ...]) -> tuple[float, ...]:
+    """Y as it is read off messages, which hold angles and rates from the link before."""
+    crank, half = driven.solver.links[0], len(y) // 2
+    values = list(y)
+    for i, link in enumerate(driven.links):
+        if link.parent is not None and driven.solver.links[link.parent] == crank:
+            values[i] = _settled(lambda x: y[0] + joint_angle(x - y[0]), y[i])
+            values[half + i] = _settled(lambda x: y[half] + (x - y[half]), y[half + i])
+    return tuple(values)
+
+
+def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
+    """A moment whose state its own coordinates do not tell.
+
+    Args:
+        solver: Which found the state.
+        state: Floats or arrays.
+        unwrapped: The whole crank angle, rad.
+
+    Returns:
+        The moment.
+    """
+    own = [solver.links.index(name) for name in solver.mechanism.coordinates]
+    q, u, a = (tuple(row[i] for i in own) for row in state[:3])
+    return Coordinates(q, u, a, unwrapped, state)
+
+
+def joint_angle(angle: float) -> float:
+    """The angle of a joint as messages hold it, in (-pi, pi], rad."""
+    found: float = wrap(angle)
+    return found if found > -math.pi else math.pi
+
+
+def _settled(function: Callable[[float], float], value: float) -> float:
+    """What the function makes of a value again and again, until that does not change."""
+    for _ in range(_ROUNDINGS):
+        before, value = value, function(value)
+        if value == before:
+            break
+    return value

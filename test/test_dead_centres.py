@@ -1,0 +1,229 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Motions past the places where their own coordinates end: dead centres and stretched dyads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mechanisms import LIMITED, of, wind_pump
+
+from linkage_ros import Solver
+from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.lab.methods.integrators import Multipliers
+from linkage_ros.lab.reference.problems import InitialValueProblem
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.model.structure import Description
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.drives import Motor, TorqueDrive
+from linkage_ros.motion.integrators import live_steps, record_steps
+from linkage_ros.motion.published import legible
+from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.record import record
+from linkage_ros.run.simulator import Simulator
+from linkage_ros.units import NS_PER_MS
+from linkage_ros.verification.verify import verify
+
+STRETCHED = wind_pump((0.5, 0.6, 0.7), 'open')
+MECHANISMS = {**{name: of(lengths) for name, lengths in LIMITED.items()}, 'pump': STRETCHED}
+# Their arcs contain a change point, where all links are in line and every description fails.
+WITH_CHANGE_POINT = {'p0_and_near_limit', 'upper_change_point', 'lower_change_point'}
+every = pytest.mark.parametrize('name', [x for x in MECHANISMS if x not in WITH_CHANGE_POINT])
+both = pytest.mark.parametrize('integrate', [live_steps, record_steps])
+
+
+def free(mechanism):
+    """Without what takes energy away."""
+    if hasattr(mechanism, 'slider'):
+        return replace(mechanism, slider=replace(mechanism.slider, damping=0.0, force=0.0))
+    return mechanism
+
+
+def start(mechanism):
+    """Coordinates and rates, away from every limit."""
+    reach = mechanism.reach()
+    if reach is None:
+        return 0.7, 1.0, 3.0, 0.4
+    low, high = reach.arcs[0]
+    return low + 0.4 * (high - low), 4.0
+
+
+def begun(integrate, mechanism):
+    return integrate(
+        DrivenMechanism(Solver(mechanism), lambda speed: 0.0 * speed), start(mechanism)
+    )
+
+
+def total(steps):
+    half = len(steps.phase) // 2
+    return steps.driven.solver.energy(steps.phase[:half], steps.phase[half:])
+
+
+@pytest.mark.parametrize('name', MECHANISMS)
+def test_a_state_is_the_same_in_all_descriptions(name):
+    """One of the two assemblies in the other coordinates is where the links are."""
+    mechanism = MECHANISMS[name]
+    own, y = Solver(mechanism), start(mechanism)
+    half = len(y) // 2
+    q, u, torque = y[:half], y[half:], 0.7
+    due = own.driven_state(q, u, torque)
+    assert own.state(q, u, own.accelerations(q, u, torque)).torque == pytest.approx(torque)
+    found, apart = [], []
+    for assembly in ('open', 'crossed'):
+        other = Solver(mechanism, description=Description(mechanism.other_coordinates, assembly))
+        moving = [other.links.index(name) for name in other.coordinates]
+        found.append(
+            other.driven_state(
+                tuple(due.position[i] for i in moving), tuple(due.velocity[i] for i in moving),
+                torque,
+            )
+        )  # fmt: skip
+        turned = np.subtract(found[-1].position, due.position)
+        turned[: len(turned) - own.structure.links[-1].slides] %= 2 * math.pi
+        apart.append(np.abs(np.sin(0.5 * turned)).max())
+    assert min(apart) < 1e-13 < 1e-3 < max(apart)
+    state = found[int(np.argmin(apart))]
+    for row, other_row in zip(state[1:3], due[1:3], strict=True):
+        np.testing.assert_allclose(row, other_row, rtol=1e-10, atol=1e-10)
+
+
+@every
+@both
+def test_energy_stays_past_dead_centres(name, integrate):
+    steps = begun(integrate, free(MECHANISMS[name]))
+    before, largest, described = sum(total(steps)), 0.0, set()
+    for tick in range(1, 301):
+        steps.advance(tick * 1e-2)
+        kinetic, potential = total(steps)
+        largest = max(largest, kinetic)
+        described.add(steps.driven.solver.description)
+        assert kinetic + potential == pytest.approx(before, abs=2e-8 * largest + 1e-12)
+    assert len(described) > 2, 'no dead centre was passed'
+
+
+@every
+def test_the_motion_is_that_of_absolute_coordinates(name):
+    mechanism = MECHANISMS[name]
+    follower = Multipliers(InitialValueProblem(mechanism, start(mechanism)), 1e-12)
+    steps, due, crank = begun(record_steps, mechanism), None, 0.0
+    described = set()
+    for tick in range(1, 101):
+        due = follower.at(tick * 1e-2)
+        steps.advance(tick * 1e-2)
+        crank = steps.driven.crank(steps.phase, steps.pairs)
+        described.add(steps.driven.solver.description)
+        assert crank == pytest.approx(due[0], abs=1e-7)
+    assert len(described) > 1 or name in {'pump', 'offset_right'}
+
+
+def configuration(mechanism, rate=100.0):
+    kind = 'four_bar' if hasattr(mechanism, 'rocker') else 'slider_crank'
+    base = configure({'drive': 'torque'})
+    base = replace(base, kind=replace(base.kind, mechanism=kind))
+    drive = TorqueDrive(Motor(0.3, 0.01), 120 / math.pi, start(mechanism)[0])
+    if hasattr(mechanism, 'rod'):
+        base = load('wind_pump')
+        slider = replace(mechanism.slider, position=1.0, velocity=0.4)
+        mechanism = replace(mechanism, slider=slider)
+        drive = TorqueDrive(Motor(1.0, 0.3), 30.0, 0.7)
+    session = replace(base.session, rate_hz=rate)
+    return replace(base, mechanism=mechanism, drive=drive, session=session)
+
+
+@every
+@pytest.mark.parametrize('rate', [20.0, 500.0])
+def test_a_record_verifies_to_the_bit(name, rate, tmp_path):
+    path = tmp_path / 'run.mcap'
+    record(configuration(MECHANISMS[name], rate), path, duration=3.0)
+    with LogReader(path) as log:
+        report = verify(log)
+        described = {segment.description for segment in log.motions}
+    assert (report.difference, report.ulp) == ('', 0.0)
+    assert len(described) > 1 or rate < 100
+
+
+def test_many_moments_have_the_bits_of_one_at_a_time():
+    simulator = Simulator(configuration(MECHANISMS['triple_rocker_far']))
+    one, many = (simulator.begin(0, record_steps) for _ in range(2))
+    stamps = [tick * 10 * NS_PER_MS for tick in range(300)]
+    rows, segments = bytearray(), []
+    while len(rows) < len(stamps) * simulator.layout.size:
+        done = len(rows) // simulator.layout.size
+        found = many.at_all(stamps[done:])
+        rows += simulator.rows(stamps[done : done + len(found.unwrapped)], found)
+        segments.append(many.segment)
+    single = b''.join(simulator.snapshot_at(one, stamp).row(stamp) for stamp in stamps)
+    assert single == rows
+    assert len({segment.description for segment in segments}) > 2
+
+
+@pytest.mark.parametrize(
+    ('forged', 'words'),
+    [
+        (Description(('crank',), 'open'), 'recomputed'),
+        (Description(('slider',), 'open'), 'described by slider, open: the mechanism is not'),
+        (Description(('rocker',), 'sideways'), 'described by rocker, sideways'),
+    ],
+)
+def test_a_false_description_is_found(forged, words, tmp_path):
+    """A segment that says another assembly, or coordinates that the mechanism has not."""
+    settings = configuration(MECHANISMS['triple_rocker_far'])
+    simulator = Simulator(settings)
+    motion = simulator.begin(0, record_steps)
+    path = tmp_path / 'run.mcap'
+    with LogWriter(path, settings, overwrite=False) as log:
+        log.add_states(simulator.layout, ((t, f'/{t.name}') for t in simulator.topics))
+        segment = None
+        for tick in range(200):
+            stamp = tick * 10 * NS_PER_MS
+            snapshot = simulator.snapshot_at(motion, stamp)
+            if motion.segment is not segment:
+                segment = motion.segment
+                log.write_motion(replace(segment, description=segment.description and forged))
+            log.write_rows(snapshot.row(stamp))
+    with LogReader(path) as log:
+        difference = verify(log).difference
+    assert any(word in difference for word in words.split('|')), difference
+
+
+def test_without_other_coordinates_the_motion_ends_there(monkeypatch):
+    """What the error says: where, and that the motion itself goes on."""
+    for kind in type(MECHANISMS['triple_rocker_far']), type(STRETCHED):
+        monkeypatch.setattr(kind, 'other_coordinates', ())
+    for name, words in (
+        ('triple_rocker_far', 'coupler and rocker are'),
+        ('pump', 'coupler and rod'),
+    ):
+        mechanism = MECHANISMS[name]
+        structure = mechanism.structure()._replace(other_dyads=())
+        monkeypatch.setattr(type(mechanism), 'structure', lambda _, found=structure: found)
+        with pytest.raises(MotionError, match=f'{words}.*goes on in another assembly') as raised:
+            begun(live_steps, mechanism).advance(5.0)
+        assert 0 < raised.value.time < 5
+
+
+@given(
+    st.floats(-12.5, 12.5), st.floats(-math.pi, math.pi), st.floats(-50, 50), st.floats(-50, 50)
+)
+def test_what_messages_hold_gives_the_same_coordinates(crank, coupler, speed, rate):
+    """Angles from the link before, and back: the same bits from the first time on."""
+    driven = DrivenMechanism(Solver(STRETCHED), lambda speed: 0.0 * speed)
+    other = driven.described(Description(STRETCHED.other_coordinates, 'open'))
+    y = legible(other, (crank, coupler, speed, rate))
+    assert legible(other, y) == y
+    assert math.remainder(y[1] - coupler, 2 * math.pi) == pytest.approx(0, abs=1e-14)
+    assert y[3] == pytest.approx(rate, abs=1e-13)
+
+
+def test_positions_out_of_reach_in_other_coordinates_are_refused():
+    for name, places in (('offset_left', (9.0,)), ('pump', (1.5, 1.5))):
+        mechanism = MECHANISMS[name]
+        solver = Solver(mechanism, description=Description(mechanism.other_coordinates, 'open'))
+        with pytest.raises(LinkageError, match=r'do(es)? not reach'):
+            solver.driven_state(places, (0.0,) * len(places), 0.0)
