@@ -153,7 +153,7 @@ def _stretched(random: Random, count: int) -> Iterator[MotionBench]:
         stretched = reference.end(0.5)
         if stretched is not None:
             found += 1
-            times = stretched * np.linspace(0.0, 1.5, 13)[1:]
+            times = stretched * np.linspace(0.0, 1.5, 14)[1:]
             yield MotionBench(problem, times.tolist(), at=reference.at)
 
 
