@@ -4,6 +4,7 @@
 
 __version__ = '0.1.0'
 
+from linkage_ros.dynamics.assemblies import assemblies
 from linkage_ros.dynamics.reactions import Reactions
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import PointMotion, State
@@ -65,5 +66,6 @@ __all__ = [
     'UnreachableError',
     'ViewerError',
     'WindPump',
+    'assemblies',
     'travel',
 ]
