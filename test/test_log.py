@@ -33,10 +33,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability
 
 from linkage_ros import LogError, __version__, log_tool
-from linkage_ros.log import writer as writer_module
 from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD, _seal
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.writer import FLUSH_PERIOD, LogWriter
+from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.record import record
@@ -223,19 +222,16 @@ def test_a_log_without_messages_is_complete(tmp_path):
     assert content(tmp_path / 'run.mcap') == ((CONFIGURATION, __version__, (), (), 0, 0), [])
 
 
-def test_what_is_older_than_a_flush_period_is_in_the_file(tmp_path, monkeypatch):
-    now, path, saved = [5.0], tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
-    monkeypatch.setattr(writer_module.time, 'monotonic', lambda: now[0])
+def test_every_batch_is_in_the_file_at_once(tmp_path):
+    path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
     with LogWriter(path, CONFIGURATION, overwrite=False) as log:
         channel = log.add_topic(DRIVING_TORQUE, TORQUE)
-        items = [(channel, stamp, encode_float64(stamp)) for stamp in range(90)]
-        for number, passed in enumerate((0.0, 0.6, 0.6)):
-            now[0] += passed * FLUSH_PERIOD
+        items = [(channel, stamp, encode_float64(stamp)) for stamp in range(60)]
+        for number in range(2):
             log.consume([MOTIONS[0], *items[30 * number : 30 * number + 30]])
-            # Each batch is flushed with the one that comes a flush period after the last flush.
-            assert recover(path, saved, overwrite=True).messages == (0, 0, 90)[number]
+            assert recover(path, saved, overwrite=True).messages == 30 * (number + 1)
     about, messages = content(path)
-    assert len(about[2]) == 3
+    assert len(about[2]) == 2
     assert [(message.time, message.data) for message in messages] == [item[1:] for item in items]
 
 

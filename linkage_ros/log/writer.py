@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -28,10 +27,6 @@ from linkage_ros.motion.segments import Segment
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.wire.rows import RowLayout
 from linkage_ros.wire.topics import Topic
-
-# s. What a killed run loses is at most this and the worker's period, and what a busy machine adds
-# to both; 0.3 s are promised. Each flush costs 0.8 kB of memory, for mcap's index of chunks.
-FLUSH_PERIOD = 0.15
 
 # A row, the arguments of `LogWriter.write`, or a segment of motion.
 LogItem: TypeAlias = bytes | tuple[int, int, bytes] | Segment
@@ -73,7 +68,6 @@ class LogWriter(AbstractContextManager['LogWriter']):
         )
         self._chunks = Chunks(self._writer, _CHUNK_SIZE)
         self._schemas: dict[str, int] = {}
-        self._next_flush = 0.0  # on the monotonic clock, s
         try:
             with self._file.reported():
                 self._writer.start(profile='ros2', library='linkage_ros')
@@ -148,7 +142,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self._writer.add_metadata(MOTION_RECORD, encode_motion(segment))
 
     def consume(self, items: Sequence[LogItem]) -> None:
-        """Appends what has come, and flushes what is older than the flush period.
+        """Appends what has come, and flushes it.
 
         Args:
             items: Rows, arguments of `write`, and segments of motion.
@@ -165,8 +159,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             else:
                 self.write_motion(item)
         self.write_rows(rows)
-        if time.monotonic() >= self._next_flush:
-            self.flush()
+        self.flush()
 
     def flush(self) -> None:
         """Hands all messages to the operating system: a killed run loses only what came later.
@@ -181,7 +174,6 @@ class LogWriter(AbstractContextManager['LogWriter']):
         if self._file.is_removed():
             self.close()
         self._file.check_size()
-        self._next_flush = time.monotonic() + FLUSH_PERIOD
 
     def close(self) -> None:
         """Completes the file; one that was removed meanwhile is put back first.
