@@ -59,9 +59,7 @@ class RowComparison:
                 wrong |= ~(difference <= TOLERANCE)
             else:
                 wrong |= found != due
-        rows, blank = (np.frombuffer(data, np.uint8) for data in (logged, self._layout.blank))
-        constant = self._layout.constant
-        wrong |= (rows.reshape(len(wrong), -1)[:, constant] != blank[constant]).any(axis=1)
+        wrong |= self._layout.differs(logged)
         count = int(wrong.argmax()) if wrong.any() else len(wrong)
         largest = (difference[:count].max(initial=0.0) for difference in differences)
         self.ulp = max(self.ulp, *map(float, largest))

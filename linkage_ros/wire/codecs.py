@@ -12,10 +12,13 @@ import struct
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
 from linkage_ros.dynamics.state import State
 from linkage_ros.formulas import where
 from linkage_ros.model.structure import Link
-from linkage_ros.numeric import Real, wrap
+from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, header, string
 from linkage_ros.wire.template import Field, Part, Template
@@ -154,22 +157,27 @@ class JointStateCodec:
         return self._template.pack(*divmod(stamp, NS_PER_S), *numbers)
 
     def decode(self, data: bytes) -> tuple[int, tuple[float, ...]]:
-        """Reads a message of the same joints.
+        """Stamp, ns, and numbers of one message: see `decode_all`."""
+        (stamp,), (numbers,) = self.decode_all(data)
+        return int(stamp), tuple(numbers.tolist())
+
+    def decode_all(self, data: bytes) -> tuple[npt.NDArray[np.int64], Array]:
+        """Reads messages of the same joints.
 
         Args:
-            data: Its CDR bytes.
+            data: Their CDR bytes, one message after the other; at least one.
 
         Returns:
-            Stamp, ns, and all rows one after the other.
+            Stamps, ns, and of each message all rows one after the other, shape (n, numbers).
 
         Raises:
-            ValueError: The bytes are no such message.
+            ValueError: The bytes are no such messages.
         """
-        try:
-            whole, rest, *numbers = self._template.read(data)
-        except ValueError:
-            raise ValueError(f'no message of the joints {", ".join(self.names)}') from None
-        return int(whole) * NS_PER_S + int(rest), tuple(numbers)
+        template = self._template
+        if not data or len(data) % template.size or template.differs(data).any():
+            raise ValueError(f'no message of the joints {", ".join(self.names)}')
+        whole, rest, *numbers = (template.column(data, place) for place in template.places)
+        return whole.astype(np.int64) * NS_PER_S + rest, np.stack(numbers, axis=1)
 
 
 class TrajectoryCodec(JointStateCodec):

@@ -78,7 +78,6 @@ class Template:
                 self.blank += part
         self._struct, self._constants = struct.Struct(form), tuple(constants)
         self._arrange = operator.itemgetter(*order)
-        self._is_constant = [place >= len(sources) for place in order]
         fields = {p.offset + i for p in self.places for i in range(struct.calcsize(p.code))}
         self.constant = np.array([i for i in range(len(self.blank)) if i not in fields])
 
@@ -125,20 +124,9 @@ class Template:
         values: npt.NDArray[Any] = np.ndarray(len(rows) // self.size, kind, rows)['value']
         return values
 
-    def read(self, data: bytes) -> tuple[float, ...]:
-        """The numbers in a filled template.
-
-        Args:
-            data: The bytes.
-
-        Returns:
-            The values of its fields, in order.
-
-        Raises:
-            ValueError: They do not fit the template.
-        """
-        values = self._struct.unpack(data) if len(data) == self.size else ()
-        pairs = list(zip(values, self._is_constant, strict=False))
-        if tuple(value for value, constant in pairs if constant) != self._constants:
-            raise ValueError('its bytes do not fit')
-        return tuple(value for value, constant in pairs if not constant)
+    def differs(self, rows: bytes | bytearray) -> npt.NDArray[np.bool_]:
+        """Whether each of any number of filled templates differs from this one between fields."""
+        found = np.frombuffer(rows, np.uint8).reshape(-1, self.size)
+        blank = np.frombuffer(self.blank, np.uint8)
+        differs: npt.NDArray[np.bool_] = (found != blank)[:, self.constant].any(axis=1)
+        return differs
