@@ -15,7 +15,7 @@ from linkage_ros.model.load_curve import CurveForce
 from linkage_ros.model.loads import LinkForce, continuous
 from linkage_ros.model.structure import Mechanism, Structure
 from linkage_ros.wire.codecs import joint_rows
-from linkage_ros.wire.urdf import RigidLink, link_of, rigid_links, text_of
+from linkage_ros.wire.urdf import RigidLink, element, link_of, notes, rigid_links, text_of
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to twice the
 # timestep: the loop is as stiff as the timestep allows.
@@ -48,77 +48,78 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     """
     structure, links = mechanism.structure(), rigid_links(mechanism, joint_prefix)
     position, velocity, _, _ = joint_rows(structure.links, start, float(start.position[0]))
-    crank = links[0].name
-    root = ET.Element('mujoco', model='linkage')
-    root.append(ET.Comment(_ABOUT.format(crank=crank)))
-    ET.SubElement(root, 'compiler', angle='radian')
-    option = ET.SubElement(root, 'option', timestep=repr(_TIMESTEP), integrator='RK4')
-    option.set('gravity', text_of(*mechanism.gravity, 0.0))
-    bodies = _add_bodies(ET.SubElement(root, 'worldbody'), links, position)
-    _add_loop(root, structure, links, bodies)
-    actuator = ET.SubElement(root, 'actuator')
-    ET.SubElement(actuator, 'motor', name=crank, joint=crank)
-    loads = _add_loads(actuator, mechanism, links, position)
-    sensor = _add_sensors(root, links)
+    crank, sensors = links[0].name, _sensors(links)
+    world, bodies = _bodies(links, position)
+    loop = _loop(structure, links, bodies)
+    loads = [_load(load, links, position) for load in mechanism.link_loads()]
+    if mechanism.friction:
+        _refuse(mechanism.friction)
     if point := structure.points.get('C'):
         name = f'{joint_prefix}coupler_point'
-        _add_site(bodies[1], name, point.weights[1])
-        ET.SubElement(sensor, 'framepos', name=name, objtype='site', objname=name)
-    key = ET.SubElement(ET.SubElement(root, 'keyframe'), 'key', name='start')
-    key.set('qpos', text_of(*position))
-    key.set('qvel', text_of(*velocity))
-    key.set('ctrl', text_of(float(start.torque), *[0.0] * loads))
+        bodies[1].append(_site(name, point.weights[1]))
+        sensors.append(element('framepos', name=name, objtype='site', objname=name))
+    root = element(
+        'mujoco',
+        ET.Comment(_ABOUT.format(crank=crank)),
+        element('compiler', angle='radian'),
+        element(
+            'option', timestep=repr(_TIMESTEP), integrator='RK4',
+            gravity=text_of(*mechanism.gravity, 0.0),
+        ),
+        world,
+        element('equality', loop),
+        element('actuator', element('motor', name=crank, joint=crank), *loads),
+        element('sensor', *sensors),
+        element('keyframe', element(
+            'key', name='start', qpos=text_of(*position), qvel=text_of(*velocity),
+            ctrl=text_of(float(start.torque), *[0.0] * len(loads)),
+        )),
+        model='linkage',
+    )  # fmt: skip
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
 
 
-def _add_bodies(
-    world: ET.Element, links: Sequence[RigidLink], position: Sequence[float]
-) -> list[ET.Element]:
-    """Adds a body for each link where it is at the start.
-
-    Returns:
-        The bodies.
-    """
-    bodies: list[ET.Element] = []
+def _bodies(
+    links: Sequence[RigidLink], position: Sequence[float]
+) -> tuple[ET.Element, list[ET.Element]]:
+    """The world with a body for each link where it is at the start, and the bodies."""
+    world, bodies = element('worldbody'), list[ET.Element]()
     for link, at in zip(links, position, strict=True):
         joint = link.joint
-        parent = world if joint.parent is None else bodies[joint.parent]
-        body = ET.SubElement(parent, 'body', name=link_of(link.name))
+        place, angle, kind, axis = joint.origin, joint.angle + at, 'hinge', '0 0 1'
         if joint.slides:
             place, angle = joint.origin + cmath.rect(at, joint.angle), joint.angle
             kind, axis = 'slide', '1 0 0'
-        else:
-            place, angle = joint.origin, joint.angle + at
-            kind, axis = 'hinge', '0 0 1'
-        body.set('pos', text_of(place.real, place.imag, 0.0))
-        body.set('euler', text_of(0.0, 0.0, angle))
-        ET.SubElement(body, 'joint', name=link.name, type=kind, axis=axis, ref=repr(at))
-        if link.note:
-            body.append(ET.Comment(f' {link.note} '))
         half = link.inertia / 2  # a flat body
-        ET.SubElement(
-            body, 'inertial',
-            pos=text_of(*link.center, 0.0), mass=repr(link.mass),
-            diaginertia=text_of(half, half, link.inertia),
+        body = element(
+            'body',
+            element('joint', name=link.name, type=kind, axis=axis, ref=repr(at)),
+            *notes(link),
+            element(
+                'inertial', pos=text_of(*link.center, 0.0), mass=repr(link.mass),
+                diaginertia=text_of(half, half, link.inertia),
+            ),
+            element(
+                'geom', type='box', size=text_of(*(size / 2 for size in link.box)),
+                pos=text_of(*link.place), rgba=link.color, contype='0', conaffinity='0',
+            ),
+            name=link_of(link.name), pos=text_of(place.real, place.imag, 0.0),
+            euler=text_of(0.0, 0.0, angle),
         )  # fmt: skip
-        ET.SubElement(
-            body, 'geom',
-            type='box', size=text_of(*(size / 2 for size in link.box)), pos=text_of(*link.place),
-            rgba=link.color, contype='0', conaffinity='0',
-        )  # fmt: skip
+        (world if joint.parent is None else bodies[joint.parent]).append(body)
         bodies.append(body)
-    return bodies
+    return world, bodies
 
 
-def _add_site(body: ET.Element, name: str, place: complex) -> None:
+def _site(name: str, place: complex) -> ET.Element:
     x, y = place.real + 0.0, place.imag + 0.0  # no -0.0
-    ET.SubElement(body, 'site', name=name, pos=text_of(x, y, 0.0))
+    return element('site', name=name, pos=text_of(x, y, 0.0))
 
 
-def _add_loop(
-    root: ET.Element, structure: Structure, links: Sequence[RigidLink], bodies: list[ET.Element]
-) -> None:
+def _loop(
+    structure: Structure, links: Sequence[RigidLink], bodies: Sequence[ET.Element]
+) -> ET.Element:
     """Closes the loop: the two links that end the tree meet in a pin.
 
     `Structure.closure` goes along the first of them and back along the second one.
@@ -126,58 +127,33 @@ def _add_loop(
     parents = {link.joint.parent for link in links}
     first, second = (number for number in range(len(links)) if number not in parents)
     weights = structure.closure.weights
-    loop = ET.SubElement(ET.SubElement(root, 'equality'), 'connect')
-    for site, number, place in (
-        ('site1', first, weights[first]),
-        ('site2', second, -weights[second]),
-    ):
-        name = f'{links[number].name}_end'
-        _add_site(bodies[number], name, place)
-        loop.set(site, name)
-    loop.set('solref', text_of(*_SOLREF))
-    loop.set('solimp', text_of(*_SOLIMP))
+    for number, place in ((first, weights[first]), (second, -weights[second])):
+        bodies[number].append(_site(f'{links[number].name}_end', place))
+    return element(
+        'connect', site1=f'{links[first].name}_end', site2=f'{links[second].name}_end',
+        solref=text_of(*_SOLREF), solimp=text_of(*_SOLIMP),
+    )  # fmt: skip
 
 
-def _add_loads(
-    actuator: ET.Element,
-    mechanism: Mechanism,
-    links: Sequence[RigidLink],
-    position: Sequence[float],
-) -> int:
-    """Adds an actuator for each load.
+def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -> ET.Element:
+    """The actuator of a load.
 
     One without control: force - stiffness x stretch - damping x rate. MJCF has no tables: a load
     curve is a motor whose control is to be set to the value of the curve.
 
-    Returns:
-        The number of loads.
-
     Raises:
-        ConfigurationError: A load is of another kind, or acts on a link that hangs on another.
+        ConfigurationError: The load is of another kind, or acts on a link that hangs on another:
+            there it would act on two.
     """
-    loads = mechanism.link_loads()
-    for load in (*loads, mechanism.friction):
-        if isinstance(load, CurveForce):
-            name = _joint_on_frame(load, links)
-            ET.SubElement(actuator, 'motor', name=f'{name}_curve', joint=name)
-        elif isinstance(load, LinkForce):
-            name = _joint_on_frame(load, links)
-            terms = _affine(load, position[load.link])
-            ET.SubElement(
-                actuator, 'general',
-                name=f'{name}_load', joint=name, gainprm='0', biastype='affine',
-                biasprm=text_of(*terms),
-            )  # fmt: skip
-        elif load is not None:
-            _refuse(load)
-    return len(loads)
-
-
-def _joint_on_frame(load: LinkForce | CurveForce, links: Sequence[RigidLink]) -> str:
-    """The name of the joint on which a load acts: of another link it would act on two."""
-    if links[load.link].joint.parent is not None:
+    if not isinstance(load, LinkForce | CurveForce) or links[load.link].joint.parent is not None:
         _refuse(load)
-    return links[load.link].name
+    name = links[load.link].name
+    if isinstance(load, CurveForce):
+        return element('motor', name=f'{name}_curve', joint=name)
+    return element(
+        'general', name=f'{name}_load', joint=name, gainprm='0', biastype='affine',
+        biasprm=text_of(*_affine(load, position[load.link])),
+    )  # fmt: skip
 
 
 def _refuse(load: object) -> NoReturn:
@@ -198,16 +174,13 @@ def _affine(load: LinkForce, start: float) -> tuple[float, float, float]:
     return force, -stiffness, -float(load.damping)
 
 
-def _add_sensors(root: ET.Element, links: Sequence[RigidLink]) -> ET.Element:
-    """Adds sensors of what joint_states has.
-
-    Returns:
-        Their list.
-    """
-    sensor = ET.SubElement(root, 'sensor')
-    for kind, word in (('jointpos', 'position'), ('jointvel', 'velocity')):
-        for link in links:
-            ET.SubElement(sensor, kind, name=f'{link.name}_{word}', joint=link.name)
+def _sensors(links: Sequence[RigidLink]) -> list[ET.Element]:
+    """Sensors of what joint_states has."""
     crank = links[0].name
-    ET.SubElement(sensor, 'actuatorfrc', name=f'{crank}_effort', actuator=crank)
-    return sensor
+    kinds = (('jointpos', 'position'), ('jointvel', 'velocity'))
+    sensors = [
+        element(kind, name=f'{link.name}_{word}', joint=link.name)
+        for kind, word in kinds
+        for link in links
+    ]
+    return [*sensors, element('actuatorfrc', name=f'{crank}_effort', actuator=crank)]

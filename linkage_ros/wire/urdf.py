@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 from linkage_ros.model.parts import Body, Piston, Slider
@@ -140,67 +140,92 @@ def make_urdf(
     Returns:
         XML text.
     """
-    robot = ET.Element('robot', name='linkage')
-    ET.SubElement(robot, 'link', name=frame_id)
     links = rigid_links(mechanism, joint_prefix)
     # The loop closes nowhere beyond.
     reach = repr(math.fsum(link.box[0] for link in links if not link.joint.slides))
+    parts = [element('link', name=frame_id)]
     for link in links:
-        _add_link(robot, link)
         above = link.joint.parent
-        _add_joint(robot, link, frame_id if above is None else link_of(links[above].name))
-        if link.joint.slides:
-            limit = {'effort': _NO_LIMIT, 'velocity': _NO_LIMIT}
-            ET.SubElement(robot[-1], 'limit', {'lower': f'-{reach}', 'upper': reach, **limit})
+        parent = frame_id if above is None else link_of(links[above].name)
+        parts += [_link(link), _joint(link, parent, reach)]
     if ros2_control:
-        _add_ros2_control(robot, links[0].name)
+        parts.append(_ros2_control(links[0].name))
+    robot = element('robot', *parts, name='linkage')
     ET.indent(robot)
     return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
 
 
-def _add_link(robot: ET.Element, link: RigidLink) -> None:
-    element = ET.SubElement(robot, 'link', name=link_of(link.name))
-    visual = ET.SubElement(element, 'visual')
-    _add_origin(visual, *link.place)
-    box = ET.SubElement(ET.SubElement(visual, 'geometry'), 'box')
-    box.set('size', text_of(*link.box))
-    material = ET.SubElement(visual, 'material', name=link.name)
-    ET.SubElement(material, 'color', rgba=link.color)
-    if link.note:
-        element.append(ET.Comment(f' {link.note} '))
-    inertial = ET.SubElement(element, 'inertial')
-    _add_origin(inertial, *link.center)
-    ET.SubElement(inertial, 'mass', value=repr(link.mass))
+def element(tag: str, *children: Any, text: str | None = None, **rest: str) -> ET.Element:
+    """An XML element with children, text, and the rest as attributes."""
+    made = ET.Element(tag, rest)
+    made.text = text
+    made.extend(children)
+    return made
+
+
+def notes(link: RigidLink) -> list[Any]:
+    """A comment on what is 0 in the parameters of a link, if anything is."""
+    return [ET.Comment(f' {link.note} ')] if link.note else []
+
+
+def _link(link: RigidLink) -> ET.Element:
     # A planar description knows izz alone; a flat body has ixx + iyy = izz.
     half = repr(link.inertia / 2)
-    terms = {'ixx': half, 'iyy': half, 'izz': repr(link.inertia)}
-    ET.SubElement(inertial, 'inertia', {**terms, 'ixy': '0', 'ixz': '0', 'iyz': '0'})
+    return element(
+        'link',
+        element(
+            'visual',
+            _origin(*link.place),
+            element('geometry', element('box', size=text_of(*link.box))),
+            element('material', element('color', rgba=link.color), name=link.name),
+        ),
+        *notes(link),
+        element(
+            'inertial',
+            _origin(*link.center),
+            element('mass', value=repr(link.mass)),
+            element(
+                'inertia', ixx=half, iyy=half, izz=repr(link.inertia), ixy='0', ixz='0', iyz='0'
+            ),
+        ),
+        name=link_of(link.name),
+    )
 
 
-def _add_joint(robot: ET.Element, link: RigidLink, parent: str) -> None:
-    joint = link.joint
+def _joint(link: RigidLink, parent: str, reach: str) -> ET.Element:
+    joint, limits = link.joint, list[ET.Element]()
     kind, axis = ('prismatic', '1 0 0') if joint.slides else ('continuous', '0 0 1')
-    element = ET.SubElement(robot, 'joint', name=link.name, type=kind)
-    ET.SubElement(element, 'parent', link=parent)
-    ET.SubElement(element, 'child', link=link_of(link.name))
-    _add_origin(element, joint.origin.real, joint.origin.imag, yaw=joint.angle)
-    ET.SubElement(element, 'axis', xyz=axis)
+    if joint.slides:
+        limits = [element(
+            'limit', lower=f'-{reach}', upper=reach, effort=_NO_LIMIT, velocity=_NO_LIMIT
+        )]  # fmt: skip
+    return element(
+        'joint',
+        element('parent', link=parent),
+        element('child', link=link_of(link.name)),
+        _origin(joint.origin.real, joint.origin.imag, yaw=joint.angle),
+        element('axis', xyz=axis),
+        *limits,
+        name=link.name,
+        type=kind,
+    )
 
 
-def _add_origin(
-    element: ET.Element, x: float, y: float, z: float = 0.0, *, yaw: float = 0.0
-) -> None:
-    ET.SubElement(element, 'origin', xyz=text_of(x, y, z), rpy=f'0 0 {yaw!r}')
+def _origin(x: float, y: float, z: float = 0.0, *, yaw: float = 0.0) -> ET.Element:
+    return element('origin', xyz=text_of(x, y, z), rpy=f'0 0 {yaw!r}')
 
 
-def _add_ros2_control(robot: ET.Element, crank: str) -> None:
+def _ros2_control(crank: str) -> ET.Element:
     """The crank alone: commands that name another joint are refused by the node."""
-    system = ET.SubElement(robot, 'ros2_control', name='linkage', type='system')
-    hardware = ET.SubElement(system, 'hardware')
-    ET.SubElement(hardware, 'plugin').text = _PLUGIN
-    for name, value in _HARDWARE.items():
-        ET.SubElement(hardware, 'param', name=name).text = value
-    joint = ET.SubElement(system, 'joint', name=crank)
-    ET.SubElement(joint, 'command_interface', name='effort')
-    for name in ('position', 'velocity', 'effort'):
-        ET.SubElement(joint, 'state_interface', name=name)
+    states = (element('state_interface', name=n) for n in ('position', 'velocity', 'effort'))
+    return element(
+        'ros2_control',
+        element(
+            'hardware',
+            element('plugin', text=_PLUGIN),
+            *(element('param', text=value, name=name) for name, value in _HARDWARE.items()),
+        ),
+        element('joint', element('command_interface', name='effort'), *states, name=crank),
+        name='linkage',
+        type='system',
+    )
