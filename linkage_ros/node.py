@@ -29,7 +29,7 @@ from linkage_ros.ros.process import (
     ros_program,
     spinning,
 )
-from linkage_ros.ros.publishers import create_publisher, wait_for_subscribers
+from linkage_ros.ros.publishers import create_publishers, wait_for_subscribers
 from linkage_ros.ros.subscribers import (
     CommandSubscriber,
     MeasurementSubscriber,
@@ -88,10 +88,8 @@ class LinkageNode(ParameterNode):
         self._joint_commands: CommandSubscriber | None = None
         self._measurements: MeasurementSubscriber | None = None
         with reported_as_configuration():  # a topic may have the name of another
-            self._output_publishers = {
-                topic.name: create_publisher(self, topic)
-                for topic in (*self._simulator.topics, *self._other_topics)
-            }
+            topics = *self._simulator.topics, *self._other_topics
+            self._output_publishers = create_publishers(self, topics)
             outputs = self._output_publishers
             if isinstance(self._drive, TorqueDrive):
                 crank = self._simulator.joints[0]

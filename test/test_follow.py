@@ -96,7 +96,7 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
 
 
 def test_the_filter_begins_anew_at_the_start_after_a_gap_and_after_a_step_back():
-    start, gap = 5000 * MS, 501 * MS  # 10 / bandwidth is 500 ms
+    start, gap = 11_000 * MS, 501 * MS  # 10 / bandwidth is 500 ms
     motion, found = followed(
         [(start, 0.1, 3.0), (start + 5 * MS, 0.2, 4.0), (start + gap + 5 * MS, 0.9, 5.0),
          (start + gap + 9 * MS, 1.0, 6.0), (1000 * MS, 0.4), (1000 * MS + gap, 0.5)]
@@ -195,6 +195,19 @@ def test_a_command_topic_that_is_the_measured_one_is_not_to_be_remapped():
         'node', *node_arguments(drive='follow', effort_command_topic='/measured_joint_states')
     )
     assert_refused(done.returncode, '', done.stderr, 'itself; give its own another name$')
+
+
+@pytest.mark.parametrize(
+    ('words', 'name'),
+    [
+        (('-p', 'trajectory_command_topic:=mechanism_state'), '/mechanism_state'),
+        (('-p', 'effort_command_topic:=/rosout'), '/rosout'),  # of another type
+        (('-r', 'driving_torque:=joint_states'), '/joint_states'),
+    ],
+)
+def test_two_topics_of_a_node_with_one_name_are_refused(words, name):
+    done = finished('node', '--ros-args', *words)
+    assert_refused(done.returncode, '', done.stderr, f'^linkage_node: {name} is a topic of this')
 
 
 @pytest.mark.parametrize(
@@ -314,7 +327,8 @@ def test_a_bag_that_loops_and_a_sensor_that_stops(tmp_path):
     (begin, end), *_ = limited.reach().arcs
     angles = np.linspace(0.9 * begin + 0.1 * end, 0.1 * begin + 0.9 * end, 20).tolist()
     stamps = [100_000 * MS + n * 90 * MS for n in range(20)]
-    stamps[10:] = [stamp + 510 * MS for stamp in stamps[10:]]  # 10 / bandwidth is 500 ms
+    stamps[10:] = [stamp + 8510 * MS for stamp in stamps[10:]]  # 10 / bandwidth is 500 ms
+    assert stamps[-1] - stamps[0] > 10_000 * MS  # so far the second pass steps back
     bag = [message(t, ('crank',), (x,)) for t, x in zip(stamps, angles, strict=True)]
     bag[6:6] = [
         message(stamps[5], ('crank',), (angles[0],)),

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.wire.topics import Topic
 
 # s given to subscribers to find a node, and to be matched with it.
@@ -48,6 +49,38 @@ def create_publisher(node: Node, topic: Topic) -> Publisher:
     )
     kind = message_class(topic.interface.name)
     return node.create_publisher(kind, topic.name, qos)
+
+
+def create_publishers(node: Node, topics: Iterable[Topic]) -> dict[str, Publisher]:
+    """Publishers of topics, by the topics' names.
+
+    Args:
+        node: Their node.
+        topics: The topics.
+
+    Returns:
+        The publishers.
+
+    Raises:
+        ConfigurationError: The node has a topic of the same name already.
+        RuntimeError: ROS refuses one for another reason.
+    """
+    found: dict[str, Publisher] = {}
+    for topic in topics:
+        name = node.resolve_topic_name(topic.name)
+        taken = any(publisher.topic_name == name for publisher in found.values())
+        try:
+            found[topic.name] = create_publisher(node, topic)
+        except RuntimeError as error:
+            taken = 'incompatible type' in str(error)
+            if not taken:
+                raise
+        if taken:
+            raise ConfigurationError(
+                f'{name} is a topic of this node already: give effort_command_topic, '
+                'trajectory_command_topic or the remapping (-r FROM:=TO) another name'
+            )
+    return found
 
 
 def wait_for_subscribers(
