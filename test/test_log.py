@@ -101,6 +101,14 @@ def content(path):
         return about, list(log.messages())
 
 
+def written(log):
+    """The messages of a log in the order of writing: none belongs to these channels."""
+    simulator, found = Simulator(CONFIGURATION), []
+    layout = simulator.layout_of(enumerate(simulator.topics, 200))
+    assert not list(log.rows(layout, found.append))
+    return found
+
+
 def assert_one_line(caught):
     assert '\n' not in str(caught.value)
     assert len(str(caught.value)) < 500

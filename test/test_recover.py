@@ -15,7 +15,7 @@ import pytest
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from ros_harness import assert_refused
-from test_log import spans
+from test_log import spans, written
 from test_verify import CHANGES, live
 
 from linkage_ros import LogError, log_tool
@@ -64,7 +64,7 @@ def several(tmp_path_factory):
 
 def messages(path):
     with LogReader(path) as log:
-        return list(log.written())
+        return written(log)
 
 
 @pytest.fixture

@@ -47,22 +47,9 @@ class LogFile:
         )  # fmt: skip
         self.stream = cast('io.BufferedWriter', opened)
 
-    def fail(self, error: OSError) -> NoReturn:
-        """Says that the file cannot be written.
-
-        Args:
-            error: Why.
-
-        Raises:
-            LogError: Always.
-        """
-        words = f'{self.path} cannot be written: {error.strerror or error}'
-        rescue = '; linkage_log recover saves what it holds' if self.begun else ''
-        raise LogError(words + rescue) from error
-
     @contextmanager
     def reported(self) -> Iterator[None]:
-        """Fails where the system does within.
+        """Says where the system fails within that the file cannot be written.
 
         Raises:
             LogError: It cannot.
@@ -70,7 +57,9 @@ class LogFile:
         try:
             yield
         except OSError as error:
-            self.fail(error)
+            words = f'{self.path} cannot be written: {error.strerror or error}'
+            rescue = '; linkage_log recover saves what it holds' if self.begun else ''
+            raise LogError(words + rescue) from error
 
     def check_size(self) -> None:
         """Passes if the file is as long as what was written; else nothing more is written.

@@ -133,18 +133,17 @@ class Summary:
         """Takes a record of the summary section."""
         if isinstance(record, records.Statistics):
             self.statistics = record
-        elif isinstance(record, records.Schema):
-            self.schemas[record.id] = record
-        elif isinstance(record, records.Channel):
-            self.channels[record.id] = record
+        elif isinstance(record, records.Schema | records.Channel):
+            kept: Any = self.schemas if isinstance(record, records.Schema) else self.channels
+            kept[record.id] = record
+        elif isinstance(record, records.MetadataIndex):
+            self.metadata.append(record)
         elif isinstance(record, records.ChunkIndex):
             # Chunks with the same channels share one table of them: half of what an index holds.
             # The reader looks at the keys alone; a log of a day has hundreds of thousands.
             offsets = record.message_index_offsets
             record.message_index_offsets = self._tables.setdefault(tuple(offsets), offsets)
             self.chunks.append(record)
-        elif isinstance(record, records.MetadataIndex):
-            self.metadata.append(record)
 
 
 class McapFile:

@@ -115,14 +115,14 @@ class LogReader(AbstractContextManager['LogReader']):
 
     def _open(self) -> None:
         self._summary = summary = self._read_summary()
-        statistics = summary.statistics
+        statistics, file = summary.statistics, McapFile(self._stream)
         offsets = [index.offset for index in summary.metadata]
-        if any(b <= a for a, b in pairwise(offsets)):  # one large record, many times
-            raise LogError('it is damaged: its metadata index goes back')
-        found = [McapFile(self._stream).record(offset) for offset in offsets]
-        if any(opcode != Opcode.METADATA for opcode, *_ in found):
-            raise LogError('it is damaged: its index tells of metadata where there is none')
-        records = [parsed(opcode, body) for opcode, body, _ in found]
+        chunks = [chunk.chunk_start_offset for chunk in summary.chunks]
+        for places in (offsets, chunks):  # else one large record may be read many times
+            if any(later <= earlier for earlier, later in pairwise(places)):
+                raise LogError('it is damaged: its index goes back')
+        found = [file.record(offset) for offset in offsets]
+        records = [parsed(opcode, body) for opcode, body, _ in found if opcode == Opcode.METADATA]
         # The index is under the summary's checksum, the records' names are under none.
         if [record.name for record in records] != [i.name for i in summary.metadata]:
             raise LogError('it is damaged: its metadata records are not those of its index')
@@ -131,11 +131,8 @@ class LogReader(AbstractContextManager['LogReader']):
             raise LogError('it is no log of linkage_ros: it has no configuration record')
         if len(about) > 1:
             raise LogError(f'it has {len(about)} configuration records: which one explains it?')
-        if statistics.chunk_count != len(summary.chunks):
+        if statistics.chunk_count != len(chunks):
             raise LogError('it is damaged: its index leaves out parts of it')
-        places = [chunk.chunk_start_offset for chunk in summary.chunks]
-        if any(later <= earlier for earlier, later in pairwise(places)):
-            raise LogError('it is damaged: its chunks are not in the order of its index')
         self.version, self.configuration = decode_configuration(about[0])
         self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
@@ -201,19 +198,6 @@ class LogReader(AbstractContextManager['LogReader']):
             for message in in_order(McapFile(self._stream), summary, wanted, start or 0, last):
                 yield self._message(message)
 
-    def written(self) -> Iterator[LoggedMessage]:
-        """Reads all messages in the order of writing, whatever their log times.
-
-        Yields:
-            The messages.
-
-        Raises:
-            LogError: The file is damaged.
-        """
-        for message in self._data(None):
-            if isinstance(message, Message):
-                yield self._message(message)
-
     def rows(
         self, layout: RowLayout, other: Callable[[LoggedMessage], object]
     ) -> Iterator[tuple[bytes, LoggedMessage | None]]:
@@ -253,11 +237,11 @@ class LogReader(AbstractContextManager['LogReader']):
         if begun:
             yield begun, None
 
-    def _data(self, layout: RowLayout | None) -> Iterator[bytes | Message]:
+    def _data(self, layout: RowLayout) -> Iterator[bytes | Message]:
         """Reads the data section in the order of writing.
 
         Args:
-            layout: Layout of rows; None: there are only messages.
+            layout: Layout of rows.
 
         Yields:
             Whole rows, and other messages.
@@ -272,7 +256,7 @@ class LogReader(AbstractContextManager['LogReader']):
             for part in file.parts():
                 data, at = part.data, 0
                 while at < len(data):
-                    if layout and (count := layout.count(data, at)):
+                    if count := layout.count(data, at):
                         rows = data[at : at + count * layout.size]
                         file.allowance.take(count * len(layout.channels), len(rows))
                         found.update(dict.fromkeys(layout.channels, count))

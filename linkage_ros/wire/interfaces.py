@@ -29,11 +29,6 @@ class Interface(NamedTuple):
     hash: str
     definition: str
 
-    @property
-    def is_stamped(self) -> bool:
-        """Whether messages bear a stamp: their first field is a header."""
-        return self.definition.startswith('std_msgs/Header header\n')
-
 
 def _interface(
     name: str, digest: str, fields: str, contained: tuple[tuple[str, str], ...] = ()
