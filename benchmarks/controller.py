@@ -10,8 +10,6 @@ log tells the ripple of the crank speed. Leaves logs, picture and JSON.
     python benchmarks/controller.py --out DIR --quick   one speed, as it is
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

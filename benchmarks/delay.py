@@ -10,8 +10,6 @@ matters that it is held; every tick of delay costs 2.5 % of speed.
     python benchmarks/delay.py --out docs writes docs/delay.png and docs/delay.json as well
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

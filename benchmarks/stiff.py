@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processor time of each integrator over the damping of a motor line: motion/integrators.py."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import time

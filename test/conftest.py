@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share: floating-point surprises are errors, random cases repeat, signals work."""
 
-from __future__ import annotations
-
 import signal
 import sys
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Programs as processes that start at once, forked from a process that has imported everything."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import runpy

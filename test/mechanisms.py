@@ -5,8 +5,6 @@
 All have mass everywhere and no symmetry, so that no term of an equation vanishes.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from dataclasses import replace

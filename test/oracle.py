@@ -13,8 +13,6 @@ All of this is singular at a change point, but the motion is analytic there: the
 positions 1e-60 rad to either side is the limit.
 """
 
-from __future__ import annotations
-
 import cmath
 import functools
 import math

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real processes on real DDS for the tests: started, listened to from outside, stopped."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A shell on a real terminal for the tests: typed into, read from, and its terminal looked at."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

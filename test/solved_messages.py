@@ -6,8 +6,6 @@ A message is a dictionary of its fields. Floats stand there as 16 hexadecimal di
 equal means equal to the bit: in any other form 0.0 and -0.0 would pass for each other.
 """
 
-from __future__ import annotations
-
 import struct
 
 from linkage_ros.dynamics.solver import Solver

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arguments of the solver that are not numbers, or misshapen."""
 
-from __future__ import annotations
-
 import math
 from decimal import Decimal
 from fractions import Fraction

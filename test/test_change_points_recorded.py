@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mechanisms that pass change points, recorded through spin-up and reversal."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart motion: the table against the solver, the picture as a picture."""
 
-from __future__ import annotations
-
 import csv
 import io
 import itertools

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Solver(compiled=True): Numba's programs against the programs for floats."""
 
-from __future__ import annotations
-
 import pickle
 import sys
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From parameters to a configuration and back, and what is refused on the way."""
 
-from __future__ import annotations
-
 import math
 import re
 from decimal import Decimal

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller prototype: what feed-forward is worth, and a plant that outlives it."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import replace

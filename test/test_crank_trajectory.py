@@ -13,8 +13,6 @@ The controller manager is that of ros2_control, branch jazzy, version 4.46.0 (9f
   M  controller_manager/src/controller_manager.cpp
 """
 
-from __future__ import annotations
-
 import math
 import re
 from unittest.mock import MagicMock

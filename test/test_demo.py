@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `make demo` runs: what it prints, and that it does nothing else than it is asked for."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart economy: errors against the solver, costs, and the sentence."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

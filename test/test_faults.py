@@ -5,8 +5,6 @@
 What these cost in seconds and megabytes is measured in benchmarks/reliability.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import re

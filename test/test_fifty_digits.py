@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """States, points and joint forces of all mechanisms against 50 digits, above all in bad places."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

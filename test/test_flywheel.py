@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart motion --fluctuation: the motion under a torque, with the flywheel found."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

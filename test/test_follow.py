@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A crank that is measured: the tracking filter, what is left out, and the node on DDS."""
 
-from __future__ import annotations
-
 import math
 import re
 import time

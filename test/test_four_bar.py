@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Four-bars: values that documents print, closed answers, and where doubles are coarse."""
 
-from __future__ import annotations
-
 import cmath
 import itertools
 import math

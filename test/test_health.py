@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Health of a run: which reports warn, and which of them are worth a line in the log."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from itertools import pairwise

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Integrators of motions under a torque: their reference, orders, floors, work and drift."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

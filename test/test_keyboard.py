@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys from a real terminal, and the state in which it is left on every way out."""
 
-from __future__ import annotations
-
 import os
 import select
 import signal

@@ -6,8 +6,6 @@ No wheel of launch exists. So most tests run the files with stand-ins for the fe
 import, and start the nodes as launch_ros would. The last ones use `ros2 launch` where it is there.
 """
 
-from __future__ import annotations
-
 import os
 import runpy
 import subprocess

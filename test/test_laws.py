@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Laws that hold for every mechanism, whatever its links and however many its coordinates."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What import-linter cannot see of the package's imports, and that it and ruff see every file."""
 
-from __future__ import annotations
-
 import ast
 import shutil
 import subprocess

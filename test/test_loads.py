@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a machine works against: loads of the output link, load curves, dry friction."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loads and friction against Newton-Euler in 50 digits, above all in bad places; their work."""
 
-from __future__ import annotations
-
 import math
 import struct
 from dataclasses import replace

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wrong loads and frictions in parameter files: each gets one line that names value and remedy."""
 
-from __future__ import annotations
-
 import pytest
 from ros_harness import assert_refused
 

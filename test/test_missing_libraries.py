@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real processes from which libraries are hidden, as on a machine that never installed them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

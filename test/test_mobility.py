@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a four-bar's crank can do: classes, reach, period, and the words of the errors."""
 
-from __future__ import annotations
-
 import math
 import random
 import re

@@ -9,8 +9,6 @@ and motion (places, rates, accelerations) comes from linkage_ros, and the engine
 the loop stays closed under it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from xml.etree import ElementTree as ET

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real node as a process, on real DDS, watched from this one."""
 
-from __future__ import annotations
-
 import re
 import signal
 from dataclasses import replace

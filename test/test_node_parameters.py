@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The services of the real node's parameters, asked as `ros2 param` does; one node for all."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real node on simulated time."""
 
-from __future__ import annotations
-
 import time
 from itertools import pairwise
 

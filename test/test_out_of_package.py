@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mechanism, a load and a method from docs/examples run in every program of the package."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameter file reader, against the real rcl where rclpy is installed."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a replay plays of a log, and its pace on a clock that the tests turn by hand."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import threading

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The eight rules of programs: traced formulas keep their bits, and the program can be read."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import inspect

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is waited for is said on a terminal alone, and leaves nothing behind."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import struct

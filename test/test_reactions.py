@@ -5,8 +5,6 @@
 test_fifty_digits.py compares them with 50 digits, test_laws.py with their mirror images.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

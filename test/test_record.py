@@ -5,8 +5,6 @@
 Which values and linkages are refused is in test_configuration.py and test_refusals.py.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import signal

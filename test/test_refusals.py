@@ -5,8 +5,6 @@
 In the expected lines, an ellipsis stands for any further text.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real linkage_replay as a process; a subscriber in this one compares bytes and times."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

@@ -6,8 +6,6 @@ No window is opened. Where one is asked for, RERUN_CLI_PATH names a script that 
 as Rerun's own command allows.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

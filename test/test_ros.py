@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every executable does alike with rclpy."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

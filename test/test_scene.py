@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the view shows of every mechanism: the drawing, the curves, and when they have a gap."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

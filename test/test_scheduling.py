@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A thread with deadlines gets what the system grants, and its children do not."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import os

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slider-cranks: the values of document 4, closed answers, and the ends of the offset."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ The expected phases are fractions of turns, worked out here from rpm and nanosec
 comes from mpmath. A double is right where no other double is nearer to the exact value.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from fractions import Fraction

@@ -1,7 +1,5 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-from __future__ import annotations
-
 import threading
 from fractions import Fraction
 

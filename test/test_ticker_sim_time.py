@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated time: what a clock that runs, stands, hastens and jumps makes of the ticks."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Torque-driven runs: configuration, commands, record, log and its verification."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import replace

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Torque in, motion out: orders, energy, other formulations, and where a motion ends."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

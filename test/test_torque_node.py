@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The torque-driven node on real DDS: commands in, motion out, and how it ends."""
 
-from __future__ import annotations
-
 import math
 import time
 from pathlib import Path

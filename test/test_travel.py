@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stroke, swing, transmission angles and time ratio against the triangles of textbooks."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

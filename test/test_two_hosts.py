@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node and controller on two hosts whose link is cut: the quick form of the benchmark."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands from bytes: what rclpy packs is read, what is none is said."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import numpy as np

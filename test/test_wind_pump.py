@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The wind pump at the edge of its coordinates, where coupler and rod are in line."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

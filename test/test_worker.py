@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The thread between the steps and whatever may be slow: gates stand for slowness, not sleeps."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

@@ -12,8 +12,6 @@ made here.
     python benchmarks/reliability/disk.py --out DIR --after 0.5  in half of one
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -13,8 +13,6 @@ rates are compared with the reference of 100 digits.
 Exit code 1 where a promise does not hold.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 import tempfile

@@ -7,8 +7,6 @@ take. The cases are those of test/hostile.py; what fails is saved in DIR/fuzz.
 Run: python benchmarks/reliability/fuzz.py [--out DIR] [--cases N]
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import sys
 from concurrent.futures import ProcessPoolExecutor

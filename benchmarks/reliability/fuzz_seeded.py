@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Seeded cases of one kind, tried in a process with limits of time and memory; see fuzz.py."""
 
-from __future__ import annotations
-
 import os
 import random
 import resource

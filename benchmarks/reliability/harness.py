@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real processes on real DDS, and what the system says of them."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 import json
@@ -188,7 +186,7 @@ class Diagnostics:
         }  # fmt: skip
         self.history.append(self.parts)
 
-    def __enter__(self) -> Diagnostics:
+    def __enter__(self) -> 'Diagnostics':
         return self
 
     def __exit__(self, *error: object) -> None:

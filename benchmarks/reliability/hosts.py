@@ -12,8 +12,6 @@ link stays up. Exit code 1 if a promise is broken, 77 if no hosts can be made he
     python benchmarks/reliability/hosts.py --out DIR --long 0    the short cut alone
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import sys

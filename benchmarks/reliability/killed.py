@@ -10,8 +10,6 @@ time, or if a recovered log does not verify.
     python benchmarks/reliability/killed.py --out DIR --number 3  in less than one
 """
 
-from __future__ import annotations
-
 import argparse
 import random
 import signal

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What cuts of the link cost: from a log on one side, and what the other heard (for hosts.py)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -6,8 +6,6 @@ Usage: python listener.py OUT.npy [TOPIC]; ends at SIGINT. Rows: stamp and arriv
 clock. Prints 'heard' at the first message, and at each that comes after a silence of a second.
 """
 
-from __future__ import annotations
-
 import array
 import gc
 import signal

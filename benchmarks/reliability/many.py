@@ -9,8 +9,6 @@ the first one's states measures how late they come.
     python benchmarks/reliability/many.py --out DIR    in six minutes, on a machine at rest
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -7,8 +7,6 @@ machines, and no way out: nothing leaves the pair. Root can make them, and elsew
 may make user namespaces. They have no names; they go with this process, whatever ends it.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -48,7 +46,7 @@ class Host:
         user: Whether it lives in a user namespace.
     """
 
-    def __init__(self, address: str, owner: Host | None = None) -> None:
+    def __init__(self, address: str, owner: 'Host | None' = None) -> None:
         """Makes a host.
 
         Args:

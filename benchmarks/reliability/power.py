@@ -12,8 +12,6 @@ takes root.
     python benchmarks/reliability/power.py --out DIR --number 10     in two minutes
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import signal

@@ -17,8 +17,6 @@ lateness, us, medians over the slices, and the largest; the ticks missed and tho
 processor time, s, from the median slice. Exit code 1 where a limit does not hold.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import tempfile

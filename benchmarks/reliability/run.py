@@ -9,8 +9,6 @@ Each leaves DIR/NAME.json; DIR/reliability.json holds what is there of all of th
 is 1 where a promise does not hold; what cannot be tried here is named.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

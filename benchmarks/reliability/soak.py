@@ -11,8 +11,6 @@ compared with the test suite's 50 digits at the exact crank angle. Leaves
 DIR/soak.json; exit code 1 where a promise does not hold.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import re

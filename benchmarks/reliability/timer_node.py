@@ -6,8 +6,6 @@ Usage: python timer_node.py HZ [WORDS]; ends at SIGINT with its lateness, us: p5
 'events' in the words it spins rclpy's EventsExecutor instead of the default one.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading

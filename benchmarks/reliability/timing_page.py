@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures of realtime.py as a page: docs/timing.md is made by this and never by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 
