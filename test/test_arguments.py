@@ -39,7 +39,7 @@ NO_NUMBERS = [
     np.array(['a', 'b']), np.array([None]), np.array([1j, None]), np.array([True]),
     np.array(['2026-01-01'], 'datetime64[s]'), range, iter([1.0]),
 ]  # fmt: skip
-no_number = pytest.mark.parametrize('bad', NO_NUMBERS, ids=range(len(NO_NUMBERS)))
+NOT_FINITE = [math.nan, -math.inf, np.array([1.0, math.nan])]
 WRONG_ROWS = [0.3, 3, None, 'a', 'ab', b'ab', 1j, (), (1.0,) * 3, [1.0] * 3, np.zeros(3),
               np.array(1.0), {}, {1.0, 2.0}, {'crank': 1.0, 'slider': 2.0}, min]  # fmt: skip
 wrong_row = pytest.mark.parametrize('bad', WRONG_ROWS, ids=range(len(WRONG_ROWS)))
@@ -60,19 +60,19 @@ def refused(call, *words):
 # The solver.
 
 
-@no_number
+@pytest.mark.parametrize('bad', NO_NUMBERS + NOT_FINITE, ids=range(len(NO_NUMBERS + NOT_FINITE)))
 def test_what_is_no_real_number_is_refused(bad):
     for mechanism in (FOUR_BAR, LIMITED):
         solver = Solver(mechanism)
         for name, call in (
             ('crank angle', lambda solver=solver: solver.state(bad)),
             ('crank speed', lambda solver=solver: solver.state(1.8, bad)),
-            ('crank acceleration', lambda solver=solver: solver.state([1.8, 1.9], 1, bad)),
+            ('crank acceleration', lambda solver=solver: solver.state(1.8, 1, bad)),
             ('crank angle', lambda solver=solver: solver.matrix(bad)),
             ('crank speed', lambda solver=solver: solver.energy((1.8,), (bad,))),
             ('torque', lambda solver=solver: solver.accelerations((1.8,), (1.0,), bad)),
         ):
-            refused(call, f'{name} = ', ': must be a finite number, or an array of them')
+            refused(call, f'{name} = ', ': must be a finite number')
     solver, q, u = Solver(PUMP), (0.3, 1.5), (2.0, 0.1)
     for name, call in (
         ('crank angle', lambda: solver.matrix((bad, 1.5))),
@@ -80,20 +80,6 @@ def test_what_is_no_real_number_is_refused(bad):
         ('slider speed', lambda: solver.energy(q, (2.0, bad))),
         ('slider acceleration', lambda: solver.state(q, u, (0.0, bad))),
         ('torque', lambda: solver.accelerations(q, u, bad)),
-    ):
-        refused(call, f'{name} = ', 'must be a finite number, or an array of them')
-
-
-@pytest.mark.parametrize('bad', [math.nan, -math.inf, np.array([1.0, math.nan])])
-def test_what_is_not_finite_is_refused(bad):
-    solver = Solver(FOUR_BAR)
-    for name, call in (
-        ('crank angle', lambda: solver.state(bad)),
-        ('crank speed', lambda: solver.energy(1.0, bad)),
-        ('torque', lambda: solver.accelerations(1.0, 1.0, bad)),
-        ('crank angle', lambda: solver.matrix(bad)),
-        ('slider position', lambda: Solver(PUMP).accelerations((0.0, bad), (1.0, 0.0), 1.0)),
-        ('slider acceleration', lambda: Solver(PUMP).state((0.0, 1.5), (1.0, 0.0), (0.0, bad))),
     ):
         refused(call, f'{name} = ', ': must be a finite number')
 

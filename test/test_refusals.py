@@ -8,6 +8,7 @@ In the expected lines, an ellipsis stands for any further text.
 import math
 import re
 from dataclasses import replace
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -57,6 +58,7 @@ AN_RPM = 'must be a number from -1e+06 to 1e+06 rpm'
 A_MASS = 'must be a number from 0 to 1e+12 kg'
 AN_INERTIA = 'must be a number from 0 to 1e+12 kg m^2'
 AN_ANGLE = 'must be a number from -1000 to 1000 rad'
+A_TEXT = 'must be text of the form [A-Za-z0-9_]*'
 A_RATE = 'must be a number from 0.01 to 100000 Hz'
 NO_LOOP = 'm: the loop cannot close; shorten it or lengthen the others'
 NO_REACH = 'm: the loop cannot close; bring it nearer to 0 or lengthen them'
@@ -65,8 +67,21 @@ NO_REACH = 'm: the loop cannot close; bring it nearer to 0 or lengthen them'
 LISTED = 'linkage_node --help, or docs/reference.md, lists all'
 
 
+NO_NUMBERS = [
+    *(NAN, INF, -INF, None, True, False, '1.0', b'1', [], [1.0], {}, 1j, 10**400),
+    *(float, Decimal('NaN'), Decimal('1e400'), object()),
+    *(np.complex128(1 + 2j), np.complex64(1), np.array(1 + 2j)),
+]
+NO_PAIRS = [
+    *([], [1.0], [1.0, 2.0, 3.0], 0.0, 'xy', b'xy', None, [1.0, NAN], [INF, 0.0]),
+    *([True, False], ['0', '0'], [[0.0, 1.0], [0.0, 1.0]], [None, None], [10**400, 0]),
+    *(np.array(1.0), np.array([0.1 + 1j, 0.2]), [np.complex128(0.1 + 1j), 0.2]),
+]
 # One parameter of a good configuration is changed, added or left out.
 BAD_VALUES = [
+    *((FOUR, 'rpm', value, f'rpm = …: {AN_RPM}') for value in NO_NUMBERS),
+    pytest.param(FOUR, 'rpm', 10**5_000, f'rpm = …: {AN_RPM}', id='10**5000'),
+    *((FOUR, 'gravity', value, 'gravity = …: must be two numbers, …') for value in NO_PAIRS),
     # Lengths.
     (FOUR, 'crank.length', 0, f'crank.length = 0: {A_LENGTH}'),
     (FOUR, 'rocker.length', NAN, f'rocker.length = nan: {A_LENGTH}'),
@@ -106,7 +121,13 @@ BAD_VALUES = [
     (FOUR, 'assembly', 'Open', "assembly = 'Open': must be one of open, crossed"),
     (SLIDER, 'assembly', -1, 'assembly = -1: must be one of open, crossed'),
     (FOUR, 'log', 5, 'log = 5: must be text'),
+    (FOUR, 'log', None, 'log = None: must be text'),
+    (FOUR, 'log', ['x' * 1000], "log = ['xxx…xxx']: must be text"),
     (SLIDER, 'log_overwrite', 'yes', "log_overwrite = 'yes': must be true or false"),
+    (SLIDER, 'log_overwrite', 1, 'log_overwrite = 1: must be true or false'),
+    (FOUR, 'joint_prefix', 'a-', f"joint_prefix = 'a-': {A_TEXT}"),
+    *((FOUR, 'joint_prefix', x, f'joint_prefix = …: {A_TEXT}') for x in ('a\n', 'é', 'a/', 7)),
+    *((FOUR, 'frame_id', x, 'frame_id = …: must be text of …') for x in ('', '/map', 'tool 0')),
     # Names: misspelt, another mechanism's, of no mechanism.
     (FOUR, 'crank.lenght', 1, f"'crank.lenght' is … did you mean crank.length? {LISTED}"),
     (FOUR, 'coupler.point.x', 1, "'coupler.point.x' is … mean coupler.point? …"),
@@ -130,7 +151,21 @@ BAD_VALUES = [
     (FOUR, 'crank', 0.1, "'crank' is … crank has length, mass, inertia, center: … lists all"),
     (FOUR, 'length', 1, f"'length' is not a parameter of a four_bar: {LISTED}"),
     (FOUR, 'slider.length', 1, f"'slider.length' is … of a four_bar: {LISTED}"),
+    (FOUR, 'rmp', 1, "'rmp' is not a parameter of a four_bar; did you mean rpm? …"),
+    (FOUR, 'rate', 1, "'rate' is not a parameter of a four_bar; did you mean rate_hz? …"),
+    (FOUR, 'Crank.length', 1, '… did you mean crank.length? …'),
+    *((FOUR, x, 1, f'… of a four_bar: {LISTED}') for x in ('zzzzzzzz', '', 'ß', 'length.x' * 3)),
+    (FOUR, 'motor.torque', 1.0, '… a four_bar: it needs drive: torque (-p drive:=torque)'),
+    (FOUR, 'drive', 'torque', "'rpm' … a torque-driven four_bar: it needs drive: speed (-p …"),
+    (FOUR, 'drive', 'follow', "'rpm' … a measured four_bar: it needs drive: speed (-p …"),
+    # Of every node, and similar ones; rclpy ignores what it did not declare.
+    *((FOUR, x, True, f'{x!r} is … of a four_bar…') for x in ('use_sim_times', 'x.use_sim_time')),
+    *((FOUR, x, 1, '… of a four_bar…') for x in ('use_sim_time.x', 'qos_overrides./a.depth')),
     # What is required.
+    *(
+        (FOUR, f'{link}.length', LEFT_OUT, f'{link}.length is missing: {A_LENGTH}')
+        for link in ('crank', 'coupler', 'rocker')
+    ),
     (FOUR, 'frame.length', LEFT_OUT, f'frame.length is missing: {A_LENGTH}'),
     (FOUR, 'rpm', LEFT_OUT, f'rpm is missing: {AN_RPM}'),
 ]
@@ -233,6 +268,10 @@ BAD_CALLS = [
     (lambda: replace(CENTRIC, slider=Slider(4.0)), 'the offset of the slider, 4 m, … by 0.5 m: …'),
     (lambda: SpeedDrive(2e6), f'rpm = 2000000.0: {AN_RPM}'),
     (lambda: SpeedDrive(60.0, crank_acceleration=-1.0), 'crank_acceleration = -1.0: must be …'),
+    (
+        lambda: configure({'mechanism': 'wind_pump', 'rpm': 60.0}),
+        "'rpm' … a torque-driven wind_pump: leave it out, and set motor.torque and start_rpm",
+    ),
     # States.
     (lambda: state(STRETCHED, math.pi), f'{CANNOT_MOVE} 180 deg: … it reaches … deg'),
     (lambda: state(STRETCHED, [0.1, 3.0, 3.1]), f'{CANNOT_MOVE} 171.887339 deg: … reaches …'),
@@ -308,7 +347,7 @@ def test_bad_value_is_refused(kind, name, value, expected):
     if value is LEFT_OUT:
         del values[name]
     words = refused(lambda: configure(values), expected, ConfigurationError)
-    assert words.startswith((name, repr(name)))
+    assert words.startswith((name, repr(name), repr('rpm')))
 
 
 @pytest.mark.parametrize(('kind', 'lengths', 'expected'), NO_ASSEMBLY)
