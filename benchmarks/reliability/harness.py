@@ -157,7 +157,7 @@ class Diagnostics:
 
     Attributes:
         parts: Parts of a node, such as 'log': level, message and figures as last heard.
-        history: All of `parts` that were heard.
+        figures: Those last heard, by the name of the node and its part.
     """
 
     def __init__(self, domain: int) -> None:
@@ -167,12 +167,12 @@ class Diagnostics:
         from rclpy.executors import SingleThreadedExecutor
 
         self.parts: dict[str, tuple[int, str, dict[str, str]]] = {}
-        self.history: list[dict[str, tuple[int, str, dict[str, str]]]] = []
+        self.figures: dict[str, dict[str, str]] = {}
         os.environ.update(environment(domain))
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
         node = rclpy.create_node(f'diagnosed_{domain}', context=self._context)
-        node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 10)
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 1000)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(node)
         threading.Thread(target=self._executor.spin, daemon=True).start()
@@ -184,7 +184,10 @@ class Diagnostics:
             )
             for status in message.status
         }  # fmt: skip
-        self.history.append(self.parts)
+        self.figures |= {
+            status.name: figures
+            for status, (*_, figures) in zip(message.status, self.parts.values(), strict=True)
+        }
 
     def __enter__(self) -> 'Diagnostics':
         return self

@@ -21,13 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from harness import (
     DOMAIN,
     LISTENER,
+    Diagnostics,
     Process,
-    environment,
     finish,
     options,
     quantiles,
@@ -35,7 +33,6 @@ from harness import (
     wait_for,
     words,
 )
-from rclpy.executors import SingleThreadedExecutor
 
 NUMBERS = (1, 10, 20, 40, 60, 100)
 RATE, SETTLED, PATIENCE = 100.0, 4.0, 90.0
@@ -44,35 +41,12 @@ CARRIED, ENOUGH, MEMORY = 1e-3, 0.05, 10_000.0
 FIGURES = ('states', 'ticks missed', 'lateness p99, ms', 'lateness max, ms')
 
 
-class Monitor:
-    """Hears the diagnostics of all nodes of the domain.
-
-    Attributes:
-        counts: Counts of each node that was heard: ticks kept and missed, and their lateness
-            since the start, p99 and maximum, ms.
-    """
-
-    def __init__(self) -> None:
-        self.counts: dict[str, tuple[float, ...]] = {}
-        os.environ.update(environment(DOMAIN))
-        rclpy.init()
-        node = rclpy.create_node('monitor')
-        node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 1000)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(node)
-
-    def _hear(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            if 'ticks missed' in values:
-                self.counts[status.name] = tuple(float(values[name]) for name in FIGURES)
-
-    def listen(self, seconds: float) -> np.ndarray:
-        """Listens for a while; a row for each node that was heard since it was cleared."""
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=0.02)
-        return np.array(list(self.counts.values())).reshape(-1, len(FIGURES))
+def listen(health: Diagnostics, seconds: float) -> np.ndarray:
+    """Listens for a while; a row of counts for each node that was heard since it was cleared."""
+    time.sleep(seconds)
+    heard = [values for values in list(health.figures.values()) if 'ticks missed' in values]
+    rows = [[float(values[name]) for name in FIGURES] for values in heard]
+    return np.array(rows).reshape(-1, len(FIGURES))
 
 
 def start(stack: ExitStack, number: int) -> list[Process]:
@@ -109,22 +83,22 @@ def end(nodes: list[Process]) -> int:
     return len(hung)
 
 
-def measure(number: int, monitor: Monitor, seconds: float) -> dict[str, Any]:
+def measure(number: int, health: Diagnostics, seconds: float) -> dict[str, Any]:
     """Figures of some nodes that run together."""
     with ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
         times = Path(folder, 'times.npy')
-        monitor.listen(1.0)  # the last words of nodes that ended
-        monitor.counts.clear()
+        listen(health, 1.0)  # the last words of nodes that ended
+        health.figures.clear()
         begin = time.monotonic()
         nodes = start(stack, number)
         listener = stack.enter_context(running(LISTENER, times, '/m0/joint_states', domain=DOMAIN))
         found = 0
         while found < number and time.monotonic() < begin + PATIENCE:
-            found = len(monitor.listen(0.2))
+            found = len(listen(health, 0.2))
         started = time.monotonic() - begin
-        before = monitor.listen(SETTLED)
+        before = listen(health, SETTLED)
         computed, since, at = total(nodes), time.monotonic(), time.time_ns()
-        after = monitor.listen(seconds)
+        after = listen(health, seconds)
         computed, elapsed = total(nodes) - computed, time.monotonic() - since
         alive = [n for n in nodes if n.alive]
         memory = [held(n) for n in alive]
@@ -164,9 +138,9 @@ def main() -> None:
     given = options(
         __doc__, seconds=(8.0, 's for each number of nodes'), most=(max(NUMBERS), 'nodes at most')
     )
-    rows, monitor = [], Monitor()
+    rows, health = [], Diagnostics(DOMAIN)
     for number in (n for n in NUMBERS if n <= given.most):
-        rows.append(measure(number, monitor, given.seconds))
+        rows.append(measure(number, health, given.seconds))
         show(rows[-1])
         if rows[-1]['missed_share'] > ENOUGH or rows[-1]['mib'] > MEMORY:
             break
