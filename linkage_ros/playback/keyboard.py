@@ -52,8 +52,10 @@ class Keyboard(AbstractContextManager['Keyboard']):
         """
         watched = [self._descriptor] if self._take_terminal() else []
         key = self._next_key()
-        if key is None and select.select(watched, [], [], timeout)[0] and self._is_in_foreground():
-            self._receive()
+        if key is None and select.select(watched, [], [], timeout)[0] and self._take_terminal():
+            # What woke this may have been a line for the shell, such as fg, which has read it.
+            if select.select(watched, [], [], 0)[0]:
+                self._receive()
             key = self._next_key()
         return key
 
