@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import pytest
 from ros_harness import (
-    CODEC,
     decoded,
     logged,
     node_arguments,
@@ -18,8 +17,6 @@ from ros_harness import (
 from rosgraph_msgs.msg import Clock
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 
 STATES, DESCRIPTION = '/joint_states', '/robot_description'
@@ -95,11 +92,6 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(simul
     turned = [b[0] - a[0] for a, b in pairwise(numbers)]
     assert turned == pytest.approx([numbers[0][3] * 0.005] * 151, rel=1e-9)
     assert [motion.stamp for motion in log.motions] == [START, START - 10**9]
-    simulator = Simulator(log.configuration)
-    for number, message in enumerate(messages[STATES]):
-        motion = SpeedMotion(log.motions[number > 100])
-        snapshot = simulator.snapshot_at(motion, CODEC.decode(message.data)[0])
-        assert snapshot.messages[0] == message.data
 
 
 def test_a_clock_that_tells_no_time_ends_nothing(simulated):

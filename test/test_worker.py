@@ -155,32 +155,18 @@ def test_the_first_failure_is_reported_once_and_the_consumer_closed(period, fail
     assert consumer.closed == 1
 
 
-def test_what_comes_after_a_failure_is_dropped_and_counted():
-    consumer = Gated(is_open=False, fail_at=1)
-    worker, errors = start(consumer)
-    worker.offer(0)
-    until(consumer.entered)
-    for item in range(1, 31):  # taken in one batch, of which nothing is known to have arrived
-        worker.offer(item)
-    consumer.gate.set()
-    finished(worker)
-    assert consumer.items == [0]
-    before = worker.dropped
-    for item in range(100):
-        worker.offer(item)
-        assert worker.dropped == before + 1 + item
-    assert len(errors) == 1
-
-
-def test_what_is_queued_when_the_consumer_fails_is_counted():
+def test_what_is_queued_at_a_failure_and_what_comes_after_it_is_counted():
     consumer = Gated(is_open=False, fail_at=0)
-    worker, _ = start(consumer)
+    worker, errors = start(consumer)
     worker.offer(0)
     until(consumer.entered)
     worker.offer(1, 2, 3)
     consumer.gate.set()
     finished(worker)
-    assert worker.dropped == 3
+    for item in range(100):
+        assert worker.dropped == 3 + item
+        worker.offer(item)
+    assert (consumer.items, len(errors)) == ([], 1)
 
 
 def test_a_failure_to_close_is_reported():
