@@ -82,8 +82,10 @@ def check_executable(words, *, is_block):
     if name in ('linkage_node', 'linkage_controller'):
         check_parameters(name, rest)
         return
+    parser = import_module(f'linkage_ros.{module_of(name)}')._parser()
     try:
-        import_module(f'linkage_ros.{module_of(name)}')._parser().parse_args(rest)
+        if rest != ['--help']:
+            parser.parse_args(rest)
     except SyntaxError as error:
         if is_block or 'are required' not in str(error):
             raise

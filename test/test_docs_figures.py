@@ -137,6 +137,27 @@ def test_what_reliability_quotes_was_measured():
     )
 
 
+def test_what_the_readme_quotes_was_measured():
+    right = {
+        one['peer']: one['states'].get('right', 0)
+        for one in json.loads((DOCS / 'peers.json').read_text())['outcomes']
+        if one['situation'] == 'near a change point'
+    }
+    engines = max(right[f'{name}{start}'] for name in ('MuJoCo', 'Pinocchio')
+                  for start in ('', ', cold'))  # fmt: skip
+    check_quote(
+        'README.md',
+        'linkage_ros has {} right, pylinkage {}, MuJoCo and Pinocchio {} at best, SymPy {}',
+        *(right['linkage_ros'], right['pylinkage'], engines, right['SymPy lambdify']),
+    )
+    runs = json.loads((DOCS / 'reliability.json').read_text())['killed']['runs']
+    lost = max(run['lost'] for run in runs)
+    check_quote('README.md', '{} killed runs lost at most {} s', len(runs), lost)
+    alone, fed = measured('controller')[:2]
+    errors = [100 * one['p99_ripple'] for one in (fed, alone)]
+    check_quote('README.md', 'within {} %, and PI alone within {} %', *errors)
+
+
 def test_what_dynamics_quotes_was_measured():
     late = {r['delay_ticks']: 100 * r['largest_deviation'] for r in measured('delay')}
     check_quote('docs/dynamics.md', 'within {} % where it is that of the middle', late[0.0])
