@@ -625,9 +625,9 @@ TAMPERED = {
             ('coupler.length', 0.3150000000000001, '^/robot_description: data = '),
             ('coupler.mass', 2.0000000000000004, '^/robot_description: data = '),
             ('gravity', (0.0, -9.8100000001), '/driving_torque|effort'),
-            ('rpm', 150.00000000000003, 'first motion record has .*150.0, the configuration giv'),
-            ('crank_angle', 1e-9, 'first motion record has phase = 0, the configuration gives'),
-            ('crank_acceleration', 1.0, 'first motion record'),
+            ('rpm', 150.00000000000003, 'motion record 1 has .*150.0, the configuration giv'),
+            ('crank_angle', 1e-9, 'motion record 1 has phase = 0, the configuration gives'),
+            ('crank_acceleration', 1.0, 'motion record 1'),
             ('assembly', 'crossed', '.'),
             ('frame.angle', 5.4977871437821, '.'),
             ('coupler.point', (0.16, 0.05), '/coupler_point: point.x|point.y'),
@@ -653,9 +653,9 @@ def test_what_is_changed_under_right_checksums_is_found(live_path, edit, words):
 @pytest.mark.parametrize(
     ('number', 'fields', 'words'),
     [
-        (0, {'phase': '1/1000'}, 'the first motion record has phase = '),
-        (0, {'rpm': '151.0'}, 'the first motion record has '),
-        (0, {'acceleration': '1.0'}, 'the first motion record has acceleration = 1.0'),
+        (0, {'phase': '1/1000'}, 'motion record 1 has phase = '),
+        (0, {'rpm': '151.0'}, 'motion record 1 has '),
+        (0, {'acceleration': '1.0'}, 'motion record 1 has acceleration = 1.0'),
         (0, {'stamp': str(START + 1)}, 'record 2 has phase'),
         (1, {'rpm': '59.99999999'}, 'record 2 has speed = 60, what went before gives 8444'),
         (

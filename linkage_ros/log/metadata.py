@@ -11,8 +11,9 @@ from __future__ import annotations
 import json
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
+from typing import Any
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
@@ -26,7 +27,6 @@ END_RECORD = 'linkage_ros/end'
 
 _CHECKSUM = 'crc32'
 _LARGEST_FRACTION = 10**30  # turns; or turns per minute
-_LONGEST_FIELD = 1000  # characters; the longest fraction of a motion has 150
 
 
 def encode_configuration(configuration: Configuration) -> dict[str, str]:
@@ -52,21 +52,58 @@ def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]
     return version, from_strings(settings)
 
 
+def _time(text: str) -> int:
+    """A stamp, which has 64 bits.
+
+    Raises:
+        ValueError: This one has more.
+    """
+    time = int(text)
+    if abs(time) >= 2**63:
+        raise ValueError(f'{time} ns')
+    return time
+
+
+def _finite(text: str) -> float:
+    """A number.
+
+    Raises:
+        ValueError: It is not finite.
+    """
+    if not math.isfinite(number := float(text)):
+        raise ValueError(text)
+    return number
+
+
+def _fraction(text: str) -> Fraction:
+    """What str made of a fraction; Fraction itself would compute 1e999999999 to the last digit.
+
+    Raises:
+        ValueError: No crank turns so far or so fast.
+    """
+    fraction = Fraction(*map(int, text.split('/')))
+    if abs(fraction) > _LARGEST_FRACTION:
+        raise ValueError('too large')
+    return fraction
+
+
+def _description(text: str) -> Description:
+    """What str made of a description."""
+    *coordinates, assembly = text.split()
+    return Description(tuple(coordinates), assembly)
+
+
+_NAMES = {'old_stamp': 'before'}  # fields of segments that have another name in a record
+_READERS: dict[str, Callable[[str], Any]] = {
+    'stamp': _time, 'phase': _fraction, 'speed': _fraction, 'rpm': _finite,
+    'acceleration': _finite, 'torque': _finite, 'old_stamp': _time,
+    'description': _description,
+}  # fmt: skip
+
+
 def encode_motion(segment: Segment) -> dict[str, str]:
     """The record of a segment: exact fractions of turns and of turns per minute, or a torque."""
-    fields = {'stamp': str(segment.stamp)}
-    if isinstance(segment, TorqueSegment):
-        fields['torque'] = json.dumps(segment.torque)
-        if segment.description:
-            fields['coordinates'] = ' '.join(segment.description.coordinates)
-            fields['assembly'] = segment.description.assembly
-    else:
-        fields['phase'] = str(segment.phase)
-        fields['speed'] = str(segment.speed)
-        fields['rpm'] = json.dumps(segment.rpm)
-        fields['acceleration'] = json.dumps(segment.acceleration)
-    if segment.old_stamp is not None:
-        fields['before'] = str(segment.old_stamp)
+    fields = {_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None}
     return _seal(fields)
 
 
@@ -83,25 +120,11 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
         LogError: The record is damaged.
     """
     fields = _unseal(record, 'motion')
-    if max(map(len, fields.values()), default=0) > _LONGEST_FIELD:
-        raise LogError('a motion record is damaged: it is endless')
+    kind = TorqueSegment if 'torque' in fields else SpeedSegment
     try:
-        stamp = _time(fields['stamp'])
-        old_stamp = _time(fields['before']) if 'before' in fields else None
-        if 'torque' in fields:
-            description = None
-            if 'coordinates' in fields:
-                description = Description(tuple(fields['coordinates'].split()), fields['assembly'])
-            return TorqueSegment(stamp, _finite(fields['torque']), old_stamp, description)
-        return SpeedSegment(
-            stamp,
-            _fraction(fields['phase']),
-            _fraction(fields['speed']),
-            _finite(fields['rpm']),
-            _finite(fields['acceleration']),
-            old_stamp,
-        )
-    except (KeyError, ValueError, TypeError, ArithmeticError, RecursionError) as error:
+        given = {n: fields[key] for n in _READERS if (key := _NAMES.get(n, n)) in fields}
+        return kind(**{name: _READERS[name](text) for name, text in given.items()})
+    except (ValueError, TypeError, ArithmeticError) as error:
         raise LogError(f'a motion record is damaged ({type(error).__name__})') from error
 
 
@@ -127,41 +150,6 @@ def decode_end(record: Mapping[str, str]) -> int:
         return int(fields['messages'])
     except (KeyError, ValueError) as error:
         raise LogError(f'an end record is damaged ({type(error).__name__})') from error
-
-
-def _time(text: str) -> int:
-    """A stamp, which has 64 bits.
-
-    Raises:
-        ValueError: This one has more.
-    """
-    time = int(text)
-    if abs(time) >= 2**63:
-        raise ValueError(f'{time} ns')
-    return time
-
-
-def _finite(text: str) -> float:
-    """A number in JSON.
-
-    Raises:
-        ValueError: It is not finite.
-    """
-    if not math.isfinite(number := float(json.loads(text))):
-        raise ValueError(f'{number}')
-    return number
-
-
-def _fraction(text: str) -> Fraction:
-    """What str made of a fraction; Fraction itself would compute 1e999999999 to the last digit.
-
-    Raises:
-        ValueError: No crank turns so far or so fast.
-    """
-    fraction = Fraction(*map(int, text.split('/')))
-    if abs(fraction) > _LARGEST_FRACTION:
-        raise ValueError('too large')
-    return fraction
 
 
 def _checksum(fields: Mapping[str, str]) -> str:

@@ -192,6 +192,9 @@ class Description(NamedTuple):
     coordinates: tuple[str, ...]
     assembly: str
 
+    def __str__(self) -> str:
+        return ' '.join((*self.coordinates, self.assembly))
+
 
 class Mechanism(Checked):
     """Base of all mechanisms: frozen dataclasses of parts, checked when they are made.

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from linkage_ros.log.metadata import encode_motion
 from linkage_ros.motion.segments import Segment, SpeedSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.simulator import Simulator
@@ -23,11 +22,10 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     Returns:
         What differs; empty if nothing does.
     """
+    past: Segment | None = None
     for number, logged in enumerate(motions, 1):
-        if number == 1:
-            due, source = simulator.begin(logged.stamp).segment, 'the configuration gives'
-        else:
-            past = motions[number - 2]
+        due, source = simulator.begin(logged.stamp).segment, 'the configuration gives'
+        if past is not None:
             begin = moment(logged)
             if begin < past.stamp:
                 return (
@@ -35,11 +33,10 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
                     f'{number - 1} does'
                 )
             due, source = _following(past, logged), 'what went before gives'
-        found, expected = encode_motion(logged), encode_motion(due)
-        for name in ('phase', 'rpm', 'acceleration', 'speed', 'torque', 'before'):
-            if found.get(name) != expected.get(name):
-                which = 'the first motion record' if number == 1 else f'motion record {number}'
-                return f'{which} has {name} = {found.get(name)}, {source} {expected.get(name)}'
+        for name, value in reversed(vars(due).items()):  # what users set comes last
+            if (found := vars(logged).get(name)) != value:
+                return f'motion record {number} has {name} = {found}, {source} {value}'
+        past = logged
     return ''
 
 
