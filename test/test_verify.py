@@ -218,7 +218,7 @@ def test_states_of_a_ramp_in_another_order_are_found(tmp_path, first, edit):
     path = live(tmp_path / 'run.mcap', configuration, RAMP)
     assert_equal(path, 100)
     rewrite(path, edit_states(lambda states: edit(states, first)))
-    assert 'is not after the one before it' in checked(path).difference
+    assert 'is no tick of rate_hz = 200 that is later' in checked(path).difference
 
 
 def test_a_log_without_stamps_or_motions_cannot_be_verified(tmp_path):
@@ -236,8 +236,6 @@ def test_an_empty_log_and_one_of_the_description_alone(tmp_path):
     LogWriter(path, configuration, overwrite=False).close()
     assert assert_equal(path, 0).compared == ()
     assert '/robot_description' in assert_equal(live(path, configuration, []), 0).compared
-    rewrite(path, flip('/robot_description', 0, 900, 1))
-    assert checked(path).difference.startswith('/robot_description: data = ')
 
 
 def test_a_state_that_was_cut_off_at_the_very_end_is_said(tmp_path):
@@ -483,10 +481,10 @@ def edit_states(edit):
     ('edit', 'in_record', 'in_live_run'),
     [
         (lambda s: s, '$', '$'),
-        (lambda s: [*s[:50], s[49], *s[50:]], '.* is not after the one before it', None),
+        (lambda s: [*s[:50], s[49], *s[50:]], '.* is no tick of rate_hz = 200 that', None),
         (lambda s: [*s[:50], s[51], s[50], *s[52:]],
          'the stamp 0.255000000 s of state 51 comes after 1 lost',
-         'the stamp .* of state 52 is not after'),
+         'the stamp .* of state 52 is no tick of rate_hz = 200 that is later'),
         (lambda s: s[:50] + s[53:],
          '.* of state 51 comes after 3 lost states: a record has every tick',
          '12 messages that were logged are not there'),
@@ -506,7 +504,7 @@ def test_stamps_off_the_ticks_are_found(tmp_path):
     """Every value is right for its stamp, but no tick has that stamp."""
     plan = [*ticks(9), ('tick', 1), *ticks(9)]
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
-    assert 'is no tick of rate_hz = 200: 1 ns late' in checked(path).difference
+    assert 'of state 10 is no tick of rate_hz = 200' in checked(path).difference
 
 
 def test_a_log_time_that_is_not_the_stamp_of_a_record_is_found(path, good):
@@ -518,28 +516,6 @@ def test_a_log_time_that_is_not_the_stamp_of_a_record_is_found(path, good):
 
     rewrite(path, later)
     assert ('a record has its stamp' in checked(path).difference) == is_record
-
-
-def retimed(new):
-    """An edit of the log times, ns, of all states."""
-
-    def edit(states):
-        times = new([state[0].log_time for state in states])
-        for state, time in zip(states, times, strict=True):
-            for message in state:
-                message.log_time = message.publish_time = time
-        return states
-
-    return edit_states(edit)
-
-
-@pytest.mark.parametrize('place', [49, 20, 100])
-def test_a_clock_set_back_between_stamp_and_log_time(tmp_path, place):
-    plan = [*ticks(50), ('step', -(10**9)), *ticks(50)]
-    path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
-    rewrite(path, retimed(lambda times: [t - 10**9 * (n == place) for n, t in enumerate(times)]))
-    # Only the last state before the step can be logged on a clock that was set back already.
-    assert bool(checked(path).difference) == (place != 49)
 
 
 def forge(records):
@@ -587,27 +563,11 @@ def reconfigured(**values):
     return resealed(CONFIGURATION_RECORD, change)
 
 
-def swapped(times):
-    return [*times[:20], times[80], *times[21:80], times[20], *times[81:]]
-
-
 TAMPERED = {
-    # Of one message, or of all from the middle on.
     'log time': (delayed('/driving_torque', 7, log=1, publish=1), '^/driving_torque: log time = '),
     'publish time': (delayed('/driving_torque', 7, publish=-1), '^/driving_torque: publish ti'),
-    'times reversed': (retimed(lambda times: times[::-1]), 'was logged at .*before'),
-    'times swapped': (retimed(swapped), 'was logged at .*before'),
-    'times set back': (
-        retimed(lambda times: [*times[:50], *(time - 10**12 for time in times[50:])]),
-        'was logged at',
-    ),
-    # Jitter of the wall clock, and times on another clock than the stamps, which only go on.
-    'jitter': (retimed(lambda t: [*t[:50], *(time - 40_000_000 for time in t[50:])]), '^$'),
-    'another clock': (
-        retimed(lambda times: [START - 3 * 10**8 + n * 10**6 for n in range(len(times))]), '^$',
-    ),
     'forged topic': (
-        forge, '^/x/torque is of the type of another topic: which one is of this run',
+        forge, '^/x/torque is not a topic of this run, but has the type of one',
     ),
     'type': (rename, '^/joint_states is of type sensor_msgs/JointState, not '),
     'schema': (narrow, r'/\w+: its schema is not that of '),
@@ -631,7 +591,7 @@ TAMPERED = {
             ('assembly', 'crossed', '.'),
             ('frame.angle', 5.4977871437821, '.'),
             ('coupler.point', (0.16, 0.05), '/coupler_point: point.x|point.y'),
-            ('coupler.point', 'none', '/coupler_point is logged, but the configuration has no'),
+            ('coupler.point', 'none', '/coupler_point is not a topic of this run'),
             ('rate_hz', 199.0, 'is no tick of rate_hz = 199'),
             ('joint_prefix', 'left_', 'robot_description: data = '),
             ('frame_id', 'tool0', 'robot_description: data = '),

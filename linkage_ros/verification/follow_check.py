@@ -6,8 +6,6 @@ from __future__ import annotations
 
 from collections import deque
 
-import numpy as np
-
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.reader import LoggedMessage
 from linkage_ros.motion.coordinates import Coordinates
@@ -64,13 +62,15 @@ class FollowCheck:
             if not self._asked:
                 return f'state {self.states + 1} answers no measurement on {self._topic}'
             stamp, coordinates = self._asked.popleft()
+            name = f'state {self.states + 1}, the answer of {seconds(stamp)}'
             try:
-                made = self._make(stamp, coordinates, row)
+                snapshot = self._simulator.snapshot_measured(stamp, coordinates)
             except LinkageError as error:
-                return f'state {self.states + 1}, the answer of {seconds(stamp)}: {error}'
+                return f'{name}: {error}'
+            (time,) = self._layout.column(row, self._layout.times).tolist()
+            made = bytearray(snapshot._replace(layout=self._layout).row(time))
             if not self._comparison.equal(row, made):
-                words = self._comparison.difference(row, made)
-                return f'state {self.states + 1}, the answer of {seconds(stamp)}: {words}'
+                return f'{name}: {self._comparison.difference(row, made)}'
             self.states += 1
         return ''
 
@@ -80,11 +80,3 @@ class FollowCheck:
             return ''
         stamp, _ = self._asked[0]
         return f'the measurement of {seconds(stamp)} on {self._topic} has no answer'
-
-    def _make(self, stamp: int, coordinates: Coordinates, row: bytes) -> bytearray:
-        (q,), (u,), (a,), unwrapped, _ = coordinates
-        columns = [np.array([x]) for x in (q, u, a, unwrapped)]
-        arrays = Coordinates((columns[0],), (columns[1],), (columns[2],), columns[3])
-        times = self._layout.column(row, self._layout.times)
-        ahead = self._simulator.later(arrays)
-        return self._simulator.rows([stamp], arrays, ahead, times=times, layout=self._layout)

@@ -10,12 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.log.reader import LogReader
+from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.segments import Segment, SpeedSegment, TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.run.ticker import CLOCK_STEP
 from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.row_comparison import RowComparison
 from linkage_ros.verification.timeline import MotionPiece, Timeline, seconds
@@ -62,7 +61,6 @@ class StateCheck:
         drive, self._torque = simulator.configuration.drive, None
         if isinstance(drive, TorqueDrive):
             self._torque = TorqueCheck(simulator, drive, layout, recorded=self._recorded)
-        self._latest = self._before = 0  # log time, ns: the latest one, that of the last state
 
     @property
     def missed(self) -> int:
@@ -85,10 +83,12 @@ class StateCheck:
             rows = rows[count * self._layout.size :]
         return wrong
 
+    def hear(self, message: LoggedMessage) -> None:
+        """Takes a message that is no state: no state depends on it."""
+
     def end(self) -> str:
-        """Says what is wrong with the last state; empty if nothing is."""
-        late = self._latest - 2 * CLOCK_STEP > self._before
-        return self._logged_early(0, self._timeline.last or 0) if late else ''
+        """Says what lacks behind the last state: nothing that is known."""
+        return ''
 
     def _next(self, rows: bytes) -> tuple[int, str]:
         """Compares states at the beginning of rows.
@@ -109,7 +109,7 @@ class StateCheck:
             words = self._comparison.difference(rows, made)  # of the first row
             place = f'state {self.states + 1}, stamp {seconds(int(stamps[0]))}'
             difference = difference or f'{words}; {place}, in piece of motion {piece.number}'
-        return 0, difference or f'{name} {self._timeline.why_none(int(stamps[0]))}'
+        return 0, difference or f'{name} {self._timeline.why_none()}'
 
     def _make(self, segment: Segment, stamps: list[int], rows: bytes) -> bytearray:
         """The rows of stamps, with the log times of others; fewer where one has no state.
@@ -143,27 +143,25 @@ class StateCheck:
         """Goes on behind states whose bytes are right.
 
         Returns:
-            How many have right times and, under a torque, follow from the state before them; what
-            is wrong with the next one.
+            How many have the times of a record, if it is one, and, under a torque, follow from the
+            state before them; what is wrong with the next one.
         """
-        rows = rows[: len(ticks) * self._layout.size]
-        times = self._layout.column(rows, self._layout.times).astype(np.int64)
+        rows, number, wrong = rows[: len(ticks) * self._layout.size], len(ticks), ''
         if self._recorded:
-            number, wrong = self._unlike_a_record(ticks, stamps, times)
-        else:
-            number, wrong = self._mistimed(piece, stamps, times)
+            number, wrong = self._unlike_a_record(ticks, stamps, rows)
         if self._torque and isinstance(piece.segment, TorqueSegment) and not wrong:
             number, words = self._torque.follow(piece.segment, ticks, rows)
             wrong = words and f'{self._state(number + 1, stamps[number])} {words}'
-        self._timeline.take(piece, ticks, int(stamps[-1]))
+        self._timeline.take(piece, ticks)
         return number, wrong
 
     def _state(self, number: int, stamp: int) -> str:
         """A state in words: its number, counted from behind those that are equal."""
         return f'the stamp {seconds(int(stamp))} of state {self.states + number}'
 
-    def _unlike_a_record(self, ticks: list[int], stamps: Stamps, times: Stamps) -> tuple[int, str]:
+    def _unlike_a_record(self, ticks: list[int], stamps: Stamps, rows: bytes) -> tuple[int, str]:
         """How many states have the log times of a record, and what is wrong with the next."""
+        times = self._layout.column(rows, self._layout.times).astype(np.int64)
         lost = np.diff(ticks, prepend=self._timeline.tick) - 1
         wrong = (times != stamps) | (lost > 0)
         if not wrong.any():
@@ -173,24 +171,3 @@ class StateCheck:
         if lost[i]:
             words = f'comes after {lost[i]} lost states: a record has every tick'
         return i, f'{self._state(i + 1, stamps[i])} {words}'
-
-    def _mistimed(self, piece: MotionPiece, stamps: Stamps, times: Stamps) -> tuple[int, str]:
-        """The same of a live run, where only the state before a step of the clock may be early.
-
-        Each is looked at when the one behind it is known, the last one at the end.
-        """
-        if piece.anchor != self._timeline.piece.anchor:
-            self._latest = self._before = 0
-        before = np.array([self._before, *times[:-1]])
-        latest = np.maximum.accumulate(np.maximum(before, self._latest))
-        early = before < latest - 2 * CLOCK_STEP
-        self._latest, self._before = int(latest[-1]), int(times[-1])
-        if not early.any():
-            return len(times), ''
-        i = int(early.argmax())
-        self._before = int(before[i])
-        return i, self._logged_early(i, stamps[i - 1] if i else self._timeline.last or 0)
-
-    def _logged_early(self, number: int, stamp: int) -> str:
-        logged = f'was logged at {seconds(self._before)}, before states that it follows'
-        return f'{self._state(number, stamp)} {logged}'

@@ -49,7 +49,6 @@ class Timeline:
     Attributes:
         piece: The piece that the last stamp lies in.
         missed: Ticks so far that have no state.
-        last: The last stamp, ns; None: there was none.
         tick: Number of its tick; -1: there was none.
     """
 
@@ -66,7 +65,6 @@ class Timeline:
             anchor += motion.stamp - moment(motion)
             self._pieces.append(MotionPiece(motion, number, anchor, end))
         self.piece, self.missed, self.tick = self._pieces[0], 0, -1
-        self.last: int | None = None
 
     def pieces_at(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[MotionPiece, list[int]]]:
         """The pieces that the next stamps may lie in, the likeliest first.
@@ -92,23 +90,17 @@ class Timeline:
                 if count:
                     yield piece, ticks[:count].tolist()
 
-    def take(self, piece: MotionPiece, ticks: list[int], last: int) -> None:
+    def take(self, piece: MotionPiece, ticks: list[int]) -> None:
         """Goes on by some states.
 
         Args:
             piece: From `pieces_at`.
             ticks: Their ticks.
-            last: The last one's stamp, ns.
         """
         self.missed += ticks[-1] - self.tick - len(ticks)
-        self.piece, self.tick, self.last = piece, ticks[-1], last
+        self.piece, self.tick = piece, ticks[-1]
 
-    def why_none(self, stamp: int) -> str:
+    def why_none(self) -> str:
         """What is wrong with a stamp that lies in no piece."""
-        if self.last is not None and stamp <= self.last:
-            return f'is not after the one before it, {seconds(self.last)}'
-        elapsed = stamp - self.piece.anchor
-        if late := elapsed - self._simulator.elapsed(self._simulator.tick_at(elapsed)):
-            rate = self._simulator.configuration.session.rate_hz
-            return f'is no tick of rate_hz = {rate:g}: {late} ns late'
-        return 'lies in no piece of motion'
+        rate = self._simulator.configuration.session.rate_hz
+        return f'is no tick of rate_hz = {rate:g} that is later than the one before it'

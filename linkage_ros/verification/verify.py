@@ -21,7 +21,7 @@ from linkage_ros.verification.motion_check import check_motions
 from linkage_ros.verification.row_comparison import RowComparison
 from linkage_ros.verification.state_check import StateCheck
 from linkage_ros.verification.timeline import seconds
-from linkage_ros.verification.topic_check import check_topics, has_states
+from linkage_ros.verification.topic_check import check_topics
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 
 _BATCH = 1024  # states that are compared at a time
@@ -68,19 +68,15 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     simulator = Simulator(log.configuration)
     pairings = paired(log, simulator.topics)
     descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = check_topics(log, pairings, descriptions, simulator)
-    difference = difference or check_motions(simulator, log.motions)
+    difference = check_topics(log, pairings, simulator) or check_motions(simulator, log.motions)
     comparable = descriptions if log.has_same_urdf else []
-    others = _Others(comparable, simulator.description)
     found = Report(difference=difference)
-    if not difference and has_states(pairings):
+    if not difference and any(channel.messages for channel, _ in pairings):
+        others = _Others(comparable, simulator.description)
         found = _compare(log, simulator, pairings, others, progress)
-    elif not difference:
-        for message in log.written():
-            others.check(message)
-    difference = others.wrong or found.difference
-    if log.lost > 0 and not difference:
-        difference = f'{log.lost} messages that were logged are not there: the end is cut off'
+    if log.lost > 0 and not found.difference:
+        lost = f'{log.lost} messages that were logged are not there: the end is cut off'
+        found = found._replace(difference=lost)
     names = [topic.name for topic in log.topics]
     known = {*(channel.name for channel, _ in pairings), *comparable}
     carried = [*(topic for _, topic in pairings), *[ROBOT_DESCRIPTION][: len(descriptions)]]
@@ -88,7 +84,6 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         compared=tuple(name for name in names if name in known),
         others=tuple(name for name in names if name not in known),
         absent=tuple(t.name for t in (*simulator.topics, ROBOT_DESCRIPTION) if t not in carried),
-        difference=difference,
     )
 
 
@@ -99,26 +94,24 @@ def _compare(
     others: _Others,
     progress: Callable[[int], object],
 ) -> Report:
-    """Compares the states of a log.
+    """Compares the messages of a log.
 
     Raises:
         LogError: The file is damaged, or nothing explains or dates its states.
     """
     layout = simulator.layout_of((channel.number, topic) for channel, topic in pairings)
     names = [channel.name for channel, _ in pairings]
-    comparison = RowComparison(layout, names)
+    comparison, measured = RowComparison(layout, names), measured_channel(log)
     check: StateCheck | FollowCheck
-    hear = others.check
-    measured = measured_channel(log)
     if measured is not None and isinstance(simulator.configuration.drive, FollowDrive):
-        check = following = FollowCheck(simulator, layout, comparison, measured.name)
-
-        def hear(message: LoggedMessage) -> None:
-            others.check(message)
-            following.hear(message)
+        check = FollowCheck(simulator, layout, comparison, measured.name)
     else:
         check = StateCheck(log, simulator, layout, comparison)
     waiting, tail, stray, difference = bytearray(), b'', None, ''
+
+    def hear(message: LoggedMessage) -> None:
+        others.check(message)
+        check.hear(message)
 
     def compare() -> str:
         before, wrong = check.states, check.add(bytes(waiting))
@@ -135,7 +128,7 @@ def _compare(
             difference = compare()
         if difference or others.wrong:
             break
-    difference = difference or compare() or check.end()
+    difference = others.wrong or difference or compare() or check.end()
     if stray and not difference:
         difference = (
             f'{stray.topic}: the message logged at {seconds(stray.time)} is not the next one of '
@@ -164,20 +157,21 @@ class _Others:
 
     def check(self, message: LoggedMessage) -> None:
         """Checks a message: its publish time, and the robot's description."""
-        if self.wrong:
-            return
+        wrong = ''
         if message.published != message.time:
             published, time = seconds(message.published), seconds(message.time)
-            self.wrong = f'{message.topic}: publish time {published}, log time {time}'
+            wrong = f'{message.topic}: publish time {published}, log time {time}'
         elif message.topic in self._descriptions and message.data != self._description:
-            self.wrong = f'{message.topic}: data = {_texts(message.data, self._description)}'
+            wrong = f'{message.topic}: data = {_texts(message.data, self._description)}'
+        self.wrong = self.wrong or wrong
 
 
 def _texts(logged: bytes, recomputed: bytes) -> str:
     """Where the text of a message differs."""
     pairs = enumerate(zip(logged, recomputed, strict=False))
-    shorter = min(len(logged), len(recomputed))
-    at = next((place for place, (a, b) in pairs if a != b), shorter)
-    parts = (text[max(8, at - _CONTEXT) : at + _CONTEXT] for text in (logged, recomputed))
-    a, b = (part.decode(errors='backslashreplace') for part in parts)
+    at = next((i for i, (a, b) in pairs if a != b), min(len(logged), len(recomputed)))
+    a, b = (
+        text[max(8, at - _CONTEXT) : at + _CONTEXT].decode(errors='backslashreplace')
+        for text in (logged, recomputed)
+    )
     return f'{a!r} logged, {b!r} recomputed, at byte {at}'
