@@ -1,0 +1,147 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Random motions past dead centres and stretched dyads, beside one in coordinates of every body.
+
+Pumps for 10 s from 3 rad/s, limited four-bars and slider-cranks for 5 s under gravity, all without
+a motor. Two motions that part because they are chaotic part again where the start is moved by
+1e-12: from there on only the energy counts.
+"""
+
+import argparse
+import random
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Piston, Slider, SliderCrank, WindPump
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.errors import LinkageError
+from linkage_ros.lab.methods.integrators import Multipliers
+from linkage_ros.lab.reference.problems import InitialValueProblem
+from linkage_ros.motion.integrators import live_steps, record_steps
+from linkage_ros.motion.published import published
+
+_LOOK = 0.05  # s
+_CHAOTIC = 1e-9  # rad, by which a motion from a start 1e-12 away is off
+_GRAVITY = (0.0, -9.81)
+
+
+def _body(chance, length):
+    mass = chance.uniform(0.3, 2.0)
+    center = chance.uniform(0.2, 0.8) * length, chance.uniform(-0.2, 0.2) * length
+    return Body(length, mass, mass * length**2 * chance.uniform(0.05, 0.2), center)
+
+
+def pump(chance):
+    """A pump and its start."""
+    r, b, c = (x * chance.uniform(0.5, 2.0) for x in (0.5 * chance.uniform(0.5, 3.0), 1.5, 2.0))
+    coupler = Coupler(**vars(_body(chance, b)))
+    while True:
+        place, angle = chance.uniform(-(b + c), r + b + c), chance.uniform(0.0, 6.28)
+        parts = _body(chance, r), coupler, _body(chance, c), Piston(place, mass=1.5)
+        mechanism = WindPump(*parts, chance.choice(('open', 'crossed')), _GRAVITY)
+        start = angle, place, 3.0, 0.0
+        if _can_start(mechanism, start):
+            return mechanism, start
+
+
+def limited(chance):
+    """A linkage whose crank does not turn fully, and its start."""
+    while True:
+        r, b, c, d = (chance.uniform(0.2, 1.0) for _ in range(4))
+        side = chance.choice(('open', 'crossed'))
+        coupler = Coupler(**vars(_body(chance, b)))
+        try:
+            if chance.random() < 0.5:
+                frame = Frame(d, chance.uniform(-3.0, 3.0))
+                mechanism = FourBar(
+                    frame, _body(chance, r), coupler, _body(chance, c), side, _GRAVITY
+                )
+            else:
+                slider, guide = (
+                    Slider(chance.uniform(-0.5, 0.5), 1.0),
+                    Guide(chance.uniform(-3, 3)),
+                )
+                mechanism = SliderCrank(_body(chance, r), coupler, slider, guide, side, _GRAVITY)
+        except LinkageError:
+            continue
+        if not (reach := mechanism.reach()).turns_fully:
+            low, high = chance.choice(reach.arcs)
+            return mechanism, (chance.uniform(low + 1e-3, high - 1e-3), 0.0)
+
+
+def _can_start(mechanism, start):
+    try:
+        return Solver(mechanism).meetings(start)[0].sine > 0.2
+    except LinkageError:
+        return False
+
+
+def run(problem, seconds, begin):
+    """Crank angles every 0.05 s, the largest change of energy over the largest kinetic one.
+
+    The third is why the motion ends; empty: it does not.
+    """
+    steps, angles, totals, kinetic = begin(problem.driven, problem.start), [], [], 0.0
+    for tick in range(1, round(seconds / _LOOK) + 1):
+        try:
+            steps.advance(tick * _LOOK)
+        except LinkageError as error:
+            return angles, np.ptp(totals or [0.0]) / max(kinetic, 1e-300), str(error)
+        half = len(steps.phase) // 2
+        moving, still = steps.driven.solver.energy(steps.phase[:half], steps.phase[half:])
+        angles.append(published(steps.driven, steps.phase, steps.pairs).unwrapped)
+        totals.append(moving + still)
+        kinetic = max(kinetic, moving)
+    return angles, np.ptp(totals) / kinetic, ''
+
+
+def compare(problem, angles):
+    """The largest difference to absolute coordinates while the motion is not chaotic, rad."""
+    near = replace(problem, start=(problem.start[0] + 1e-12, *problem.start[1:]))
+    followers = Multipliers(problem, 1e-13), Multipliers(near, 1e-13)
+    worst = 0.0
+    for tick, angle in enumerate(angles, 1):
+        try:
+            one, other = (follower.at(tick * _LOOK)[0] for follower in followers)
+        except (LinkageError, ArithmeticError, np.linalg.LinAlgError):
+            return worst
+        if abs(one - other) > _CHAOTIC:
+            return worst
+        worst = max(worst, abs(angle - one))
+    return worst
+
+
+def main():
+    """Prints a line for each kind."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--pumps', type=int, default=119)
+    parser.add_argument('--limited', type=int, default=200)
+    parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--live', action='store_true', help='in live steps, not those of a record')
+    options = parser.parse_args()
+    begin = live_steps if options.live else record_steps
+    kinds = (('pumps', pump, options.pumps, 10.0), ('limited', limited, options.limited, 5.0))
+    for name, make, count, seconds in kinds:
+        chance, ends, energies, apart, spent = random.Random(options.seed), [], [], [], 0.0
+        for number in range(count):
+            problem = InitialValueProblem(*make(chance))
+            before = time.process_time()
+            angles, energy, end = run(problem, seconds, begin)
+            spent += time.process_time() - before
+            if end:
+                ends.append(f'{number}: {end}')
+            energies.append(energy)
+            apart.append(compare(problem, angles))
+        print(
+            f'{name}: {len(ends)} of {count} end; energy off by {max(energies):.2g} of the '
+            f'largest kinetic one, {sum(e > 1e-8 for e in energies)} by more than 1e-8; crank off '
+            f'by {max(apart):.2g} rad, {sum(a > 1e-7 for a in apart)} by more than 1e-7; '
+            f'{spent / count:.2g} s of processor time each'
+        )
+        print(*ends, sep='\n', end='\n' if ends else '')
+
+
+if __name__ == '__main__':
+    main()
