@@ -9,8 +9,6 @@ solver; see `solved_messages`. The same for Foxglove's readers: benchmarks/reade
 from __future__ import annotations
 
 import ast
-import os
-import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -213,21 +211,6 @@ def read_rerun(stream):
 def test_rerun_reads_every_value(log):
     chunk = pytest.importorskip('rerun.chunk')
     assert_same(read_rerun(chunk.McapReader(log.path).stream()), log.messages)
-
-
-def test_rerun_converts_every_value(log, tmp_path):
-    chunk = pytest.importorskip('rerun.chunk')
-    home, target = str(tmp_path / 'home'), tmp_path / 'run.rrd'
-    # Its wrapper would outlive a signal.
-    binary = Path(find_spec('rerun_cli').submodule_search_locations[0], 'rerun')
-    variables = {**os.environ, 'HOME': home, 'XDG_CONFIG_HOME': home, 'NO_COLOR': '1'}
-    subprocess.run([binary, 'analytics', 'disable'], env=variables, check=True)
-    done = subprocess.run(
-        [binary, 'mcap', 'convert', log.path, '-o', target],
-        env=variables, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert 'ERROR' not in done.stderr
-    assert_same(read_rerun(chunk.RrdReader(target).stream()), log.messages)
 
 
 # ---------------------------------------------------------------- what the document shows

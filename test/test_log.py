@@ -8,6 +8,7 @@ What other readers decode is in test_foreign_readers.py.
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import os
 import random
@@ -25,7 +26,7 @@ from pathlib import Path
 import pytest
 import yaml
 from mcap.reader import make_reader
-from mcap.records import Channel, DataEnd, Header, Message, Metadata, Schema
+from mcap.records import Channel, DataEnd, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, Writer
 from ros_harness import CODEC, assert_refused
@@ -42,7 +43,7 @@ from linkage_ros.record import record
 from linkage_ros.recovery.recover import recover
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import encode_float64, encode_string
-from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS
+from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
 
 START = 1_795_000_000_000_000_000
 PERIOD = 5_000_000
@@ -109,6 +110,35 @@ def written(log):
     return found
 
 
+def records_of(path):
+    """The records before the end of the data, the header first, as the mcap library reads them."""
+    with path.open('rb') as stream:
+        records = StreamReader(stream).records
+        return list(itertools.takewhile(lambda r: not isinstance(r, DataEnd), records))
+
+
+def write_records(path, records):
+    """Writes records with the mcap library, all its checksums right."""
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start(records[0].profile, records[0].library)
+        for item in records[1:]:
+            if isinstance(item, Schema):
+                writer.register_schema(item.name, item.encoding, item.data)
+            elif isinstance(item, Channel):
+                writer.register_channel(
+                    item.topic, item.message_encoding, item.schema_id, item.metadata
+                )
+            elif isinstance(item, Message):
+                writer.add_message(item.channel_id, item.log_time, item.data, item.publish_time)
+            elif isinstance(item, Metadata):
+                if item.name == END_RECORD:
+                    writer.flush()
+                writer.add_metadata(item.name, item.metadata)
+        writer.finish()
+    return path
+
+
 def assert_one_line(caught):
     assert '\n' not in str(caught.value)
     assert len(str(caught.value)) < 500
@@ -134,28 +164,13 @@ def test_rosbags_parses_the_quality_of_service(path):
             assert qos.avoid_ros_namespace_conventions is False
 
 
-def test_mcap_finds_profile_encodings_hashes_chunks_and_right_checksums(path):
-    with path.open('rb') as stream:
-        reader = make_reader(stream, validate_crcs=True)
-        header, summary = reader.get_header(), reader.get_summary()
-    assert (header.profile, header.library) == ('ros2', 'linkage_ros')
-    assert summary.statistics.message_count == len(CONTENTS)
-    assert [chunk.compression for chunk in summary.chunk_indexes] == ['zstd'] * 3
-    interfaces = {topic.interface.name: topic.interface for topic in TOPICS}
-    for channel in summary.channels.values():
-        schema = summary.schemas[channel.schema_id]
-        assert (channel.message_encoding, schema.encoding) == ('cdr', 'ros2msg')
-        assert schema.data.decode() == interfaces[schema.name].definition
-        assert set(channel.metadata) == {'offered_qos_profiles', 'topic_type_hash'}
-        assert channel.metadata['topic_type_hash'] == interfaces[schema.name].hash
-    with path.open('rb') as stream:
-        records = list(StreamReader(stream, validate_crcs=True).records)
-    assert sum(isinstance(item, Message) for item in records) == len(CONTENTS)
-
-
 def test_mcap_reads_the_records_that_explain_the_log(path):
     with path.open('rb') as stream:
-        records = [(r.name, r.metadata) for r in make_reader(stream).iter_metadata()]
+        reader = make_reader(stream)
+        header, chunks = reader.get_header(), reader.get_summary().chunk_indexes
+        records = [(r.name, r.metadata) for r in reader.iter_metadata()]
+    assert (header.profile, header.library) == ('ros2', 'linkage_ros')
+    assert [chunk.compression for chunk in chunks] == ['zstd'] * 3
     names = [CONFIGURATION_RECORD, *[MOTION_RECORD] * 3, END_RECORD]
     assert [name for name, _ in records] == names
     about, *moved, end = (metadata for _, metadata in records)
@@ -225,11 +240,6 @@ def test_messages_come_by_log_time_whatever_the_order_of_writing(tmp_path):
     assert about[-2:] == (1, 9)
 
 
-def test_a_log_without_messages_is_complete(tmp_path):
-    LogWriter(tmp_path / 'run.mcap', CONFIGURATION, overwrite=False).close()
-    assert content(tmp_path / 'run.mcap') == ((CONFIGURATION, __version__, (), (), 0, 0), [])
-
-
 def test_every_batch_is_in_the_file_at_once(tmp_path):
     path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
     with LogWriter(path, CONFIGURATION, overwrite=False) as log:
@@ -260,26 +270,7 @@ def test_rows_are_the_very_bytes_that_the_library_would_write(tmp_path, start):
     with LogWriter(path, simulator.configuration, overwrite=False) as log:
         log.add_states(simulator.layout, ((topic, topic.name) for topic in simulator.topics))
         log.write_rows(simulator.rows(stamps, simulator.begin(start).at_all(stamps)))
-    with path.open('rb') as stream, (tmp_path / 'other.mcap').open('wb') as target:
-        writer = Writer(target)
-        for item in StreamReader(stream).records:
-            if isinstance(item, Header):
-                writer.start(item.profile, item.library)
-            elif isinstance(item, Schema):
-                writer.register_schema(item.name, item.encoding, item.data)
-            elif isinstance(item, Channel):
-                writer.register_channel(
-                    item.topic, item.message_encoding, item.schema_id, item.metadata
-                )
-            elif isinstance(item, Message):
-                writer.add_message(item.channel_id, item.log_time, item.data, item.publish_time)
-            elif isinstance(item, Metadata):
-                if item.name == END_RECORD:
-                    writer.flush()
-                writer.add_metadata(item.name, item.metadata)
-            elif isinstance(item, DataEnd):
-                break
-        writer.finish()
+    write_records(tmp_path / 'other.mcap', records_of(path))
     assert (tmp_path / 'other.mcap').read_bytes() == path.read_bytes()
 
 

@@ -31,6 +31,7 @@ from linkage_ros.wire.topics import COUPLER_POINT, JOINT_STATES, MECHANISM_STATE
 from linkage_ros.wire.urdf import make_urdf
 
 STAMP = 123_456_789  # ns
+DOCUMENTED = yaml.safe_load(block(read('docs/urdf.md'), 'ros__parameters'))
 
 
 def linkage(preset, stamp=STAMP, **values):
@@ -146,26 +147,15 @@ def test_each_link_is_where_the_mechanism_has_it(preset, stamp):
         ({'joint_prefix': 'left_'}, {'joint_prefix': 'right_'}),
         ({'frame_id': 'arm/tool0'}, {'joint_prefix': 'b_', 'frame_id': 'arm/tool0'}),
         # Its pivots on a moving link of the other linkage.
-        ({'joint_prefix': 'a_'}, {'joint_prefix': 'b_', 'frame_id': 'a_coupler_link'}),
+        [node['ros__parameters'] for node in DOCUMENTED.values()],
     ],
-    ids=['both prefixed', 'on a robot', 'one on the other'],
+    ids=['both prefixed', 'on a robot', 'of the docs'],
 )
 def test_two_linkages_are_one_tree_with_the_right_poses(left, right):
     linkages = [linkage('quadrilateral', **left), linkage('compressor', rpm=77.0, **right)]
     tree = Tree(linkages)
     assert tree.root == left.get('frame_id', 'base_link')
     assert len(tree.edges) == 6
-    for simulator, snapshot in linkages:
-        assert_poses(tree, simulator, snapshot)
-
-
-def test_the_two_linkages_of_the_docs_are_one_tree():
-    nodes = yaml.safe_load(block(read('docs/urdf.md'), 'ros__parameters'))
-    names = [node['ros__parameters'] for node in nodes.values()]
-    assert len(names) == 2
-    linkages = [linkage('quadrilateral', **given) for given in names]
-    tree = Tree(linkages)
-    assert tree.root == 'base_link'
     for simulator, snapshot in linkages:
         assert_poses(tree, simulator, snapshot)
 

@@ -9,14 +9,11 @@ import re
 import struct
 from dataclasses import replace
 from fractions import Fraction
-from itertools import takewhile
 
 import pytest
-from mcap.records import Channel, DataEnd, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
+from mcap.records import Channel, Message, Metadata, Schema
 from ros_harness import assert_refused
-from test_log import spans
+from test_log import records_of, spans, write_records
 
 from linkage_ros import LogError, log_tool
 from linkage_ros.log.metadata import (
@@ -200,27 +197,6 @@ def test_live_runs_are_equal_to_the_bit(tmp_path, run):
         assert set(report.absent) == {topic[1:] for topic in QUADRILATERAL} - set(chosen)
 
 
-RAMP = [*ticks(20), ('rpm', 200.0), *ticks(20), ('rpm', 300.0), *ticks(60)]
-
-
-@pytest.mark.parametrize('first', [19, 70])
-@pytest.mark.parametrize(
-    'edit',
-    [
-        lambda states, n: [*states[:n], states[n + 1], states[n], *states[n + 2 :]],
-        lambda states, n: [*states[: n + 1], *states[n:]],
-        lambda states, n: [*states[: n + 15], *states[n:]],
-    ],
-    ids=['swapped', 'doubled', 'played twice'],
-)
-def test_states_of_a_ramp_in_another_order_are_found(tmp_path, first, edit):
-    configuration = configure({'rpm': 60.0, 'crank_acceleration': 10.0})
-    path = live(tmp_path / 'run.mcap', configuration, RAMP)
-    assert_equal(path, 100)
-    rewrite(path, edit_states(lambda states: edit(states, first)))
-    assert 'is no tick of rate_hz = 200 that is later' in checked(path).difference
-
-
 def test_a_log_without_stamps_or_motions_cannot_be_verified(tmp_path):
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(5), topics=('driving_torque',))
     with pytest.raises(LogError, match='cannot be verified: none of its topics has stamps'):
@@ -256,29 +232,9 @@ def rewrite(path, edit):
         path: Of the log.
         edit: Changes a list of records, or returns another one.
     """
-    with path.open('rb') as stream:
-        kept = Schema, Channel, Message, Metadata
-        until_the_end = takewhile(
-            lambda r: not isinstance(r, DataEnd), StreamReader(stream).records
-        )
-        records = [item for item in until_the_end if isinstance(item, kept)]
-    records = edit(records) or records
-    with path.open('wb') as stream:
-        writer = Writer(stream)
-        writer.start('ros2', 'test')
-        for item in records:
-            if isinstance(item, Schema):
-                writer.register_schema(item.name, item.encoding, item.data)
-            elif isinstance(item, Channel):
-                writer.register_channel(
-                    item.topic, item.message_encoding, item.schema_id, item.metadata
-                )
-            elif isinstance(item, Message):
-                writer.add_message(item.channel_id, item.log_time, item.data, item.publish_time)
-            else:
-                writer.add_metadata(item.name, item.metadata)
-        writer.finish()
-    return path
+    header, *records = records_of(path)
+    records = [r for r in records if isinstance(r, Schema | Channel | Message | Metadata)]
+    return write_records(path, [header, *(edit(records) or records)])
 
 
 def named(records, name):
