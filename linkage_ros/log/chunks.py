@@ -101,12 +101,11 @@ class Chunks:
             if not (count := len(times)):
                 continue
             first, last = int(times.min()), int(times.max())
-            if not builder.num_messages:
-                builder.message_start_time = first
-            if not statistics.message_count:
-                statistics.message_start_time = first
-            for span in (builder, statistics):
-                span.message_start_time = min(span.message_start_time, first)
+            for span, known in (
+                (builder, builder.num_messages), (statistics, statistics.message_count)
+            ):  # fmt: skip
+                start = min(span.message_start_time, first) if known else first
+                span.message_start_time = start
                 span.message_end_time = max(span.message_end_time, last)
             if channel not in builder.message_indices:
                 builder.message_indices[channel] = _Index(channel)

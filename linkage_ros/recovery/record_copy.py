@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
 import numpy as np
-from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 from mcap.writer import Writer
 
 from linkage_ros.errors import ConfigurationError, LogError
@@ -72,15 +72,9 @@ class RecordCopy:
         self._index: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
-        self._begun = False
 
     def add(self, part: Part) -> None:
         """Writes what is in a part of the log, unless it is damaged or there already."""
-        if not self._begun:
-            header = Header('ros2', 'linkage_ros')
-            header = part.record if isinstance(part.record, Header) else header
-            self._writer.start(header.profile, header.library)
-            self._begun = True
         if isinstance(part.record, Metadata):
             self._add_metadata(part.record)
         elif isinstance(part.record, Attachment):

@@ -130,6 +130,7 @@ def _copy(file: McapFile, path: Path, progress: Callable[[int], object]) -> Reco
         spare = file.summary() or spare
     with path.open('wb') as stream:
         writer = Writer(stream, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD)
+        writer.start(profile='ros2', library='linkage_ros')
         copy = RecordCopy(writer, file, losses, spare)
         for part in walk(file, losses):
             copy.add(part)
