@@ -3,18 +3,16 @@
 """Walks through an MCAP file that is cut off or damaged, and passes over what is not whole.
 
 Chunks hold all messages and have checksums. Behind a damaged place the walk goes on at the next
-chunk or record of ours; of a chunk that the file's end cuts off, zstd unpacks whole blocks.
+chunk or record of ours.
 """
 
 from __future__ import annotations
 
 import re
-import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
-import zstandard
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
@@ -56,7 +54,7 @@ def walk(file: McapFile, losses: Losses) -> Iterator[Part]:
         losses: Is told what cannot be read.
 
     Yields:
-        Records, in order; of the last one perhaps the beginning.
+        Records, in order.
 
     Raises:
         LogError: It unpacks to too much, or is damaged in too many places.
@@ -82,7 +80,6 @@ def walk(file: McapFile, losses: Losses) -> Iterator[Part]:
         after = _next_place(file, at)
         if after is None:
             losses.tail = file.size - at
-            yield Part(Opcode.CHUNK, _begun(file, at), file.size)
             break
         losses.places += 1
         losses.damaged += after - at
@@ -135,19 +132,3 @@ def _next_place(file: McapFile, at: int) -> int | None:
                     return at + found.start()
         at += len(data) - _LANDMARK_SIZE + 1
     return None
-
-
-def _begun(file: McapFile, at: int) -> bytes:
-    """What can be unpacked of a chunk that the end of the file cuts off."""
-    try:
-        opcode, length = HEAD.unpack(file.read(at, HEAD.size))
-        if opcode != Opcode.CHUNK or at + HEAD.size + length <= file.size:
-            return b''
-        chunk = parsed(Opcode.CHUNK, file.read(at + HEAD.size, LARGEST))
-        unpacking = zstandard.ZstdDecompressor(max_window_size=LARGEST)
-        data: bytes = unpacking.stream_reader(chunk.data).read(LARGEST)
-    except Exception:  # noqa: BLE001, as above
-        return b''
-    # All of it is there where only the length is damaged, and then it has to be right.
-    is_wrong = len(data) >= chunk.uncompressed_size and zlib.crc32(data) != chunk.uncompressed_crc
-    return b'' if is_wrong else data
