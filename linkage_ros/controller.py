@@ -143,7 +143,9 @@ class ControllerNode(ParameterNode):
         given = without_ros_parameters(given_values(self))
         names = [leaf.name for leaf in PARAMETERS]
         if unknown := [name for name in given if name not in names]:
-            raise ConfigurationError(unknown_name(unknown[0], _NAME, names, f'{_NAME} --help'))
+            raise ConfigurationError(
+                unknown_name(unknown[0], _NAME, PARAMETERS, f'{_NAME} --help')
+            )
         settings = build(Settings, given)
         plant = load(settings.plant)
         if settings.joint_prefix is None:

@@ -82,7 +82,7 @@ def missing_library(module: str) -> str:
     if name.startswith('rcl') or name.endswith('_msgs'):
         return (
             f'ROS 2 topics need {name}, which is not installed: source ROS 2 Jazzy, or without '
-            "ROS 2, on Linux x86-64, pip install '.[ros]' in a clone"
+            "ROS 2, on Linux x86-64, pip install 'linkage_ros[ros]'"
         )
     need, packages = _LIBRARIES.get(name, (f'linkage_ros needs {name}', name))
     return (

@@ -25,7 +25,7 @@ from linkage_ros.parameters.configuration import (
     preset_note,
     read_values,
 )
-from linkage_ros.parameters.descriptions import summary
+from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import Session
 from linkage_ros.progress import progress_bar
@@ -201,26 +201,20 @@ def _parser() -> argparse.ArgumentParser:
         _NAME,
         'Record the exact states of a mechanism to an MCAP log; needs no ROS.',
         ('quadrilateral run.mcap', 'my_linkage.yaml run.mcap --revolutions 5 --rate 1000'),
+        help_on_every_kind(),
     )
-    parser.add_argument(
-        'params',
-        metavar='PARAMS',
-        help=f'parameter file, or a preset: {", ".join(preset_names())}',
-    )
-    parser.add_argument('out', metavar='OUT.mcap', type=cli.path, help='the log to write')
-    length = parser.add_mutually_exclusive_group()
-    cli.add_number(
-        length,
-        '--duration',
-        quantity=_DURATION,
-        note=f' (default {_DEFAULT_DURATION:g})',
-        metavar='S',
-    )
-    cli.add_number(length, '--revolutions', quantity=_REVOLUTIONS, metavar='N')
-    cli.add_number(
-        parser, '--rate', quantity=_RATE, note=' (default: rate_hz of the file)', metavar='HZ'
-    )
-    parser.add_argument('--overwrite', action='store_true', help='replace an existing file')
+    params = f'parameter file, or a preset: {", ".join(preset_names())}'
+    cli.add_options(parser, (
+        (('params',), None, {'metavar': 'PARAMS', 'help': params}),
+        (('out',), None, {'metavar': 'OUT.mcap', 'type': cli.path, 'help': 'the log to write'}),
+        (('--rate',), _RATE, {'note': ' (default: rate_hz of the file)', 'metavar': 'HZ'}),
+        (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
+    ))  # fmt: skip
+    cli.add_options(parser.add_mutually_exclusive_group(), (
+        (('--duration',), _DURATION,
+         {'note': f' (default {_DEFAULT_DURATION:g})', 'metavar': 'S'}),
+        (('--revolutions',), _REVOLUTIONS, {'metavar': 'N'}),
+    ))  # fmt: skip
     return parser
 
 

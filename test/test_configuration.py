@@ -14,6 +14,7 @@ import pytest
 from linkage_ros import ConfigurationError, Solver, WindPump
 from linkage_ros.model.parts import Rocker
 from linkage_ros.model.registry import MECHANISMS
+from linkage_ros.parameters import unknown_names
 from linkage_ros.parameters.configuration import (
     DEFAULT_PRESET,
     MechanismAndDrive,
@@ -151,6 +152,13 @@ def test_every_preset_loads_by_name_and_by_path_and_turns(path):
 
 
 # ---------------------------------------------------------------- names
+
+
+def test_every_hint_is_a_parameter():
+    kinds = [MechanismAndDrive(kind, drive) for kind in MECHANISMS for drive in DRIVES]
+    names = {leaf.name for kind in kinds for leaf in parameter_leaves(kind)}
+    parts = {part for name in names for part in (name, name.split('.')[0], name.split('.')[-1])}
+    assert {meant for row in unknown_names._MEANINGS.values() for meant in row} <= parts
 
 
 @pytest.mark.parametrize('name', ['use_sim_time', 'start_type_description_service'])

@@ -64,7 +64,7 @@ NO_LOOP = 'm: the loop cannot close; shorten it or lengthen the others'
 NO_REACH = 'm: the loop cannot close; bring it nearer to 0 or lengthen them'
 
 
-LISTED = 'linkage_node --help, or docs/reference.md, lists all'
+LISTED = 'linkage_record --help lists all'
 
 
 NO_NUMBERS = [
@@ -129,18 +129,22 @@ BAD_VALUES = [
     *((FOUR, 'joint_prefix', x, f'joint_prefix = …: {A_TEXT}') for x in ('a\n', 'é', 'a/', 7)),
     *((FOUR, 'frame_id', x, 'frame_id = …: must be text of …') for x in ('', '/map', 'tool 0')),
     # Names: misspelt, another mechanism's, of no mechanism.
-    (FOUR, 'crank.lenght', 1, f"'crank.lenght' is … did you mean crank.length? {LISTED}"),
-    (FOUR, 'coupler.point.x', 1, "'coupler.point.x' is … mean coupler.point? …"),
+    (FOUR, 'crank.lenght', 1, f"'crank.lenght' is … did you mean crank.length (m)? {LISTED}"),
+    (FOUR, 'coupler.point.x', 1, "'coupler.point.x' is … mean coupler.point (m)? …"),
     (SLIDER, 'rmp', 1, "'rmp' is not a parameter of a slider_crank; did you mean rpm? …"),
-    (SLIDER, 'rocker.length', 1, '… of a slider_crank, but of a four_bar: leave it out'),
-    (FOUR, 'slider.offset', 0, '… of a four_bar, but of a slider_crank: leave it out'),
-    (FOUR, 'slider.damping', 1, '… a four_bar, but of a slider_crank or a wind_pump: leave …'),
+    (
+        SLIDER,
+        'rocker.length',
+        1,
+        '… of a slider_crank: only a four_bar has rocker; leave…',
+    ),
+    (FOUR, 'slider.offset', 0, '… of a four_bar: only a slider_crank or a wind_pump has slider…'),
     (FOUR, 'frame.mass', 1, f"'frame.mass' is … of a four_bar…{LISTED}"),
     (SLIDER, 'wheel.radius', 1, f"'wheel.radius' is … of a slider_crank…{LISTED}"),
     (SLIDER, 'a\nb', 1, rf"'a\nb' is not a parameter of a slider_crank…{LISTED}"),
     # Words that are spelt differently, and groups.
-    (FOUR, 'rocker.weight', 1, "'rocker.weight' is … rocker has length, mass, … lists all"),
-    (FOUR, 'crank_length', 1, "'crank_length' is … did you mean crank.length? …"),
+    (FOUR, 'rocker.density', 1, "'rocker.density' is … rocker has length, mass, … lists all"),
+    (FOUR, 'crank_length', 1, "'crank_length' is … did you mean crank.length (m)? …"),
     (
         FOUR,
         'rocker.point',
@@ -150,10 +154,12 @@ BAD_VALUES = [
     (FOUR, 'frame.weight', 1, '… of a four_bar; frame has length, angle: … lists all'),
     (FOUR, 'crank', 0.1, "'crank' is … crank has length, mass, inertia, center: … lists all"),
     (FOUR, 'length', 1, f"'length' is not a parameter of a four_bar: {LISTED}"),
-    (FOUR, 'slider.length', 1, f"'slider.length' is … of a four_bar: {LISTED}"),
+    (FOUR, 'slider.length', 1, '… only a slider_crank or a wind_pump has slider; leave it out…'),
+    (FOUR, 'rod.length', 1, '… only a wind_pump has rod; did you mean coupler.length (m)? …'),
+    (SLIDER, 'frame.length', 1, '… only a four_bar has frame.length; leave it out; …'),
     (FOUR, 'rmp', 1, "'rmp' is not a parameter of a four_bar; did you mean rpm? …"),
-    (FOUR, 'rate', 1, "'rate' is not a parameter of a four_bar; did you mean rate_hz? …"),
-    (FOUR, 'Crank.length', 1, '… did you mean crank.length? …'),
+    (FOUR, 'rate', 1, "'rate' is not a parameter of a four_bar; did you mean rate_hz (Hz)? …"),
+    (FOUR, 'Crank.length', 1, '… did you mean crank.length (m)? …'),
     *((FOUR, x, 1, f'… of a four_bar: {LISTED}') for x in ('zzzzzzzz', '', 'ß', 'length.x' * 3)),
     (FOUR, 'motor.torque', 1.0, '… a four_bar: it needs drive: torque (-p drive:=torque)'),
     (FOUR, 'drive', 'torque', "'rpm' … a torque-driven four_bar: it needs drive: speed (-p …"),
@@ -161,6 +167,20 @@ BAD_VALUES = [
     # Of every node, and similar ones; rclpy ignores what it did not declare.
     *((FOUR, x, True, f'{x!r} is … of a four_bar…') for x in ('use_sim_times', 'x.use_sim_time')),
     *((FOUR, x, 1, '… of a four_bar…') for x in ('use_sim_time.x', 'qos_overrides./a.depth')),
+    # Another word for the same: the nearest in meaning.
+    *(
+        (kind, name, 1, f'… of a {kind}; did you mean {near}? {LISTED}')
+        for kind, name, near in (
+            (FOUR, 'coupler.weight', 'coupler.mass (kg)'),
+            (FOUR, 'crank.l', 'crank.length (m)'),
+            (FOUR, 'speed', 'rpm'),
+            (FOUR, 'crank.omega', 'rpm'),
+            (FOUR, 'rocker.force', 'rocker.torque (N m)'),
+            (FOUR, 'follower.J', 'rocker.inertia (kg m^2)'),
+            (SLIDER, 'piston.torque', 'slider.force (N)'),
+            (SLIDER, 'offset', 'slider.offset (m)'),
+        )
+    ),
     # What is required.
     *(
         (FOUR, f'{link}.length', LEFT_OUT, f'{link}.length is missing: {A_LENGTH}')

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from linkage_ros.dynamics.solver import Solver
@@ -79,12 +79,9 @@ class Configuration:
 
     def parameters(self) -> dict[str, object]:
         """All settings by parameter name, defaults included."""
-        flat: dict[str, object] = {}
-        for part in (self.kind, self.mechanism, self.drive, self.session):
-            flat.update(flatten(part))
-        for name in _lacking(self.kind):
-            del flat[name]
-        return flat
+        parts = (self.kind, self.mechanism, self.drive, self.session)
+        flat = {name: value for part in parts for name, value in flatten(part).items()}
+        return {name: value for name, value in flat.items() if name not in _lacking(self.kind)}
 
 
 def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
@@ -126,7 +123,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
     valid = [leaf.name for leaf in parameter_leaves(kind)]
     for name in given:
         if name not in valid:
-            raise ConfigurationError(_not_a_parameter(name, kind, valid))
+            raise ConfigurationError(_not_a_parameter(name, kind))
     # Those of the preset that the drive does not have, such as rpm, are ignored.
     given = {**preset, **given}
     mechanism = build(MECHANISMS[kind.mechanism], given)
@@ -155,24 +152,30 @@ def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
         raise ConfigurationError(f'no motion starts there: {error}') from error
 
 
-def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -> str:
+def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
     """Error message for a name that this mechanism and drive do not have."""
     driven = {'torque': 'torque-driven ', 'follow': 'measured '}.get(kind.drive, '')
-    refused = f'a {driven}{kind.mechanism}'
-    owners = {
-        owner: cls
-        for owner, cls in (*MECHANISMS.items(), *DRIVES.items())
-        if name in (leaf.name for leaf in leaves(cls))
-    }
-    if not owners:
-        return unknown_name(name, refused, valid, 'linkage_node --help, or docs/reference.md,')
-    cure = f', but of a {" or a ".join(owners)}: leave it out'
-    if not owners.keys() <= MECHANISMS.keys():
-        drive = next(iter(owners))
-        cure = f': it needs drive: {drive} (-p drive:={drive})'
+    owner, valid = f'a {driven}{kind.mechanism}', parameter_leaves(kind)
+    block = name.partition('.')[0]
+    sought = name if any(leaf.name.startswith(f'{block}.') for leaf in valid) else block
+    for drive in _others(sought, DRIVES, kind.drive):
+        cure = f'it needs drive: {drive} (-p drive:={drive})'
         if len(MECHANISMS[kind.mechanism].coordinates) > 1:
-            cure = ': leave it out, and set motor.torque and start_rpm'
-    return f'{shown(name)} is not a parameter of {refused}{cure}'
+            cure = 'leave it out, and set motor.torque and start_rpm'
+        return f'{shown(name)} is not a parameter of {owner}: {cure}'
+    others = ' or a '.join(_others(sought, MECHANISMS, kind.mechanism))
+    elsewhere = f': only a {others} has {sought}' if others else ''
+    return unknown_name(name, owner, valid, 'linkage_record --help', elsewhere)
+
+
+def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
+    """The kinds that have a parameter, or a group, of a name that their own kind lacks."""
+    having = [
+        kind
+        for kind, cls in kinds.items()
+        if any(f'{leaf.name}.'.startswith(f'{sought}.') for leaf in leaves(cls))
+    ]
+    return [] if own in having else having
 
 
 def preset_note(values: Mapping[str, object]) -> str:

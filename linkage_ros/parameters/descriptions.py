@@ -19,8 +19,6 @@ from linkage_ros.parameters.configuration import (
 )
 from linkage_ros.quantities import Leaf, Quantity
 
-_LARGE = 1e6  # from here on powers of ten are easier to read
-
 
 def help_on(parameters: Iterable[Leaf]) -> str:
     """Describes parameters in a line each: name, valid values, meaning and default.
@@ -48,8 +46,8 @@ def _default(value: object) -> str:
         return ' (required)'
     if value in (None, ''):
         return ''
-    if isinstance(value, float) and value >= _LARGE:
-        return f' (default {value:.1e})'.replace('e+', 'e')
+    if isinstance(value, float):
+        return f' (default {value:g})'
     return f' (default {value if isinstance(value, str) else json.dumps(value)})'
 
 
@@ -60,9 +58,9 @@ def help_on_every_kind() -> str:
     parts = ['parameters of a four_bar:', help_on(leaves)]
     known = {leaf.name for leaf in leaves}
     mechanisms = (('mechanism', name) for name in MECHANISMS if name != usual.mechanism)
-    for name, value in (('drive', 'torque'), *mechanisms):
+    for name, value in (('drive', 'torque'), ('drive', 'follow'), *mechanisms):
         found = parameter_leaves(replace(usual, **{name: value}))
-        parts.append(f'with {name}:={value}, beside some of these:')
+        parts.append(f'also, with {name}: {value}:')
         parts.append(help_on(leaf for leaf in found if leaf.name not in known))
     return '\n'.join(parts)
 

@@ -12,7 +12,6 @@ from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDriv
 from linkage_ros.quantities import Checked, quantity, shown
 
 _TOPIC = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
-_HORIZON = 0.5  # s
 
 
 @dataclass(frozen=True)
@@ -37,23 +36,28 @@ class FeedForward(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._require_topic('effort_command_topic', '/effort_controller/commands')
-        if self.lead_time and not self.effort_command_topic:
-            raise ConfigurationError(
-                f'lead_time = {shown(self.lead_time)}: is for the torque on '
-                'effort_command_topic, which names none: name a topic, or leave lead_time out'
-            )
+        self._require_topic('effort_command_topic', '/effort_controller/commands', 'lead_time')
 
-    def _require_topic(self, name: str, example: str) -> None:
-        """Refuses text that cannot name a topic.
+    def _require_topic(self, name: str, example: str, time: str) -> None:
+        """Refuses text that cannot name a topic, and a time for a topic that is not named.
+
+        Args:
+            name: Parameter that holds the topic.
+            example: A valid topic.
+            time: Parameter that has an effect on this topic alone, s.
 
         Raises:
-            ConfigurationError: The parameter holds such text.
+            ConfigurationError: The topic is not valid, or missing.
         """
-        topic = getattr(self, name)
+        topic, seconds = getattr(self, name), getattr(self, time)
         if topic and not _TOPIC.fullmatch(topic):
             raise ConfigurationError(
                 f'{name} = {shown(topic)}: must be a topic name, such as {example}'
+            )
+        if not topic and seconds != getattr(type(self), time):
+            raise ConfigurationError(
+                f'{time} = {shown(seconds)}: is for the messages on {name}, which names none: '
+                f'name a topic, or leave {time} out'
             )
 
 
@@ -71,18 +75,14 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
     )
     trajectory_horizon: float = quantity(
         'number', 'time ahead that the motion reaches; half of it is between messages', 's',
-        span=(0.01, 10.0), default=_HORIZON,
+        span=(0.01, 10.0), default=0.5,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._require_topic('trajectory_command_topic', '/crank_controller/joint_trajectory')
-        if self.trajectory_horizon != _HORIZON and not self.trajectory_command_topic:
-            raise ConfigurationError(
-                f'trajectory_horizon = {shown(self.trajectory_horizon)}: is for the motion on '
-                'trajectory_command_topic, which names none: name a topic, or leave '
-                'trajectory_horizon out'
-            )
+        self._require_topic(
+            'trajectory_command_topic', '/crank_controller/joint_trajectory', 'trajectory_horizon'
+        )
 
     def require_rate(self, rate_hz: float) -> None:
         """Refuses a rate at which a trajectory would end before the next one is there.

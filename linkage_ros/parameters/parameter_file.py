@@ -135,10 +135,7 @@ class _Reader:
             return event.value
         if not event.value:
             raise self.error(f'{name!r} has no value; {_VALUE}')
-        value = read_scalar(event.value)
-        if isinstance(value, float) and 0 < abs(value) <= 2.3e-308:
-            raise self.error(f'{name!r} is {value}, too near to 0 for ROS; write 0.0')
-        return value
+        return read_scalar(event.value)
 
     def key(self, group: str) -> str:
         """The next key of a mapping; empty at its end."""

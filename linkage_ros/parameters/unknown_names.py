@@ -5,34 +5,99 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
-from linkage_ros.quantities import shown
+from linkage_ros.quantities import Leaf, shown
 
-# Least similarity of names, from 0 to 1: as wholes, and of names without a group.
+# Least similarity of misspelt names, from 0 to 1: with a group, and without.
 _SIMILAR, _SIMILAR_WORD = 0.85, 0.65
+# Groups whose parameters may have no group here, such as crank.rpm.
+_TOP = ('', 'crank', 'motor', 'drive')
+
+# Words of textbooks and other tools, and the names that they may stand for, the likeliest first.
+_MEANINGS = {
+    'base ground fixed': ('frame',),
+    'input driver': ('crank',),
+    'output follower': ('rocker', 'slider'),
+    'rod conrod connecting_rod floating': ('coupler',),
+    'piston block': ('slider',),
+    'weight m': ('mass',),
+    'l r len radius a b c d': ('length',),
+    'j i moment_of_inertia': ('inertia',),
+    'com cog cg centre center_of_mass centre_of_mass': ('center',),
+    'moment load force torque': ('torque', 'force', 'value', 'motor.torque'),
+    'spring k spring_constant': ('stiffness',),
+    'damper viscous': ('damping',),
+    'e eccentricity': ('offset',),
+    'trace tracepoint coupler_point': ('point', 'coupler.point'),
+    'delta phi alpha theta angle': ('angle', 'crank_angle'),
+    'speed velocity omega': ('velocity', 'rpm', 'start_rpm'),
+    'acceleration': ('crank_acceleration',),
+    'mu coefficient': ('pin', 'friction.pin'),
+    'g gravitation': ('gravity',),
+    'rate frequency': ('rate_hz',),
+    'branch configuration closure': ('assembly',),
+    'type kind': ('mechanism',),
+    'mode': ('drive',),
+    'bag logfile output output_path': ('log',),
+    'overwrite': ('log_overwrite',),
+    'prefix': ('joint_prefix',),
+}
 
 
-def unknown_name(name: str, owner: str, valid: Iterable[str], where: str) -> str:
-    """Words the error for a name that does not exist.
+def unknown_name(
+    name: str, owner: str, valid: Iterable[Leaf], where: str, elsewhere: str = ''
+) -> str:
+    """Error message for a name that does not exist.
 
     Args:
         name: The name that was given.
-        owner: What it was given to.
-        valid: The names that this has.
-        where: The place that lists them.
+        owner: The object that has no such parameter.
+        valid: The parameters that it has.
+        where: The command that lists them.
+        elsewhere: Names the objects that have the parameter; empty if none has.
 
     Returns:
-        An error message, with the name that was probably meant, or with those of the group.
+        One line, with the name that was probably meant, or else with those of the group.
     """
-    valid = list(valid)
-    is_group = any(known.startswith(f'{name}.') for known in valid)
-    group = name if is_group else name.rpartition('.')[0]
-    words = [known.rpartition('.')[2] for known in valid if known.rpartition('.')[0] == group]
-    near = difflib.get_close_matches(name, valid, n=1, cutoff=_SIMILAR)
-    if not (near or group):
-        near = difflib.get_close_matches(name, words, n=1, cutoff=_SIMILAR_WORD)
-    hint = f'; {group} has {", ".join(words)}:' if group and words else ':'
+    units = {leaf.name: leaf.quantity.unit for leaf in valid}
+    group = (
+        name if any(known.startswith(f'{name}.') for known in units) else name.rpartition('.')[0]
+    )
+    words = [known.rpartition('.')[2] for known in units if known.rpartition('.')[0] == group]
+    near = nearest(name, units)
     if near:
-        hint = f'; did you mean {near[0]}?'
-    return f'{shown(name)} is not a parameter of {owner}{hint} {where} lists all'
+        unit = f' ({units[near]})' if units[near] not in ('', near) else ''
+        hint = f'; did you mean {near}{unit}?'
+    elif elsewhere:
+        hint = '; leave it out;'
+    else:
+        hint = f'; {group} has {", ".join(words)}:' if group and words else ':'
+    return f'{shown(name)} is not a parameter of {owner}{elsewhere}{hint} {where} lists all'
+
+
+def nearest(name: str, valid: Collection[str]) -> str:
+    """The valid name that was probably meant: by its meaning, else by its letters.
+
+    Args:
+        name: A name that is not valid.
+        valid: The valid names.
+
+    Returns:
+        One of them; empty if none is near.
+    """
+    group, _, word = name.lower().rpartition('.')
+    words = [word, *_meanings(word)]
+    meant = [f'{other}.{meaning}' for meaning in words for other in (group, *_meanings(group))]
+    if group in _TOP:
+        grouped = [known for known in valid if known.rpartition('.')[2] in words]
+        meant += words + (grouped if len(grouped) == 1 else [])
+    meant += difflib.get_close_matches(name.lower(), valid, n=1, cutoff=_SIMILAR)
+    if not group:
+        single = [known for known in valid if '.' not in known]
+        meant += difflib.get_close_matches(word, single, n=1, cutoff=_SIMILAR_WORD)
+    return next((known for known in meant if known in valid), '')
+
+
+def _meanings(word: str) -> list[str]:
+    return [name for words, names in _MEANINGS.items() if word in words.split() for name in names]
