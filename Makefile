@@ -1,11 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-.PHONY: help demo controller check reliability clean
+.PHONY: help demo controller check reliability docs package clean
 help:
 	@echo 'make demo         set up a virtual environment and show a linkage move'
 	@echo 'make controller   let a controller keep the speed of a torque-driven linkage, and compare'
 	@echo 'make check        set up a virtual environment and run every check, as CI does'
 	@echo 'make reliability  kill, fill, cut, soak and fuzz: two hours and a quarter, as root'
+	@echo 'make docs         write the API reference into the folder api'
+	@echo 'make package      build sdist and wheel into dist, and try them in a fresh environment'
 	@echo 'make clean        remove what these made'
 	@echo 'PYTHON=$(or $(ANY),/path/to/python) make ...  uses that Python; any from 3.10 to 3.13 will do'
 
@@ -66,6 +68,13 @@ controller: $(VENV)/demo-ready
 reliability: $(VENV)/check-ready
 	@$(RUN) benchmarks/reliability/run.py --out reliability
 
+docs: $(VENV)/docs-ready
+	@$(RUN) docs/api.py api
+	@echo api/linkage_ros.html
+
+package: $(VENV)/package-ready
+	@$(RUN) test/check_package.py dist
+
 # Plugins of a sourced ROS break today's pytest, so that only those named here are loaded. Three
 # processes share the tests, a file at a time, since the tests of a file share what they compute:
 # many tests wait, so that two cores serve three, and mypy beside them.
@@ -91,10 +100,12 @@ $(VENV)/pip-ready: $(SETUP)
 	@touch $@
 
 $(VENV)/check-ready: EXTRAS := $(EXTRAS),test
-$(VENV)/demo-ready $(VENV)/check-ready: $(VENV)/pip-ready
+$(VENV)/docs-ready: EXTRAS := docs
+$(VENV)/package-ready: EXTRAS := $(EXTRAS),test,package
+$(VENV)/demo-ready $(VENV)/check-ready $(VENV)/docs-ready $(VENV)/package-ready: $(VENV)/pip-ready
 	@$(call install,--editable '.[$(EXTRAS)]')
-	@touch $(VENV)/demo-ready $@
+	@touch $@ $(if $(findstring viewer,$(EXTRAS)),$(VENV)/demo-ready)
 
 clean:
-	@rm -rf .venv-* build install log demo controller reliability *.egg-info .hypothesis .mypy_cache .pytest_cache \
+	@rm -rf .venv-* api build dist install log demo controller reliability *.egg-info .hypothesis .mypy_cache .pytest_cache \
 		.ruff_cache

@@ -1,3 +1,5 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """The node and robot_state_publisher, for a parameter file or a preset: the linkage in tf.
 
 ros2 launch linkage_ros demo.launch.py params:=quadrilateral log:=run.mcap rviz:=true

@@ -1,3 +1,5 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """A linkage whose crank is measured: its passive joints, also in tf, and its torque.
 
 ros2 launch linkage_ros follow.launch.py params:=linkage.yaml measured:=/joint_states

@@ -1,3 +1,5 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
 """Two linkages on one shaft, in one tf tree: the right one follows the crank of the left one.
 
 ros2 launch linkage_ros two_linkages.launch.py left:=quadrilateral right:=wiper rpm:=60.0

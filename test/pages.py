@@ -15,7 +15,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 PACKAGE_FILES = sorted((ROOT / 'linkage_ros').rglob('*.py'))
 PAGES = (
-    *('README.md', 'CONTRIBUTING.md'),
+    *('README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md'),
     *sorted(f'docs/{path.name}' for path in (ROOT / 'docs').glob('*.md')),
 )
 # A block is fenced, or stands four columns in after a blank line.
@@ -77,9 +77,9 @@ def page_files(text):
     return {match[1]: match.string + '\n' for match in found if match}
 
 
-def load_reference():
-    """docs/reference.py, which makes the tables of the reference."""
-    spec = spec_from_file_location('reference', ROOT / 'docs' / 'reference.py')
+def load_script(name):
+    """A script of docs: reference.py, which makes the tables of the reference, or another."""
+    spec = spec_from_file_location(name, ROOT / 'docs' / f'{name}.py')
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

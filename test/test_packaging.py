@@ -45,8 +45,14 @@ print(json.dumps([linkage_ros.__file__, names, str(path), path.read_text()]))
 
 def copy_tree(folder: Path) -> Path:
     """Copy the checkout, without what builds and tools left in it."""
-    junk = ('.*', '__pycache__', '*.egg-info', 'build', 'install', 'log', 'demo')
-    return Path(shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*junk)))
+    # At the top alone: linkage_ros/log and benchmarks/reliability belong to the source.
+    made = ('api', 'build', 'controller', 'demo', 'dist', 'install', 'log', 'reliability')
+
+    def ignored(path: str, names: list[str]) -> set[str]:
+        junk = {name for name in names if name.startswith('.') or name.endswith('.egg-info')}
+        return junk | {'__pycache__'} | set(made if Path(path) == ROOT else ())
+
+    return Path(shutil.copytree(ROOT, folder, ignore=ignored))
 
 
 def run(*command: str | Path, cwd: Path, **variables: str) -> str:
@@ -78,7 +84,7 @@ def run_sourced(workspace: Path, *command: str) -> str:
 
 def build_wheel(tree: Path, folder: Path) -> Path:
     options = ('--quiet', '--no-deps', '--no-build-isolation', '--no-index')
-    run(sys.executable, '-m', 'pip', 'wheel', *options, '-w', folder, tree, cwd=tree)
+    run(sys.executable, '-m', 'pip', 'wheel', *options, '-w', folder, tree, cwd=folder)
     (wheel,) = folder.glob('*.whl')
     return wheel
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""docs/reference.md lists what the code declares."""
+"""docs/reference.md and the API reference list what the code declares."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import itertools
 import re
 
 import pytest
-from pages import ROOT, load_reference, read
+from pages import ROOT, load_script, read
 
+import linkage_ros
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves
 from linkage_ros.parameters.drives import DRIVES
@@ -19,7 +20,7 @@ PAGE = read('docs/reference.md')
 
 @pytest.fixture(scope='module')
 def reference():
-    return load_reference()
+    return load_script('reference')
 
 
 def test_the_tables_are_those_of_the_declarations(reference):
@@ -53,3 +54,20 @@ def test_every_launch_file_is_listed_with_its_arguments(reference):
     assert found['rpm'] == ('150.0', 'speed to keep')
     # All that is declared, in a loop or not.
     assert {'rpm', 'feed_forward', 'log', 'viewer'} <= set(found)
+
+
+# ---------------------------------------------------------------- the API reference
+
+
+def test_a_warning_ends_the_api_reference(tmp_path, monkeypatch):
+    monkeypatch.setitem(linkage_ros.travel.__annotations__, 'solver', 'Unknown')
+    with pytest.raises(UserWarning, match='Unknown'):
+        load_script('api').write(tmp_path)
+
+
+def test_the_api_reference_has_every_public_name(tmp_path):
+    load_script('api').write(tmp_path)
+    page = (tmp_path / 'linkage_ros.html').read_text()
+    for name in linkage_ros.__all__:
+        assert f'<section id="{name}">' in page
+    assert 'id="Solver.state"' in page

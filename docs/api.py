@@ -1,0 +1,37 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the API reference as HTML: the public names of linkage_ros, from their docstrings."""
+
+from __future__ import annotations
+
+import argparse
+import typing
+import warnings
+from pathlib import Path
+
+import linkage_ros
+
+
+def write(folder: Path) -> None:
+    """Writes the reference; a warning of pdoc is an error.
+
+    Args:
+        folder: Folder for the pages, which are replaced.
+    """
+    import pdoc  # `--help` needs none
+
+    for name in linkage_ros.__all__:
+        public = getattr(linkage_ros, name)
+        if isinstance(public, type) and issubclass(public, tuple):
+            # Python names no module for this method, in which pdoc could look up the types.
+            public.__new__.__annotations__ = typing.get_type_hints(public)
+    pdoc.render.configure(docformat='google', show_source=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        pdoc.pdoc('linkage_ros', output_directory=folder)
+
+
+if __name__ == '__main__':
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('folder', type=Path, nargs='?', default=Path('api'), help='default: api')
+    write(parser.parse_args().folder)
