@@ -36,7 +36,8 @@ setup(
     name=package_name,
     version=version,
     description='Planar linkages that move exactly: ROS 2 node, log, replay and live view',
-    long_description=Path('README.md').read_text(encoding='utf-8'),
+    # Beside this file itself: a linked build of colcon has a link to it alone.
+    long_description=Path(__file__).resolve().with_name('README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     author='The linkage_ros authors',
     author_email='maintainers@users.noreply.github.com',
