@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart: its command line; what each command does is in a file of its name."""
+"""linkage_chart: its command line; `lab/commands` has a file for each command."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def _draw_motion(options: argparse.Namespace) -> None:
 
 
 def _draw(options: argparse.Namespace) -> None:
-    """Runs the function of the command's name; its module is imported only now."""
+    """Imports the module of a command and runs it."""
     room = 'linkage_ros.lab.commands'
     module = import_module(f'{room}.{_MODULES.get(options.command, options.command)}')
     getattr(module, options.command)(options)

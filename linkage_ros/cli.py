@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the command lines share: an error is one line on stderr and exit code 2."""
+"""Shared parts of the command lines: an error is one line on stderr and exit code 2."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def make_parser(
 
 
 def refuse_arguments(parser: argparse.ArgumentParser, arguments: list[str]) -> None:
-    """Ends a program that takes ROS's arguments alone, where it is given any others.
+    """Ends a program that is given arguments other than those of ROS.
 
     Args:
         parser: Its parser, which knows --help and --version.
@@ -73,16 +73,16 @@ def refuse_arguments(parser: argparse.ArgumentParser, arguments: list[str]) -> N
 
 
 def path(text: str) -> Path:
-    """The path that an argument of a command line gives: '' would be the folder we are in.
+    """Converts an argument of a command line to a path; refuses an empty one.
 
     Args:
-        text: As it was typed.
+        text: The argument.
 
     Returns:
         The path.
 
     Raises:
-        ArgumentTypeError: It is empty.
+        ArgumentTypeError: The argument is empty.
     """
     if not text:
         raise argparse.ArgumentTypeError("'' is no path: name one")
@@ -92,12 +92,12 @@ def path(text: str) -> Path:
 def add_number(
     parser: Any, *names: str, quantity: Quantity, note: str = '', **options: Any
 ) -> None:
-    """An option that takes a number; its help and its errors tell range and unit.
+    """Adds an option that takes a number; its help and errors give range and unit.
 
     Args:
         parser: Parser of the program or the command, or a group of it.
         names: Names of the option.
-        quantity: What it may be.
+        quantity: Meaning, unit and range of the number.
         note: Added to the help.
         options: Keyword arguments of `add_argument`.
     """
@@ -126,14 +126,14 @@ def add_options(parser: Any, options: Iterable[Option]) -> None:
 
 
 class Command(NamedTuple):
-    """A command of an executable that has several.
+    """One command of an executable that has several.
 
     Attributes:
         run: Does the work, with the options of the command line; returns an exit code or None.
         purpose: One sentence.
         examples: Command lines without both names.
-        options: What it takes.
-        usage: Instead of what argparse writes; None: that.
+        options: Its options and arguments.
+        usage: Replaces the usage line of argparse; None: keep that.
     """
 
     run: Callable[[argparse.Namespace], int | None]
@@ -166,7 +166,7 @@ def _described(
 
 
 class Stop:
-    """Asks a program to end in order: set by a signal, waited for by the main thread.
+    """A request to end the program, set by a signal; the main thread waits for it.
 
     The signals are SIGINT, SIGTERM, and SIGHUP unless it is ignored, as behind nohup. Python
     handles them in the main thread, and at once only where that thread waits in Python; so
@@ -192,22 +192,22 @@ class Stop:
         self.set()
 
     def set(self) -> None:
-        """Asks for the end."""
+        """Requests the end."""
         self._is_set = True
         self._asked.put(None)
 
     def is_set(self) -> bool:
-        """Whether the end was asked for."""
+        """Returns whether the end was requested."""
         return self._is_set
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Waits until the end is asked for.
+        """Waits until the end is requested.
 
         Args:
             timeout: Longest time to wait, s; None: for ever.
 
         Returns:
-            Whether it was asked for.
+            Whether it was requested.
         """
         if not self._is_set:
             with suppress(queue.Empty):
@@ -223,7 +223,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         command: Does the work; returns its exit code, None for 0.
 
     Returns:
-        The exit code: 2 for an error that the user can mend, 130 after Ctrl-C.
+        The exit code: 2 for an error that the user can correct, 130 after Ctrl-C.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         # Paths and texts in logs may have characters that the terminal's encoding lacks.
@@ -252,7 +252,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
 
 
 def leave(code: int) -> int:
-    """Ends a process that has done its work, at once where it was one of ROS.
+    """Ends a process after its work; a ROS process at once, without Python's clean-up.
 
     While Python takes itself apart, Fast DDS may spin for ever or crash (Fast-DDS#6513), and a
     second Ctrl-C would be an error.
@@ -287,7 +287,7 @@ def print_error(name: str, error: object) -> None:
 
 
 def _is_writable(stream: TextIO) -> bool:
-    """Whether a line can be written to a stream within a second."""
+    """Returns whether a stream accepts a line within a second."""
     try:
         number = stream.fileno()
     except OSError:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_controller: keeps a torque-driven crank at a speed. A prototype, to copy and to change.
+"""linkage_controller: keeps a torque-driven crank at a speed; a prototype to copy and change.
 
 A PI controller acts on the measured speed of each joint state. The exact torque of the desired
 motion is added, computed for the crank angle at which the command will act.
@@ -56,7 +56,7 @@ class Settings(Checked):
         rpm: Crank speed to keep, turns per minute.
         bandwidth: Bandwidth of the speed loop, Hz.
         feed_forward: Whether the exact torque is added.
-        lead_time: From a measurement to the middle of what its command does, s.
+        lead_time: Delay from a measurement to the middle of the time its command acts, s.
         joint_prefix: Prefix of the plant's joints; None: that in the plant's parameter file.
     """
 
@@ -114,15 +114,15 @@ class SpeedController:
         self._integral = 0.0
 
     def torque(self, angle: float, speed: float, elapsed: float) -> float:
-        """The torque to command.
+        """Computes the torque to command.
 
         Args:
             angle: Measured crank angle, rad.
             speed: Measured crank speed, rad/s.
-            elapsed: Time since the previous measurement, s; 0: begin anew.
+            elapsed: Time since the previous measurement, s; 0: restart the integral.
 
         Returns:
-            N m.
+            The torque, N m.
         """
         error = self._speed - speed
         if not elapsed:
@@ -136,7 +136,7 @@ class SpeedController:
 
 
 class ControllerNode(ParameterNode):
-    """Answers each of joint_states with a command on joint_commands."""
+    """Answers each message on joint_states with a command on joint_commands."""
 
     def __init__(self) -> None:
         super().__init__(_NAME)

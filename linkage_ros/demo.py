@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The job that `make demo` runs: a four-bar turns on ROS 2; without rclpy, it is recorded."""
+"""Program behind `make demo`: runs a four-bar on ROS 2, or records it where rclpy is missing."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _run_recorded(viewer: str | Path) -> None:
 
 
 def _viewer() -> str | Path:
-    """A window where there is a screen, else a file."""
+    """Selects the viewer: a window if there is a screen, else a file."""
     try:
         require_screen()
     except ViewerError:

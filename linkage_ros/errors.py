@@ -18,7 +18,7 @@ def printable(text: str) -> str:
         text: May contain names and values from untrusted files.
 
     Returns:
-        A text that does not steer a terminal.
+        The text, without control characters.
     """
     if text.isprintable():
         return text
@@ -27,7 +27,7 @@ def printable(text: str) -> str:
 
 
 def shortened(text: str, longest: int) -> str:
-    """Shortens a text in its middle.
+    """Shortens a text by leaving out its middle.
 
     Args:
         text: Any text.
@@ -92,7 +92,7 @@ def missing_library(module: str) -> str:
 
 
 class LinkageError(Exception):
-    """Base of all errors of this package; as text one line, whatever is in it."""
+    """Base of all errors of this package; its message is always one line."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())
@@ -107,10 +107,10 @@ class MechanismError(ConfigurationError):
 
 
 class UnreachableError(LinkageError, ValueError):
-    """No state exists at this crank angle: the loop cannot close.
+    """No state exists at this crank angle, because the loop cannot close.
 
     Attributes:
-        crank_angle: The first angle asked for that is out of reach, rad.
+        crank_angle: The first requested angle that is out of reach, rad.
         arcs: The reachable arcs of the crank, pairs (from, to) in rad; empty if there is none.
     """
 
@@ -123,11 +123,11 @@ class UnreachableError(LinkageError, ValueError):
 
 
 class MotionError(LinkageError):
-    """A motion under a torque cannot be followed any further.
+    """A torque-driven motion cannot be continued.
 
     Attributes:
         time: Time of its end, s.
-        coordinates: Crank angle, rad, and slider position, m, up to which it was followed.
+        coordinates: Last crank angle, rad, and slider position, m.
     """
 
     def __init__(self, message: str, *, time: float, coordinates: tuple[float, ...]) -> None:
@@ -137,8 +137,8 @@ class MotionError(LinkageError):
 
 
 class LogError(LinkageError):
-    """A log cannot be written or read as asked."""
+    """A log cannot be written or read."""
 
 
 class ViewerError(LinkageError):
-    """The viewer cannot be started or reached as asked."""
+    """The viewer cannot be started or reached."""

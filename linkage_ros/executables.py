@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The entry points: each imports its program only when it is run.
+"""Entry points; each imports its program only when it runs.
 
-Importing rclpy takes most of a start-up. Ctrl-C meanwhile ends the program without a traceback,
-and a missing rclpy is one line.
+Importing rclpy takes most of the start-up time. Ctrl-C during the import ends the program without
+a traceback, and a missing rclpy gives a one-line error.
 """
 
 from __future__ import annotations

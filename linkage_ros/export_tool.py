@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_export: a mechanism as a file for other tools, URDF or MJCF."""
+"""linkage_export: writes a mechanism as URDF or MJCF for other tools."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _write(options: argparse.Namespace, text: str) -> None:
 
 
 def _options(file: str) -> tuple[cli.Option, ...]:
-    """The options that both commands have."""
+    """The options of both commands."""
     presets = f'parameter file, or a preset: {", ".join(preset_names())}'
     prefix = 'put before every joint and link name (default: joint_prefix of the file)'
     return (

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Opens and inspects files at paths that a user gives, which may be missing or special."""
+"""Opens and inspects files at user-given paths, which may be missing or special files."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
     """Opens a file without waiting.
 
     A pipe without a writer is empty; one without a reader cannot be opened for writing. A file
-    that was opened for writing with this function, also by another process, is locked: opening it
-    for writing again, which would empty it, is refused.
+    opened for writing is locked: this package refuses to open it for writing a second time, in
+    any process.
 
     Args:
         path: The file.
@@ -51,7 +51,7 @@ def create_file(
         path: The file.
         kind: Error to raise.
         overwrite: Whether to replace an existing file.
-        cure: How a user lets an existing file be replaced.
+        cure: What a user must do to replace an existing file.
 
     Returns:
         The file, to be closed by the caller.
@@ -94,7 +94,7 @@ def _open_locked(path: str, flags: int) -> int:
 
 
 def _lock(number: int) -> None:
-    """Locks a file until it is closed, or its process ends in whatever way.
+    """Locks a file until it is closed or its process ends.
 
     Raises:
         BlockingIOError: The file is locked already.
@@ -108,7 +108,7 @@ def _lock(number: int) -> None:
 
 
 def is_written(path: Path | str) -> bool:
-    """Whether a file is open for writing by `open_file`."""
+    """Returns whether `open_file` has a file open for writing."""
     with suppress(OSError), open_file(path) as stream:
         try:
             fcntl.flock(stream.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -118,7 +118,7 @@ def is_written(path: Path | str) -> bool:
 
 
 def is_same_file(path: str, other: str) -> bool:
-    """Whether two names refer to one file, or will do so once it exists."""
+    """Returns whether two paths refer to the same file, existing or not."""
     with suppress(OSError, ValueError):
         if os.path.realpath(path) == os.path.realpath(other):
             return True
@@ -127,7 +127,7 @@ def is_same_file(path: str, other: str) -> bool:
 
 
 def is_replaceable(path: Path | str) -> bool:
-    """Whether `open_file` can replace a file: not a folder, a pipe or a loop of links."""
+    """Returns whether `open_file` can replace a file; not a folder, pipe or loop of links."""
     try:
         mode = Path(path).stat().st_mode
     except FileNotFoundError:  # or a link to a file that does not exist yet
@@ -138,7 +138,7 @@ def is_replaceable(path: Path | str) -> bool:
 
 
 def path_exists(path: Path | str) -> bool:
-    """Whether a path exists; Path.exists raises where no file can have such a name."""
+    """Returns whether a path exists; unlike Path.exists, also for impossible names."""
     with suppress(OSError, ValueError):
         return Path(path).exists()
     return False

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_log: looks into a log, recomputes it, saves what is left of it."""
+"""linkage_log: describes, verifies or recovers a log."""
 
 from __future__ import annotations
 

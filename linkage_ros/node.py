@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_node: turns the crank on ROS 2 and publishes the states and the driving torque."""
+"""linkage_node: turns the crank on ROS 2; publishes the states and the driving torque."""
 
 from __future__ import annotations
 
@@ -119,16 +119,16 @@ class LinkageNode(ParameterNode):
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
 
     def start(self) -> None:
-        """Starts turning."""
+        """Starts the motion."""
         # Before the first tick, which with use_sim_time may be a long time away.
         self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
 
     def close(self) -> bool:
-        """Stops turning and completes log and view.
+        """Stops the motion, and completes log and view.
 
         Returns:
-            Whether all went well to the end.
+            Whether everything succeeded.
         """
         self._ticker.stop()
         self._report_timer.cancel()  # nothing is said after the closing line
@@ -177,7 +177,7 @@ class LinkageNode(ParameterNode):
         return ticker
 
     def _tick(self, stamp: int) -> None:
-        """One tick, in the ticker's thread."""
+        """Carries out one tick, in the ticker's thread."""
         motion = self._motion
         if motion is None:
             motion = self._set_motion(self._simulator.begin(self._ticker.t0))
@@ -194,7 +194,7 @@ class LinkageNode(ParameterNode):
             self._publish(self._ahead.topic, message)
 
     def _answer(self, received: int, data: bytes) -> bool:
-        """Answers a measurement, in the ticker's thread; returns whether it counts."""
+        """Answers a measurement, in the ticker's thread; returns whether it was accepted."""
         if self._log is not None:
             self._log.write_heard(received, data)
         heard = self._measurements.take(received, data) if self._measurements else None
@@ -218,7 +218,7 @@ class LinkageNode(ParameterNode):
             self._view.offer(messages[0])
 
     def _publish(self, topic: Topic, message: bytes) -> None:
-        """Publishes a message that belongs to no tick, and logs it."""
+        """Publishes and logs a message outside the ticks."""
         self._output_publishers[topic.name].publish(message)
         if self._log is not None:
             self._log.write(time.time_ns(), topic, message)
@@ -229,7 +229,7 @@ class LinkageNode(ParameterNode):
         self.get_logger().warning(f'the clock was stepped by {(new - old) / NS_PER_S:+.3f} s')
 
     def _set_motion(self, motion: Motion) -> Motion:
-        """Goes on with a motion, and logs its segment if that is new."""
+        """Continues with a motion, and logs its segment if that is new."""
         if self._log is not None:
             self._log.write_motion(motion.segment)
         self._motion = motion
@@ -239,7 +239,7 @@ class LinkageNode(ParameterNode):
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
 
     def _report(self) -> None:
-        """Publishes the diagnostics, and says what went wrong since the last report."""
+        """Publishes the diagnostics, and logs what went wrong since the last report."""
         counts, parts = self._ticker.counts, self._health()
         statuses = self._monitor.report(counts, self._values(), parts, self._warnings())
         for status in self._monitor.changes(statuses):

@@ -44,14 +44,14 @@ TURN = Fraction(_TWO_PI[0]) + Fraction(_TWO_PI[1])
 
 
 def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
-    """The rounded sum and its rounding error, which together are exactly a + b (Knuth)."""
+    """Returns the rounded sum and its rounding error; together they are exactly a + b (Knuth)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
 def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
-    """An angle of a few turns brought into [-pi, pi], rad, without the rounding of 2 pi.
+    """Wraps an angle of a few turns into [-pi, pi], rad, without the rounding error of 2 pi.
 
     Args:
         angle: Angle or array of angles, rad.
@@ -65,9 +65,9 @@ def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
 
 
 def nearest_turns(angle: float) -> int:
-    """The number of whole turns nearest to an angle, exactly.
+    """Rounds an angle to the nearest whole number of turns, exactly.
 
-    In doubles an odd multiple of pi would be a tie: the nearest double to 3 pi lies below it.
+    In floating point, odd multiples of pi would be ties: the double nearest to 3 pi lies below.
 
     Args:
         angle: rad.
@@ -98,7 +98,7 @@ def with_turns(angle: float, pairs: int | Fraction) -> float:
 
 @functools.lru_cache(maxsize=64)
 def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
-    """Numbers whose exact sum is that of pairs of turns, rad."""
+    """Splits pairs of turns into floats with the exact sum, rad."""
     parts, rest = [], pairs * 2 * TURN
     while rest:
         parts.append(float(rest))
@@ -107,7 +107,7 @@ def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
 
 
 def without_turns(angle: Real, first: float) -> Real:
-    """A direction without whole turns: the one from `first` to one turn later, rad.
+    """Reduces an angle by whole turns into the turn that begins at `first`, rad.
 
     Args:
         angle: rad; a float, or an array with the same bits.
@@ -122,10 +122,10 @@ def without_turns(angle: Real, first: float) -> Real:
 
 
 def short_sum(longest: float, *terms: float) -> float:
-    """The exact sum of link lengths, rounded once; 0 where it is below 4 ulp of the longest.
+    """Sums link lengths exactly and rounds once; a sum below 4 ulp of the longest counts as 0.
 
-    Lengths typed in decimals miss the equality that was meant: 0.2 + 0.3 - 0.1 - 0.4 is not 0
-    in binary. Four ulp cover the four roundings of the lengths themselves.
+    Lengths typed in decimals may miss an intended equality: 0.2 + 0.3 - 0.1 - 0.4 is not 0 in
+    binary. Four ulp cover the four roundings of the lengths themselves.
 
     Args:
         longest: Longest link, m.
@@ -139,7 +139,7 @@ def short_sum(longest: float, *terms: float) -> float:
 
 
 def is_rounding(longest: float, total: float) -> bool:
-    """Whether an exact sum of lengths up to the longest counts as 0."""
+    """Returns whether an exact sum of lengths counts as 0, beside the longest of them."""
     return abs(total) < 4 * math.ulp(longest)
 
 

@@ -3,9 +3,9 @@
 """All colours of Rerun, charts, documents and URDF.
 
 The palette of Okabe and Ito, which colour-blind people can tell apart, and greys. A link and its
-curves have the same colour; those of links stand out from black and from white alike. Two things
-that are no link, as states, energies or ways to control, have two colours that no link has. Where
-no mechanism is shown but methods or modules are told apart, colours mean what a legend says.
+curves have the same colour; those of links stand out from black and from white alike. Pairs of
+other things, such as states, energies or controllers, have two further colours. In charts without
+a mechanism, a legend explains the colours.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ def color_of(link: str) -> Color:
 
 
 def mixed(color: Color, other: Color, share: float) -> Color:
-    """A colour between two others.
+    """Mixes two colours.
 
     Args:
-        color: The one.
-        other: The other: paler with WHITE, darker with BLACK.
-        share: Share of the other, from 0 to 1.
+        color: The first colour.
+        other: The second colour: WHITE makes the first paler, BLACK darker.
+        share: Share of the second, from 0 to 1.
 
     Returns:
         The colour.
@@ -60,6 +60,6 @@ def mixed(color: Color, other: Color, share: float) -> Color:
 
 
 def fractions(color: Color) -> tuple[float, float, float]:
-    """A colour as matplotlib and URDF have it, each part from 0 to 1."""
+    """Converts a colour to fractions from 0 to 1, as in matplotlib and URDF."""
     red, green, blue = color
     return red / 255, green / 255, blue / 255

@@ -32,10 +32,10 @@ def progress_bar(
 
 @contextmanager
 def waiting(words: str) -> Iterator[None]:
-    """Shows a line on stderr, if that is a terminal, for as long as the block runs.
+    """Shows a line on stderr while the block runs, if stderr is a terminal.
 
     Args:
-        words: The line: what is waited for, and how long at most.
+        words: The line, such as what the program waits for.
 
     Yields:
         None.

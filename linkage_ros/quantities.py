@@ -1,11 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Dataclass fields that carry their meaning, unit and range, and check themselves.
+"""Dataclass fields with a meaning, a unit and a range, which are checked.
 
-The fields of the mechanisms and of their drives, of the kind and the session of a run, and of the
-controller's settings are declared with `quantity`. The ROS parameters, their descriptors, the
-checks and the error messages are all read from these declarations, so that nothing is described
-twice.
+`quantity` declares the fields of mechanisms, drives, session and controller settings. The ROS
+parameters, their descriptors, checks and error messages all come from these declarations.
 """
 
 from __future__ import annotations
@@ -28,7 +26,7 @@ _LONGEST = 80  # characters of a value in an error
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a field holds.
+    """The kind, meaning and range of a field.
 
     Attributes:
         kind: 'number', 'whole', 'pair', 'list', 'choice', 'text' or 'switch'.
@@ -72,11 +70,11 @@ class Quantity:
         """Returns the value in its field's type.
 
         Args:
-            name: What the error message calls the field.
-            value: Whole numbers are taken for numbers, lists for pairs.
+            name: Name of the field in error messages.
+            value: The value; whole numbers are accepted as numbers, and lists as pairs.
 
         Returns:
-            float, int, a tuple of floats, str or bool.
+            The value as float, int, tuple of floats, str or bool.
 
         Raises:
             ConfigurationError: The value is of the wrong type or outside its range.
@@ -123,7 +121,7 @@ class Quantity:
 
 
 def shown(value: object) -> str:
-    """A value for an error message, shortened."""
+    """Formats a value for an error message, shortened."""
     try:
         return shortened(' '.join(repr(value).split()), _LONGEST)
     except ValueError:  # Python writes no whole number of thousands of digits
@@ -149,11 +147,10 @@ def quantity(
 
 
 def groups(**kinds: type) -> Any:
-    """Declares a dataclass field that holds a tuple of dataclasses, each of a named group.
+    """Declares a field that holds a tuple of dataclasses, each under a group name.
 
     Args:
-        **kinds: Dataclasses of quantities by the name of their group. A parameter file may set
-            one of each.
+        **kinds: Dataclasses of quantities by group name. A parameter file may set one of each.
 
     Returns:
         The field; empty by default.
@@ -162,7 +159,7 @@ def groups(**kinds: type) -> Any:
 
 
 class Checked:
-    """Base of the frozen dataclasses whose fields are quantities: they are checked when made."""
+    """Base of frozen dataclasses of quantities, which checks them on creation."""
 
     def __post_init__(self) -> None:
         hints = typing.get_type_hints(type(self))
@@ -196,8 +193,8 @@ class Leaf(NamedTuple):
 
     Attributes:
         name: Dotted path, such as 'crank.length'.
-        quantity: What it holds.
-        default: Its default; `MISSING` where it is required.
+        quantity: Its kind, meaning and range.
+        default: Its default; `MISSING` if it is required.
     """
 
     name: str
@@ -234,7 +231,7 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
         prefix: Prepended to the names of cls.
 
     Returns:
-        The object; fields that values does not name take their defaults.
+        The object; missing fields have their defaults.
 
     Raises:
         ConfigurationError: A value is bad; the message starts with its dotted name.
@@ -278,7 +275,7 @@ def _by_group(field: dataclasses.Field[Any], members: tuple[object, ...]) -> dic
     """The members of a field by the names of their groups.
 
     Raises:
-        ConfigurationError: Parameters cannot say them: two of one kind, or a kind of one's own.
+        ConfigurationError: Parameters cannot express them: two of one kind, or a user's own kind.
     """
     names = {kind: name for name, kind in field.metadata['groups'].items()}
     found: dict[str, object] = {}

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_record: the states of a run, written to a log as fast as the machine goes."""
+"""linkage_record: writes the states of a run to a log, as fast as the machine allows."""
 
 from __future__ import annotations
 
@@ -59,18 +59,18 @@ def record(
     Args:
         configuration: Configuration of the run.
         path: The new log.
-        duration: s; by default 10.
+        duration: Duration, s; by default 10.
         revolutions: Turns of the crank, either way, instead of a duration.
         overwrite: Whether to replace an existing file.
         progress: Whether to show a bar on stderr.
-        stopped: Asked every few thousand states; ends the record early.
+        stopped: Called every few thousand states; if it returns True, the record ends early.
 
     Returns:
         The number of states written.
 
     Raises:
-        ConfigurationError: The end is not a positive number, or is never reached.
-        MotionError: A torque-driven motion cannot be followed so far; what came before is kept.
+        ConfigurationError: The duration is not positive, or its end is never reached.
+        MotionError: A torque-driven motion ends earlier; the states before that are kept.
         LogError: The file cannot be written.
     """
     simulator = Simulator(configuration)
@@ -107,19 +107,19 @@ def record(
 def _rows(
     simulator: Simulator, motion: Motion, count: int | None, turns: int | None
 ) -> Iterator[bytearray]:
-    """The states of a motion, many at a time.
+    """Yields the states of a motion in batches.
 
     Args:
-        simulator: What moves.
+        simulator: Simulator of the configuration.
         motion: Its motion from t = 0.
-        count: Number of states; None: they end with the last turn.
-        turns: Turns of the crank, either way; None: `count` tells the end.
+        count: Number of states; None: until the last turn ends.
+        turns: Turns of the crank, either way; None: `count` sets the end.
 
     Yields:
         Rows in the machine's layout.
 
     Raises:
-        MotionError: The motion cannot be followed any further.
+        MotionError: The motion cannot be continued.
     """
     start, tick = simulator.configuration.drive.crank_angle, 0
     while tick != count:
@@ -144,16 +144,16 @@ def count_states(
     """The number of states in a record.
 
     Args:
-        simulator: Which is recorded.
+        simulator: Simulator of the configuration.
         motion: Motion of its crank, from t = 0.
         duration: s; None: 10.
         revolutions: Turns of the crank, either way, instead of a duration.
 
     Returns:
-        The number; None where only the motion shows when the crank has turned so far.
+        The number; None if only the simulation can tell when the turns are complete.
 
     Raises:
-        ConfigurationError: A value is out of range, or the crank never turns so far.
+        ConfigurationError: A value is out of range, or the crank never makes these turns.
     """
     if revolutions is None:
         duration = _DEFAULT_DURATION if duration is None else duration
@@ -177,15 +177,15 @@ def _has_turned(angle: float, revolutions: int, stamp: int) -> bool:
     """Whether a torque-driven crank has made its revolutions.
 
     Args:
-        angle: Since the start, rad.
+        angle: Crank angle since the start, rad.
         revolutions: Turns, either way.
         stamp: Time since the start, ns.
 
     Returns:
-        Whether it has.
+        True if it has.
 
     Raises:
-        ConfigurationError: It has not within an hour.
+        ConfigurationError: It has not done so within an hour.
     """
     turned = abs(angle) / (2 * math.pi)
     if stamp > _LONGEST_WAIT * NS_PER_S:

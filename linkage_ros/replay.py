@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_replay: publishes a log on its topics, byte for byte and at its times."""
+"""linkage_replay: publishes the bytes of a log on its topics, at the logged times."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _OPTIONS: list[cli.Option] = [
 
 @contextmanager
 def _status(log: LogReader, excerpt: Excerpt, pace: Pace) -> Iterator[Show]:
-    """A line on stderr: where in the log, at which rate, whether paused; only on a terminal."""
+    """Prints position, rate and pause on one line of stderr, if that is a terminal."""
     end = (min(excerpt.end, log.end) - log.start) / NS_PER_S
     bar = progress_bar(
         total=max(end, 1e-9),
@@ -105,7 +105,7 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
 
 
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
-    """The program's own arguments, and those of ROS from --ros-args to -- or the end."""
+    """Splits off the arguments of ROS: from --ros-args to -- or the end."""
     start = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
     end = arguments.index('--', start) if '--' in arguments[start:] else len(arguments)
     return arguments[1:start] + arguments[end + 1 :], [arguments[0], *arguments[start:end]]

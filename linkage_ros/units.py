@@ -12,5 +12,5 @@ TIME_END = 2**31 * NS_PER_S  # ns; ROS has stamps from 0 up to there
 
 
 def radians_per_second(rpm: float) -> float:
-    """A speed of so many turns per minute, in rad/s."""
+    """Converts a speed from turns per minute to rad/s."""
     return rpm * math.pi / 30

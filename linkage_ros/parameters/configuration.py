@@ -29,7 +29,7 @@ _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
 @dataclass(frozen=True)
 class MechanismAndDrive(Checked):
-    """The kind of mechanism, and what drives it.
+    """The kind of mechanism and the kind of drive.
 
     Attributes:
         mechanism: A name of `MECHANISMS`.
@@ -68,8 +68,8 @@ class Configuration:
     Attributes:
         kind: The names of mechanism and drive.
         mechanism: The description of the mechanism.
-        drive: What moves it.
-        session: How it is published, logged and shown.
+        drive: The description of the drive.
+        session: How the run is published, logged and shown.
     """
 
     kind: MechanismAndDrive
@@ -92,28 +92,28 @@ def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
 
 
 def _lacking(kind: MechanismAndDrive) -> tuple[str, ...]:
-    """The names of a session that a drive does not have: measurements come when they come."""
+    """Session parameters that a drive does not have: measurements set the rate of `follow`."""
     return ('rate_hz',) if kind.drive == 'follow' else ()
 
 
 def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
-    """Parameters without those that every node of rclpy has, which pass unchecked."""
+    """Removes the parameters that every rclpy node has."""
     return {name: value for name, value in values.items() if name not in _ROS_PARAMETERS}
 
 
 def configure(values: Mapping[str, object]) -> Configuration:
-    """Checks parameters and makes the configuration of them.
+    """Checks parameters and makes a configuration.
 
     Args:
-        values: Values by dotted parameter name. Without 'mechanism' they are taken as changes
-            to the quadrilateral preset.
+        values: Values by dotted parameter name. Without 'mechanism' they change the
+            quadrilateral preset.
 
     Returns:
         The configuration.
 
     Raises:
-        ConfigurationError: A name is unknown or missing, a value is bad, the links make no
-            mechanism, or its crank cannot turn. One line that says what would be valid.
+        ConfigurationError: A name is unknown or missing, a value is invalid, the links cannot be
+            assembled, or the crank cannot turn. The message says what is valid.
     """
     given = without_ros_parameters(values)
     preset: Mapping[str, object] = {}
@@ -140,10 +140,10 @@ def configure(values: Mapping[str, object]) -> Configuration:
 
 
 def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
-    """Refuses a torque-driven mechanism that cannot be where it is to start.
+    """Refuses a torque-driven mechanism with an impossible start.
 
     Raises:
-        ConfigurationError: It cannot, or nothing there has a mass.
+        ConfigurationError: The loop cannot close there, or no mass moves.
     """
     try:
         q, u, *_ = start(mechanism, drive)
@@ -153,7 +153,7 @@ def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
 
 
 def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
-    """Error message for a name that this mechanism and drive do not have."""
+    """Error message for an unknown parameter of a mechanism and drive."""
     driven = {'torque': 'torque-driven ', 'follow': 'measured '}.get(kind.drive, '')
     owner, valid = f'a {driven}{kind.mechanism}', parameter_leaves(kind)
     block = name.partition('.')[0]
@@ -169,7 +169,7 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
 
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
-    """The kinds that have a parameter, or a group, of a name that their own kind lacks."""
+    """The other kinds with a parameter or group of this name; none if the own kind has it."""
     having = [
         kind
         for kind, cls in kinds.items()
@@ -179,12 +179,12 @@ def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
 
 
 def preset_note(values: Mapping[str, object]) -> str:
-    """The words before a summary of the default preset; empty if a mechanism is given."""
+    """Prefix of the summary of the default preset; empty if a mechanism is given."""
     return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
 
 
 def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
-    """Reads what a parameter file or a preset sets.
+    """Reads the values of a parameter file or a preset.
 
     Args:
         source: Path of a ROS 2 parameter file, or the name of a preset.
@@ -194,8 +194,8 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
         Values by dotted parameter name.
 
     Raises:
-        ConfigurationError: There is no such file or preset, it cannot be read, or it sets nothing
-            of linkage_node, so that a default linkage would run unnoticed.
+        ConfigurationError: There is no such file or preset, it cannot be read, or it has no
+            parameters of linkage_node.
     """
     node = f'{namespace}/linkage_node'.lstrip('/')
     values = read_parameter_file(find_file(source), node)
@@ -229,7 +229,7 @@ def to_strings(configuration: Configuration) -> dict[str, str]:
 
 
 def from_strings(strings: Mapping[str, str]) -> Configuration:
-    """The configuration that `to_strings` wrote down.
+    """Restores a configuration from `to_strings`.
 
     Args:
         strings: JSON values by parameter name.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters and configurations in words: for --help, and in one line for each run."""
+"""Texts about parameters and configurations: for --help, and one line for each run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from linkage_ros.quantities import Leaf, Quantity
 
 
 def help_on(parameters: Iterable[Leaf]) -> str:
-    """Describes parameters in a line each: name, valid values, meaning and default.
+    """Describes parameters, one line each: name, valid values, meaning and default.
 
     Args:
         parameters: Parameters of any dataclass of quantities.
@@ -36,7 +36,7 @@ def help_on(parameters: Iterable[Leaf]) -> str:
 
 
 def _valid(quantity: Quantity) -> str:
-    """The valid values; empty where any text is valid."""
+    """The valid values; empty if any text is valid."""
     return '' if quantity.valid == 'text' else f'{quantity.valid}; '
 
 
@@ -66,7 +66,7 @@ def help_on_every_kind() -> str:
 
 
 def summary(configuration: Configuration, solver: Solver) -> str:
-    """What moves, and how.
+    """Describes mechanism and motion in one line.
 
     Args:
         configuration: Configuration of the run.
@@ -85,7 +85,7 @@ def summary(configuration: Configuration, solver: Solver) -> str:
 
 
 def motor_line(motor: Motor) -> str:
-    """A motor and its damping."""
+    """Describes a motor and its damping."""
     lost = f' - {motor.damping:g} N m s x speed' if motor.damping else ''
     return f'motor {motor.torque:g} N m{lost}'
 

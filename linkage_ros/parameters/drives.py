@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The drives by the names under which parameter files ask for them."""
+"""The drives, by their names in parameter files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TOPIC = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 @dataclass(frozen=True)
 class FeedForward(Checked):
-    """The driving torque for a controller, ahead of time.
+    """Settings of the feed-forward torque for a controller.
 
     Attributes:
         effort_command_topic: Topic of the driving torque for a controller; empty: none.
@@ -39,12 +39,12 @@ class FeedForward(Checked):
         self._require_topic('effort_command_topic', '/effort_controller/commands', 'lead_time')
 
     def _require_topic(self, name: str, example: str, time: str) -> None:
-        """Refuses text that cannot name a topic, and a time for a topic that is not named.
+        """Refuses an invalid topic name, and a time for a topic that is not set.
 
         Args:
             name: Parameter that holds the topic.
             example: A valid topic.
-            time: Parameter that has an effect on this topic alone, s.
+            time: Parameter that affects only this topic, s.
 
         Raises:
             ConfigurationError: The topic is not valid, or missing.
@@ -63,7 +63,7 @@ class FeedForward(Checked):
 
 @dataclass(frozen=True)
 class SpeedFeedForward(FeedForward, SpeedDrive):
-    """A crank at a given speed, and its torque and motion for a controller.
+    """A crank at a given speed, with feed-forward torque and trajectory.
 
     Attributes:
         trajectory_command_topic: Topic of the crank's motion ahead of time; empty: none.
@@ -85,7 +85,7 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
         )
 
     def require_rate(self, rate_hz: float) -> None:
-        """Refuses a rate at which a trajectory would end before the next one is there.
+        """Refuses a rate at which a trajectory would end before the next one arrives.
 
         Args:
             rate_hz: States a second.
@@ -102,7 +102,7 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
 
 @dataclass(frozen=True)
 class FollowFeedForward(FeedForward, FollowDrive):
-    """A measured crank, and its torque for a controller."""
+    """A measured crank, with feed-forward torque."""
 
 
 DRIVES: dict[str, type[Drive]] = {

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From launch arguments to the parameters of the nodes that a launch file starts.
+"""Turns launch arguments into parameters of the nodes that a launch file starts.
 
 This file does not import launch, so that it can be tested without ROS.
 """
@@ -30,7 +30,7 @@ _COMMON = ('use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer')
 
 
 class Linkage(NamedTuple):
-    """A node and the robot_state_publisher beside it.
+    """The parameters of a node and its robot_state_publisher.
 
     Attributes:
         node: Parameters of linkage_node.
@@ -61,10 +61,10 @@ def follow(arguments: Mapping[str, str]) -> Linkage:
     """The parameters of a node that follows a measured crank.
 
     Args:
-        arguments: Arguments of follow.launch.py, all of them.
+        arguments: All arguments of follow.launch.py.
 
     Returns:
-        What to start, with those values of the file that such a node has.
+        The parameters; values of the file that such a node lacks are left out.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -80,14 +80,14 @@ def follow(arguments: Mapping[str, str]) -> Linkage:
 
 
 def demo(arguments: Mapping[str, str]) -> Linkage:
-    """The parameters of the demo: those of the file, and arguments that replace them.
+    """The parameters of the demo: those of the file, overridden by arguments.
 
     Args:
-        arguments: Arguments of demo.launch.py, all of them.
+        arguments: All arguments of demo.launch.py.
 
     Returns:
-        What to start. The node gets the values, not the file: rcl's result for a name in two
-        sections and an argument depends on their order.
+        The parameters. The node gets the values, not the file: which value rcl prefers for a
+        name in two sections and an argument depends on their order.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -111,7 +111,7 @@ def _linkage(values: dict[str, object], arguments: Mapping[str, str]) -> Linkage
 
 
 def is_asked_for(arguments: Mapping[str, str], name: str) -> bool:
-    """Whether an argument that is a switch, as rviz, is on.
+    """Returns whether a switch such as rviz is on.
 
     Raises:
         ConfigurationError: It is neither true nor false.
@@ -124,16 +124,16 @@ def parameter_file(values: Mapping[str, object]) -> str:
     """Writes parameters to a file: launch_ros would convert the text 1e3 to a number.
 
     Args:
-        values: By dotted name, for any node.
+        values: Values by dotted name, for any node.
 
     Returns:
-        Its path.
+        Path of the file.
     """
     return _file_in_memory(json.dumps({'/**': {'ros__parameters': values}}))
 
 
 def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
-    """RViz's configuration for the frames of a launch.
+    """Writes Writes RViz's configuration for the frames of a launch.
 
     Args:
         template: The file for a linkage without prefixes.
@@ -152,14 +152,14 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
 
 
 def _file_in_memory(text: str) -> str:
-    """Path of a file with this text, which exists until this process ends in whatever way."""
+    """Writes a text to a file in memory, which exists until this process ends."""
     descriptor = os.memfd_create('linkage_ros')
     os.write(descriptor, text.encode())
     return f'/proc/{os.getpid()}/fd/{descriptor}'
 
 
 def is_installed(package: str) -> bool:
-    """Whether a ROS package is in one of the sourced workspaces."""
+    """Returns whether a sourced workspace has a ROS package."""
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     index = Path('share', 'ament_index', 'resource_index', 'packages', package)
     return any(Path(prefix, index).is_file() for prefix in prefixes if prefix)

@@ -1,11 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a ROS 2 parameter file as a node would, without ROS.
+"""Reads a ROS 2 parameter file as a node does, without ROS.
 
 A node gets its parameters from rcl, whose YAML is not PyYAML's: `1e2` is a float, `on` a bool,
-`010` is 8 and `[0, -9.81]` is refused. To work on the mechanism that the node runs, this reader
-gives the events of PyYAML the meaning that rcl_yaml_param_parser/src/parse.c gives them. It
-refuses what rcl refuses, and for the node also what rcl silently drops or garbles.
+`010` is 8 and `[0, -9.81]` is refused. To read the same
+values as the node, this reader interprets the events of PyYAML as
+rcl_yaml_param_parser/src/parse.c does. It refuses what rcl refuses, and also what rcl silently
+drops or garbles.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
 
 
 class _Reader:
-    """One pass over the events of a file; a method for each level of its nesting."""
+    """One pass over the events of a file, with a method for each level of nesting."""
 
     def __init__(self, file: str, data: bytes, node_name: str) -> None:
         self.file, self.data, self.node_name = file, data, node_name
@@ -171,7 +172,7 @@ class _Reader:
 
 
 def _matches(section: str, node: str) -> bool:
-    """Whether a section is for a node: '**' stands for any number of names, '*' for one."""
+    """Returns whether a section is for a node: '**' matches any number of names, '*' one."""
     wildcards = {'**': '(/[^/]+)*', '*': '/[^/]+'}
     section = re.sub(r'\*\*(/+\*\*)+', '**', section)  # many would take long to fail
     parts = [wildcards.get(part, f'/{re.escape(part)}') for part in section.split('/') if part]
@@ -188,7 +189,7 @@ def _types(value: ParameterValue) -> list[type]:
 
 
 def read_scalar(text: str) -> _Scalar:
-    """The value of an unquoted scalar: a bool, what strtoll or strtod take, or text."""
+    """The value of an unquoted scalar: a bool, a number as strtoll or strtod read it, or text."""
     if match := _BOOL.fullmatch(text):
         return match[1] is not None
     if re.fullmatch(r'[+-]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)', text):

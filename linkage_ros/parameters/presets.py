@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter files by path or by name: those that come with the package are its presets.
+"""Finds parameter files by path, or by name among the package's presets.
 
-Presets are no package data, because `colcon build --symlink-install` would leave that behind.
+Presets are not package data, because `colcon build --symlink-install` does not install that.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from linkage_ros.quantities import shown
 
 
 def preset_names() -> list[str]:
-    """The names that `preset_path` knows here, in alphabetical order."""
+    """The names of all presets, in alphabetical order."""
     return sorted(_presets())
 
 
 def preset_path(name: str) -> Path:
-    """The parameter file of a preset.
+    """Finds the parameter file of a preset.
 
     Args:
         name: The preset's name, which is its file's name without `.yaml`.
@@ -64,7 +64,7 @@ def find_file(source: str) -> Path:
 
 
 def _presets() -> dict[str, Path]:
-    """Each preset's name, and the first file of that name."""
+    """The presets: for each name, the first file found."""
     presets: dict[str, Path] = {}
     for folder in _folders():
         for path in folder.glob('*.yaml'):

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters that say how a run is published, logged and shown, its viewer among them."""
+"""Parameters of publishing, logging and viewing."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ class Session(Checked):
             )
 
     def require_fixed_frame(self, mechanism: Mechanism) -> None:
-        """Refuses a frame_id that is a name of the linkage itself.
+        """Refuses a frame_id that is the name of a joint or moving link.
 
         Args:
             mechanism: The linkage.
 
         Raises:
-            ConfigurationError: It is the name of one of its joints or moving links.
+            ConfigurationError: The linkage has a joint or moving link of this name.
         """
         joints = joint_names(mechanism.structure().links, self.joint_prefix)
         if self.frame_id in {*joints, *map(link_of, joints)}:
@@ -97,12 +97,12 @@ def viewer_address(target: str) -> tuple[str, int] | None:
 
 
 def is_recording(target: str) -> bool:
-    """Whether a viewer is the path of a file, by its form alone."""
+    """Returns whether a viewer has the form of a file's path."""
     return Path(target).suffix == '.rrd' and '://' not in target
 
 
 def is_viewer(target: str) -> bool:
-    """Whether a viewer is one of VIEWERS, by its form alone."""
+    """Returns whether a viewer has one of the forms of VIEWERS."""
     return target in (SPAWN, WEB) or is_recording(target) or viewer_address(target) is not None
 
 

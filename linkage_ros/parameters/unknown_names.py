@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The error for a parameter name that does not exist, with the name that was probably meant."""
+"""The error for an unknown parameter name, with the name that was probably meant."""
 
 from __future__ import annotations
 

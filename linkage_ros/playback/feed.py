@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Feeds a replay with an excerpt of a log, once or in a loop, read ahead in a thread."""
+"""Reads an excerpt of a log ahead of a replay, in a thread, once or in a loop."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Excerpt(NamedTuple):
 
     Attributes:
         start: First log time, ns.
-        end: Log time before which it ends, ns. An excerpt that ends with the log ends one message
-            period after its last message, so that the rounds of a loop join.
+        end: Log time at which it ends, ns; excluded. An excerpt up to the end of the log ends one
+            message period after its last message, so that the rounds of a loop join.
         topics: Fully qualified names.
     """
 
@@ -39,8 +39,8 @@ class Item(NamedTuple):
     """A message to play.
 
     Attributes:
-        time: Log time, ns; in each round of a loop later by the length of the excerpt.
-        message: As it was logged.
+        time: Log time, ns; each round of a loop adds the length of the excerpt.
+        message: The logged message.
     """
 
     time: int
@@ -50,12 +50,12 @@ class Item(NamedTuple):
 def excerpt_of(
     log: LogReader, offset: float, duration: float | None, topics: list[str] | None
 ) -> Excerpt:
-    """The excerpt of a log that options describe.
+    """Selects an excerpt of a log.
 
     Args:
         log: The log.
-        offset: s to leave out at the beginning.
-        duration: s to play from there; None: to the end.
+        offset: Time to skip at the beginning, s.
+        duration: Time to play from there, s; None: to the end.
         topics: Fully qualified names; None: all.
 
     Returns:
@@ -113,7 +113,7 @@ def _batches(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[list[I
 
 
 def _latched(log: LogReader, excerpt: Excerpt) -> list[Item]:
-    """Latched messages that a subscriber would have got by the start of an excerpt."""
+    """Latched messages that a subscriber would have received before the excerpt begins."""
     names = [topic.name for topic in log.topics if topic.latched and topic.name in excerpt.topics]
     if not names or excerpt.start <= log.start:
         return []

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Single keys from a terminal, without echo; the terminal is restored however the program ends."""
+"""Reads single keys from a terminal without echo, and restores the terminal at the end."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _PARTIAL_KEY = re.compile(rb'(\x1b[\[O]?)?\Z')  # the rest of a cursor key is st
 
 
 class Keyboard(AbstractContextManager['Keyboard']):
-    """The keys of a terminal; none in the background, or if the descriptor is something else.
+    """Reads the keys of a terminal; no keys in the background or without a terminal.
 
     To be used in the main thread, since it handles Ctrl-Z: the terminal is restored while the
     program is stopped, and the next `read` takes it again.
     """
 
     def __init__(self, descriptor: int = 0) -> None:
-        """Takes the terminal.
+        """Prepares the terminal.
 
         Args:
             descriptor: File descriptor of the terminal; by default standard input.
@@ -45,7 +45,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         """Waits for a key.
 
         Args:
-            timeout: Longest time, s; without a terminal it always takes that long.
+            timeout: Longest time, s; without a terminal, always the full time.
 
         Returns:
             SPACE, RIGHT, UP or DOWN; None: no key, or another one.
@@ -94,7 +94,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         return True  # a terminal without job control
 
     def _take_terminal(self) -> bool:
-        """Lets the terminal pass on single keys, without an echo; whether there is one to read."""
+        """Switches the terminal to single keys without echo; returns whether there is one."""
         # A process in the background would be stopped (SIGTTOU) for touching the terminal.
         if self._saved is None or not self._is_in_foreground():
             return False

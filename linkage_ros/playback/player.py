@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plays the messages of a log when they are due, at a rate, steered by keys."""
+"""Plays the messages of a log when they are due; keys control rate and pause."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _LARGEST_LAG = NS_PER_S // 10
 
 
 class _Timing(NamedTuple):
-    """Position over real time: at `log` when it was `real`, `rate` from there, up to `limit`."""
+    """Position over real time: `log` at the time `real`, then at `rate` up to `limit`."""
 
     log: int
     real: int
@@ -45,11 +45,11 @@ class _Timing(NamedTuple):
 
 
 class Pace:
-    """The position of a replay, ns of log time; it never goes back.
+    """The position of a replay in log time, ns; it never decreases.
 
     Deadlines are absolute: delays of single waits do not add up. The position does not pass the
     next message before that is published, so that a clock made of it never leads the messages.
-    One thread may steer it while others read it.
+    One thread may control it while others read it.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Pace:
 
     @property
     def paused(self) -> bool:
-        """Whether it is paused."""
+        """Whether the replay is paused."""
         return self._timing.rate == 0
 
     def position(self) -> int:
@@ -79,7 +79,7 @@ class Pace:
         return min(timing.log + round((self._now() - timing.real) * timing.rate), timing.limit)
 
     def set_next(self, time: int) -> None:
-        """Lets the position run up to the next message.
+        """Lets the position advance up to the next message.
 
         Args:
             time: Its log time, ns.
@@ -93,7 +93,7 @@ class Pace:
             time: Its log time, ns.
 
         Returns:
-            s; 0 or less: now; infinite while paused.
+            Time, s; 0 or less: due now; infinite while paused.
         """
         timing = self._timing
         if time <= self._played_until:  # messages of one log time come together
@@ -109,7 +109,7 @@ class Pace:
         return left / NS_PER_S
 
     def toggle(self) -> None:
-        """Pauses, or goes on."""
+        """Pauses or resumes."""
         self._set_rate(self.rate if self.paused else 0.0)
 
     def change_rate(self, difference: float) -> None:
@@ -124,7 +124,7 @@ class Pace:
             self._set_rate(0.0 if self.paused else rate)
 
     def jump_to(self, time: int) -> None:
-        """Goes to the expected message at once.
+        """Jumps to the expected message.
 
         Args:
             time: Its log time, ns.
@@ -140,11 +140,11 @@ class Player:
     """Plays items into sinks; in the main thread."""
 
     def __init__(self, pace: Pace, keyboard: Keyboard, stop: Stop, show: Show) -> None:
-        """Sets it up.
+        """Creates the player.
 
         Args:
             pace: Determines when a message is due.
-            keyboard: Steers the pace.
+            keyboard: Controls the pace.
             stop: Ends the replay early.
             show: Called at least a few times a second.
         """

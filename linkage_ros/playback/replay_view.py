@@ -18,7 +18,7 @@ _CLOSE_SECONDS = 10.0
 
 
 class ReplayView:
-    """A view of a log; a sink of its messages."""
+    """A view of a log, as a sink for its messages."""
 
     def __init__(self, name: str, log: LogReader, target: str, *, alone: bool) -> None:
         """Opens the view, served to this machine alone.
@@ -27,7 +27,7 @@ class ReplayView:
             name: Name of the program, for its messages to the user.
             log: The log.
             target: As for a View.
-            alone: Whether the messages go nowhere else, so that the replay ends with the view.
+            alone: Whether this is the only sink, so that the replay ends with the view.
 
         Raises:
             ViewerError: No viewer answers, or the view cannot be opened.
@@ -50,7 +50,7 @@ class ReplayView:
         """Shows a message, if it contains joint states.
 
         Raises:
-            ViewerError: The view has ended, and the messages go nowhere else.
+            ViewerError: The view has ended, and it is the only sink.
         """
         self._check()
         if item.message.topic in self._topics:

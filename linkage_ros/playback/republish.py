@@ -46,8 +46,8 @@ def republishing(
         name: Name of the node.
         arguments: ROS's part of the command line.
         log: Determines types and quality of service.
-        topics: Fully qualified names of those to publish.
-        pace: The position in the log.
+        topics: Fully qualified names of the topics to publish.
+        pace: Position in the log.
         clock_hz: Rate, in real time, of publishing the position on /clock; None: never.
 
     Yields:

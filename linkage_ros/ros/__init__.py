@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a node of ROS 2 is made of: parameters, topics, commands, log and view."""
+"""Parts of a ROS 2 node: parameters, publishers, subscribers, log and view."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the launch files share: arguments, how a program is started, and how the launch ends."""
+"""Shared parts of the launch files: arguments, and how programs start and end."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ OUTPUTS: Arguments = {
 
 
 def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any]]) -> Any:
-    """What `ros2 launch` asks a launch file for.
+    """Builds the launch description of a launch file.
 
     Args:
-        arguments: Of the launch file.
+        arguments: Arguments of the launch file.
         start: Returns the actions for the values of the arguments, by name.
 
     Returns:
@@ -124,7 +124,7 @@ def where_installed(package: str, feature: str, action: Any) -> Any:
 
 
 def _end(event: ProcessExited, _: LaunchContext) -> list[Any]:
-    """Ends the launch with a process.
+    """Ends the launch when a process ends.
 
     Raises:
         RuntimeError: The process failed; `ros2 launch` then ends with exit code 1.

@@ -15,13 +15,13 @@ _CAPACITY = 4_000  # states that wait for the viewer, 4 s at 1 kHz
 
 
 class LiveView:
-    """Shows the states of a node in a thread of its own."""
+    """Shows the states of a node, in a separate thread."""
 
     def __init__(self, node: Node, configuration: Configuration) -> None:
         """Opens the view that a configuration asks for.
 
         Args:
-            node: Its logger reports where a page is, who can read the data, and an error.
+            node: Its logger reports the page's address, who can read the data, and errors.
             configuration: Configuration of the run.
 
         Raises:
@@ -48,7 +48,7 @@ class LiveView:
         self._worker.offer((0, joint_states))
 
     def health(self) -> Health:
-        """States lost so far, the error that ended the view, and its present trouble."""
+        """Health of the view: lost states, fatal error, current problem."""
         # States are lost on the way to the view, and in the view if the viewer lags.
         lost = self._worker.dropped + self._view.dropped
         return Health(self._target, lost, self._worker.error, self._view.sender.trouble)

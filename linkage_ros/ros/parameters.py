@@ -36,13 +36,13 @@ _TYPES = {
 
 
 class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
-    """A node whose read-only parameters may be set to the values that they have.
+    """A node that accepts a read-only parameter set to its current value.
 
-    So `ros2 param load` accepts what `ros2 param dump` has written.
+    This way `ros2 param load` accepts the output of `ros2 param dump`.
     """
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Sets parameters, all or none; every service that sets parameters ends here.
+        """Sets parameters, all or none; all services that set parameters call this.
 
         Args:
             parameter_list: The parameters; those that would not change are left out.
@@ -67,10 +67,10 @@ def describe(name: str, quantity: Quantity) -> ParameterDescriptor:
 
     Args:
         name: Name of the parameter.
-        quantity: What it holds.
+        quantity: Its meaning, unit and range.
 
     Returns:
-        What `ros2 param describe` shows.
+        The descriptor that `ros2 param describe` shows.
     """
     unit = f' [{quantity.unit}]' if quantity.unit else ''
     is_number = quantity.kind == 'number'
@@ -91,11 +91,11 @@ def given_values(node: Node) -> dict[str, object]:
 
 
 def declare_values(node: Node, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
-    """Declares parameters with the values that are in force.
+    """Declares parameters with their current values.
 
     Args:
         node: The node.
-        parameters: What they hold.
+        parameters: Names and quantities.
         values: Already checked; the node's own overrides are part of them.
     """
     for name, quantity, _ in parameters:
@@ -141,7 +141,7 @@ def declare(
 
 
 def _check(parameters: list[Parameter]) -> SetParametersResult:
-    """Refuses what rclpy would take; types and ranges it has checked by the descriptors."""
+    """Refuses changes that rclpy would accept; it has checked types and ranges itself."""
     if any(parameter.name == 'use_sim_time' for parameter in parameters):
         reason = 'use_sim_time is read when the node starts: start it again'
         return SetParametersResult(successful=False, reason=reason)
@@ -149,14 +149,14 @@ def _check(parameters: list[Parameter]) -> SetParametersResult:
 
 
 def check_parameter_files(arguments: list[str], node: str) -> None:
-    """Reads parameter files as rcl will, because our words about a slip are clearer than its own.
+    """Reads parameter files before rcl does, to give clearer errors than rcl.
 
     Args:
         arguments: Arguments of the command line.
         node: Name of the node, where they give no other.
 
     Raises:
-        ConfigurationError: A file has a slip, or a preset is named where a path belongs.
+        ConfigurationError: A file has an error, or a preset is given instead of a path.
     """
     given = dict(text.split(':=', 1) for text in arguments if re.match('__.*:=', text))
     name = given.get('__node') or given.get('__name') or node

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How a program on ROS 2 starts, is served and ends, and what becomes of its stderr."""
+"""Starts, spins and ends a program on ROS 2, and protects it from a blocked stderr."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ USER_ERRORS = (
 
 @contextmanager
 def ros_context(arguments: list[str]) -> Iterator[list[str]]:
-    """Initialises rclpy, and shuts it down; a bad command line or file is one clear error.
+    """Initialises rclpy and shuts it down; reports a bad command line or file in one line.
 
-    Signals stay the caller's: rclpy's handlers would end the context under a running tick.
+    The caller handles signals: rclpy's handlers would shut down during a tick.
 
     Args:
         arguments: The command line, ROS arguments included.
@@ -75,7 +75,7 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
 
 @contextmanager
 def ros_program(arguments: list[str], parser: argparse.ArgumentParser) -> Iterator[None]:
-    """The life of a program that takes ROS's arguments alone: on ROS, stderr never waited for.
+    """Runs a program that takes only ROS arguments, with rclpy and a non-blocking stderr.
 
     Args:
         arguments: The command line.
@@ -111,11 +111,11 @@ def _require_ports(domain: str) -> None:
 
 @contextmanager
 def reported_as_configuration() -> Iterator[None]:
-    """Turns what rclpy raises for a user's slip into a ConfigurationError of one line.
+    """Turns errors of rclpy about user input into one-line ConfigurationErrors.
 
     Raises:
-        ConfigurationError: With rclpy's words, without its source lines.
-        LinkageError: One of ours, as it is.
+        ConfigurationError: rclpy's message, without its source lines.
+        LinkageError: Errors of this package, unchanged.
     """
     try:
         yield
@@ -133,7 +133,7 @@ def reported_as_configuration() -> Iterator[None]:
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
-    """Spins until the end; rclpy raises, for one, where a parameter of no type is sent."""
+    """Spins until the end, despite exceptions such as those for parameters without a type."""
     while node.context.ok():
         try:
             executor.spin()
@@ -149,13 +149,13 @@ def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
 
 @contextmanager
 def spinning(node: Node) -> Iterator[None]:
-    """Serves a node's callbacks in a thread of their own; destroys the node at the end.
+    """Runs a node's callbacks in a thread; destroys the node at the end.
 
     Args:
         node: The node.
 
     Yields:
-        While it is served.
+        While the callbacks run.
     """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -176,7 +176,7 @@ def spinning(node: Node) -> Iterator[None]:
 
 @contextmanager
 def nonblocking_stderr() -> Iterator[None]:
-    """Keeps a terminal that was stopped with Ctrl-S from stopping the crank with it.
+    """Makes stderr non-blocking, so that Ctrl-S in the terminal cannot stop the crank.
 
     Log lines go through a pipe of ours. Lines beyond the 64 KiB that it holds are lost, and so
     are the last ones if nobody reads them within a second of the end.
@@ -202,9 +202,9 @@ def nonblocking_stderr() -> Iterator[None]:
 
 @contextmanager
 def muted_stderr() -> Iterator[None]:
-    """Drops what rcl prints about an error that it raises too: a user gets one line of ours.
+    """Drops rcl's output about errors that it also raises: the user gets one line.
 
-    If nothing is raised, all that was written follows.
+    If nothing is raised, the output is printed afterwards.
     """
     with tempfile.TemporaryFile() as held:
         original = os.dup(2)
@@ -218,7 +218,7 @@ def muted_stderr() -> Iterator[None]:
 
 
 def _redirect(number: int) -> None:
-    """Lets an open file take the place of stderr."""
+    """Redirects stderr to an open file."""
     with suppress(OSError, AttributeError):  # the disk is full; there is no stderr
         sys.stderr.flush()
     os.dup2(number, 2)
@@ -226,7 +226,7 @@ def _redirect(number: int) -> None:
 
 
 def _copy(outlet: int, original: int) -> None:
-    """Copies a pipe to a file that may have to wait."""
+    """Copies a pipe to a file that may block."""
     while data := os.read(outlet, _PIPE_SIZE):
         with suppress(OSError):  # the terminal has gone, or the disk is full
             while data:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers that take bytes, and whether anybody listens."""
+"""Publishers that take bytes, and their subscribers."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def message_class(name: str) -> type:
 
 
 def create_publisher(node: Node, topic: Topic) -> Publisher:
-    """A publisher with the topic's quality of service; it takes messages as CDR bytes.
+    """Creates a publisher with the topic's quality of service; it takes CDR bytes.
 
     Args:
-        node: Its node.
+        node: The node.
         topic: Name, type and quality of service.
 
     Returns:
@@ -88,15 +88,15 @@ def wait_for_subscribers(
     patience: float = _DISCOVERY_SECONDS,
     settle: float = _MATCH_SECONDS,
 ) -> bool:
-    """Lets subscribers that are there already find a node, so that they miss no message.
+    """Waits until existing subscribers have found a node, so that they miss no message.
 
     Args:
         publishers: Publishers of the node.
         patience: Longest time to wait until one of them has a subscriber, s.
-        settle: Time after that, s, in which others are found, and find the node.
+        settle: Further time for other subscribers, s.
 
     Returns:
-        Whether anybody listens.
+        Whether there is a subscriber.
     """
     publishers, end = list(publishers), time.monotonic() + patience
     while time.monotonic() < end:

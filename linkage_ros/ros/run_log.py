@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The log of a node: the messages that it publishes and hears."""
+"""The log of a node: the messages that it publishes and receives."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _CLOSE_SECONDS = 30.0
 
 
 class RunLog:
-    """Writes a log in threads of its own; any thread may write to it."""
+    """Writes a log in separate threads; any thread may add to it."""
 
     def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
         """Creates the log.
 
         Args:
-            node: Says how it ends.
+            node: Its logger reports how the log ends.
             simulator: Makes the states.
-            others: What it publishes beside the states; what it hears is logged too.
+            others: Topics published besides the states; received messages are logged too.
 
         Raises:
             LogError: The file cannot be created.
@@ -74,40 +74,40 @@ class RunLog:
         """Logs a message.
 
         Args:
-            stamp: When it was published or received, ns.
-            topic: One of the others.
+            stamp: Time of publishing or receipt, ns.
+            topic: One of the other topics.
             message: CDR bytes.
         """
         self._worker.offer((self._channels[topic.name], stamp, message))
 
     def write_heard(self, received: int, data: bytes) -> None:
-        """Logs a message that the run heard: a command, or a measurement.
+        """Logs a received message: a command or a measurement.
 
         Args:
-            received: When it came, ns.
-            data: CDR bytes; megabytes are left out, they would be a log's largest chunk.
+            received: Time of receipt, ns.
+            data: CDR bytes; a message of megabytes is left out.
         """
         (topic,) = self._heard
         if len(data) <= LARGEST_COMMAND:
             self.write(received, topic, data)
 
     def write_motion(self, segment: Segment) -> None:
-        """Logs a segment of motion, unless it is the last one."""
+        """Logs a segment of motion, unless it is the last logged one."""
         if segment is not self._segment:
             self._worker.offer(segment)
         self._segment = segment
 
     def health(self) -> Health:
-        """What has become of it so far."""
+        """Health of the log."""
         return Health(self._path, self._worker.dropped, self.error)
 
     @property
     def error(self) -> Exception | None:
-        """What it failed with; None: it works."""
+        """The error that ended it; None: it works."""
         return self._worker.error or self._sync.error
 
     def close(self) -> bool:
-        """Completes the log; returns whether all of it is well."""
+        """Completes the log; returns whether it succeeded."""
         # The disk last: what it is to keep comes first.
         closed = self._worker.close(_CLOSE_SECONDS) and self._sync.close(_CLOSE_SECONDS)
         if not closed:
@@ -125,6 +125,6 @@ class RunLog:
 
 
 def heard_topics(drive: Drive) -> list[Topic]:
-    """What a run under a drive hears."""
+    """The topics that a node with this drive subscribes to."""
     topics = {TorqueDrive: JOINT_COMMANDS, FollowDrive: MEASURED_JOINT_STATES}
     return [topic for kind, topic in topics.items() if isinstance(drive, kind)]

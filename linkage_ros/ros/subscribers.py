@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a node hears: commands, measurements of the crank, and simulated time."""
+"""Subscriptions of a node: commands, measurements of the crank, and simulated time."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ _PATIENCE = 0.1  # s that the end of a node waits for a measurement at most
 
 
 def _best_effort(depth: int) -> QoSProfile:
-    """Hears every publisher, whatever its quality of service; a lost message is not sent again."""
+    """Best-effort quality of service: compatible with every publisher; losses are not resent."""
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
-    """Keeps a subscription from the executor.
+    """Hides a subscription from the executor.
 
-    Its thread would be woken by each message, and thousands a second took the interpreter from
-    the thread that ticks: at 10 kHz, five of six ticks were missed.
+    Each message would wake its thread. Thousands a second took the interpreter from the thread of
+    the ticks: at 10 kHz, five of six ticks were missed.
     """
 
     def can_execute(self, entity: object) -> bool:  # noqa: ARG002, the executor's signature
-        """Never."""
+        """Always False."""
         return False
 
 
@@ -62,11 +62,11 @@ class _PolledSubscription:
         Args:
             node: The node.
             topic: The topic.
-            depth: Messages that wait to be taken; of more, the last ones are kept.
+            depth: Length of the queue; older messages are dropped.
             outputs: Names of the topics on which the node publishes.
 
         Raises:
-            ConfigurationError: It is one of these: the node would hear itself.
+            ConfigurationError: The topic is one of these; the node would receive its own messages.
         """
         self.topic, self._depth = node.resolve_topic_name(topic.name), depth
         for name in outputs:
@@ -85,7 +85,7 @@ class _PolledSubscription:
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
 
     def wait(self, seconds: float) -> None:
-        """Waits for a message, or for so long."""
+        """Waits for a message or a timeout."""
         handle = self._subscription.handle
         with handle:
             self._wait_set.clear_entities()
@@ -93,7 +93,7 @@ class _PolledSubscription:
             self._wait_set.wait(round(seconds * NS_PER_S))
 
     def take(self) -> list[tuple[int, bytes]]:
-        """Takes the messages that wait, and not more than that many.
+        """Takes the queued messages, up to the depth.
 
         Returns:
             When each came, ns, and its CDR bytes.
@@ -109,10 +109,10 @@ class _PolledSubscription:
 
 
 class CommandSubscriber:
-    """The commands on a node's joint_commands.
+    """Subscription to joint_commands.
 
     Attributes:
-        commands: What was commanded, and what became of it.
+        commands: The command in force, and counts of all commands.
     """
 
     def __init__(self, node: Node, drive: TorqueDrive, crank: str, outputs: Iterable[str]) -> None:
@@ -132,7 +132,7 @@ class CommandSubscriber:
         self._subscription = _PolledSubscription(node, JOINT_COMMANDS, _DEPTH, outputs)
 
     def poll(self) -> list[tuple[int, bytes]]:
-        """Takes what has come since the last call, good or bad, but for what is too large.
+        """Takes all commands since the last call, valid or not, except those that are too large.
 
         Returns:
             When each command came, ns, and its bytes.
@@ -157,7 +157,7 @@ class CommandSubscriber:
 
 
 class MeasurementSubscriber:
-    """Hears the measurements.
+    """Subscription to the measurements.
 
     Attributes:
         diagnostics: Returns counts of the messages that were left out.
@@ -182,7 +182,7 @@ class MeasurementSubscriber:
         self._topic = self._subscription.topic
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """Waits for messages, but not for long.
+        """Waits for messages for a short time.
 
         Returns:
             When each came, ns, and its CDR bytes.
@@ -198,7 +198,7 @@ class MeasurementSubscriber:
             data: Its CDR bytes.
 
         Returns:
-            Stamp, ns, and crank; None: it is left out, counted and said.
+            Stamp, ns, and crank; None: it was rejected, counted and reported.
         """
         before = self._measured.left_out.copy()
         heard = self._measured.hear(data, received)
@@ -211,7 +211,7 @@ class MeasurementSubscriber:
         return heard
 
     def troubles(self) -> list[str]:
-        """A sentence about a sensor that is silent; none while measurements come."""
+        """A warning if no measurements arrive; else empty."""
         if time.monotonic() < self._last + _SILENCE:
             return []
         return [f'no measurement of {self._crank} on {self._topic} in the last {_SILENCE:g} s']

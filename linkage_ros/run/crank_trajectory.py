@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion and torque of the crank ahead of time, as joint_trajectory_controller takes them."""
+"""Trajectories of the crank, ahead of time, for joint_trajectory_controller."""
 
 from __future__ import annotations
 
@@ -18,15 +18,14 @@ _STEP = NS_PER_MS
 
 
 class CrankTrajectory:
-    """Makes a trajectory of one horizon, and a new one after half of it.
+    """Makes trajectories of one horizon, a new one after each half horizon.
 
-    The first point is at or just before the stamp at which it is made, so that a controller that
-    gets it a moment later is within it at once. Each tick adds only the points that have come
-    within the horizon: no tick computes all of them but the first, and one at which the motion
-    changes.
+    A trajectory begins at or just before its stamp, so that a controller that receives it a
+    moment later can follow it at once. Each tick adds only the new points within the horizon; all
+    of them are computed at the first tick, and where the motion changes.
 
     Attributes:
-        topic: Where to publish it.
+        topic: Topic of the trajectories.
     """
 
     def __init__(self, simulator: Simulator, topic: str, horizon: float) -> None:
@@ -35,7 +34,7 @@ class CrankTrajectory:
         Args:
             simulator: Solves the states.
             topic: Name of the topic.
-            horizon: s.
+            horizon: Duration of a trajectory, s.
         """
         self.topic = trajectory_commands(topic)
         session = simulator.configuration.session
@@ -47,7 +46,7 @@ class CrankTrajectory:
 
     @classmethod
     def of(cls, simulator: Simulator) -> CrankTrajectory | None:
-        """The trajectories that a configuration asks for; None: it asks for none."""
+        """Prepares the trajectories of a configuration; None if it has none."""
         drive = simulator.configuration.drive
         if not isinstance(drive, SpeedFeedForward) or not drive.trajectory_command_topic:
             return None
@@ -57,8 +56,8 @@ class CrankTrajectory:
         """The message that is due at a stamp.
 
         Args:
-            motion: Motion in the segment that contains the stamp; another one than last time
-                makes what was sent invalid, and a message due.
+            motion: Motion in the segment that contains the stamp; a change since the last call
+                invalidates the sent trajectory, so that a new one is due.
             stamp: ns.
 
         Returns:

@@ -31,10 +31,10 @@ class Health(NamedTuple):
     """Health of a log or a view.
 
     Attributes:
-        target: Its path or URL; empty: there is none.
+        target: Its path or URL; empty: not in use.
         dropped: Items lost so far.
-        error: What it failed with; None: it works.
-        trouble: Why it takes nothing now, in words; empty: it does.
+        error: The error that ended it; None: it works.
+        trouble: Why it accepts nothing now; empty: it does.
     """
 
     target: str
@@ -44,7 +44,7 @@ class Health(NamedTuple):
 
 
 class _Observation(NamedTuple):
-    """What one report was made from; time in s."""
+    """The inputs of one report; times in s."""
 
     time: float
     counts: TickCounts
@@ -52,14 +52,14 @@ class _Observation(NamedTuple):
 
 
 class HealthMonitor:
-    """Judges a run by its last seconds, report by report."""
+    """Judges a run by its last seconds, at each report."""
 
     def __init__(self, node: str, *, is_torque_driven: bool = False) -> None:
-        """Starts with a run that has done nothing yet.
+        """Begins with a new run.
 
         Args:
             node: Name of the node, for the names of the statuses.
-            is_torque_driven: Whether the motion is integrated, which costs more the faster it is.
+            is_torque_driven: Whether the motion is integrated; its cost grows with the speed.
         """
         self._node = node
         self._is_torque_driven = is_torque_driven
@@ -82,7 +82,7 @@ class HealthMonitor:
             counts: Counts of ticks so far.
             figures: Further values of the motion.
             parts: Log and viewer.
-            troubles: What else is wrong with the motion now.
+            troubles: Other current warnings about the motion.
 
         Returns:
             The motion's status first.
@@ -94,13 +94,13 @@ class HealthMonitor:
         ]
 
     def changes(self, statuses: Sequence[Status]) -> list[Status]:
-        """The statuses of a report that are worth a line: a new warning, or the end of one.
+        """Selects the statuses to log: new warnings, and warnings that have ended.
 
         Args:
             statuses: Statuses of the report.
 
         Returns:
-            Those; a part that fails reports its failure itself.
+            The statuses; a part that fails logs that itself.
         """
         found, nothing = [], Status(OK, '', '', {})
         for status in statuses:

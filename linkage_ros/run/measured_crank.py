@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The crank as other people's joint states tell it: from a message's bytes to coordinates."""
+"""The crank measured by a robot's joint states: from a message's bytes to coordinates."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', '
 
 
 class MeasuredCrank:
-    """Takes messages in the order in which they come.
+    """Reads measurements in the order of their arrival.
 
     Attributes:
-        left_out: How many were left out, by cause.
+        left_out: Numbers of rejected messages, by cause.
     """
 
     def __init__(self, simulator: Simulator) -> None:
-        """Waits for a message.
+        """Begins without a measurement.
 
         Args:
             simulator: Simulator of a configuration with `drive: follow`.
@@ -41,10 +41,10 @@ class MeasuredCrank:
 
         Args:
             data: CDR bytes of a JointState.
-            received: When it came, ns: the stamp of a message without one.
+            received: Time of receipt, ns; the stamp of a message without one.
 
         Returns:
-            The stamp, ns, and the crank; None: it is left out, and counted.
+            The stamp, ns, and the crank; None: the message was rejected and counted.
         """
         try:
             heard = decode_joint_state(data)
@@ -72,7 +72,7 @@ class MeasuredCrank:
         return stamp, found
 
     def diagnostics(self) -> dict[str, str]:
-        """Counts of the messages that were left out, for diagnostics."""
+        """Counts of the rejected messages, for diagnostics."""
         # In one step: the thread of the ticks may be counting.
         counts = list(self.left_out.items())
         return {f'left out, {cause}': str(count) for cause, count in counts}

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How Linux and Python schedule a thread with deadlines: as far as they let it, it is not late."""
+"""Scheduling of a thread with deadlines, by Linux and by Python."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ _RECOVERY_SECONDS = 2.0  # s to be patient
 
 
 def freeze_heap() -> None:
-    """Lets searches for garbage leave out what is there now; call it when all has been set up.
+    """Excludes all present objects from garbage collection; call it after set-up.
 
-    Each would walk through everything made so far.
+    Otherwise each collection would visit all of them.
     """
     gc.collect()
     gc.freeze()
 
 
 def shorten_switch_interval() -> None:
-    """Lets no other thread of Python keep the interpreter; by default each may for 5 ms."""
+    """Makes other Python threads release the interpreter at once, not after 5 ms."""
     sys.setswitchinterval(_SHORT_INTERVAL)
 
 
 def minimize_timer_slack() -> None:
-    """Lets the calling thread, and those that it starts, wake when it asked for.
+    """Makes the calling thread, and threads that it starts, wake on time.
 
-    By default Linux wakes a thread up to 50 us later, to wake several at once.
+    By default Linux may wake threads up to 50 us late, to wake several together.
     """
     with suppress(AttributeError, OSError):  # it is not Linux
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
 
 
 def take_real_time_priority() -> bool:
-    """Lets the calling thread, but none that it starts, go before others that want a core.
+    """Gives the calling thread, but not threads that it starts, real-time priority.
 
-    That takes the right to do so, root's or rtprio in limits.conf, as for ros2_control.
+    This needs root or rtprio in limits.conf, as ros2_control does.
 
     Returns:
-        Whether the system lets it.
+        Whether the system permits it.
     """
     try:
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
@@ -62,11 +62,11 @@ def take_real_time_priority() -> bool:
 
 
 class SwitchInterval:
-    """Takes the interpreter from other threads at once, unless the machine has no core to spare.
+    """Requests the interpreter from other threads at once, unless the machine is overloaded.
 
-    A thread that insists asks for it every 10 us. Where sixty nodes discover each other on two
-    cores, these questions take the core that the other thread needs to finish: so the ticker is
-    patient at the start, and after a tick that was far too late.
+    Such requests repeat every 10 us. With sixty nodes in discovery on two cores, they would take
+    the core that the other thread needs to finish. So the ticker waits normally at the start, and
+    after a very late tick.
     """
 
     def __init__(self) -> None:
@@ -74,10 +74,10 @@ class SwitchInterval:
         sys.setswitchinterval(_LONG_INTERVAL)
 
     def follow(self, late: int) -> None:
-        """To be called at each tick.
+        """Adapts to the lateness of a tick; to be called at each tick.
 
         Args:
-            late: How late it is, ns.
+            late: Lateness of the tick, ns.
         """
         now = time.monotonic()
         if late > _VERY_LATE:

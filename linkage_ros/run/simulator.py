@@ -1,9 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A configured mechanism at work: from a stamp to the bytes of its messages.
+"""Simulates a configured mechanism: from a stamp to the bytes of its messages.
 
-The node and the recorder use the same machine, which is why equal configurations and elapsed
-times give equal bits in both.
+Node and recorder share this code, so that equal configurations and elapsed times give equal bits.
 """
 
 from __future__ import annotations
@@ -67,8 +66,8 @@ class Snapshot(NamedTuple):
         coordinates: Coordinates of the mechanism.
         state: Its state there.
         stamp: ns.
-        numbers: What the messages contain beside their stamps.
-        layout: Of the messages.
+        numbers: The numbers in the messages, without stamps.
+        layout: Layout of the messages.
     """
 
     coordinates: Coordinates
@@ -78,7 +77,7 @@ class Snapshot(NamedTuple):
     layout: RowLayout
 
     def row(self, time: int) -> bytes:
-        """The records of its messages for a log, published and logged at a time, ns."""
+        """Records of the messages for a log, published and logged at a time, ns."""
         return self.layout.pack(time, *divmod(self.stamp, NS_PER_S), *self.numbers)
 
     @property
@@ -91,12 +90,12 @@ class Simulator:
     """Makes the states and messages of one configuration.
 
     Attributes:
-        configuration: What it was made from.
+        configuration: Configuration of the run.
         solver: Solver of its mechanism.
         joints: Names, in the order of the messages.
         joint_states: Codec of the messages on that topic.
-        topics: What each state has a message on.
-        layout: Of these messages, in channels numbered from 1.
+        topics: Topics on which each state has a message.
+        layout: Layout of these messages, in channels numbered from 1.
         description: robot_description message, CDR bytes.
     """
 
@@ -132,7 +131,7 @@ class Simulator:
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
-        """The motion from a stamp on which t = 0 falls.
+        """Begins a motion: t = 0 is at a stamp.
 
         Args:
             stamp: ns.
@@ -142,7 +141,7 @@ class Simulator:
             The motion.
 
         Raises:
-            ConfigurationError: The crank is measured: nothing here moves it.
+            ConfigurationError: The crank is measured, not simulated.
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
@@ -154,7 +153,7 @@ class Simulator:
         )
 
     def prepare_live(self) -> None:
-        """Refuses a configuration that no live run can follow, and compiles what the others need.
+        """Refuses a configuration that is too stiff for a live run; else compiles the programs.
 
         Raises:
             ConfigurationError: As `integrators.require_live`.
@@ -167,7 +166,7 @@ class Simulator:
                 self.begin(0).at(NS_PER_MS)
 
     def elapsed(self, tick: Whole) -> Whole:
-        """Time from the first tick to another, ns: whole, and never off by accumulation."""
+        """Time from the first tick to another, ns, without accumulated error."""
         numerator, denominator = self._rate
         elapsed: Whole = tick * NS_PER_S * denominator // numerator
         return elapsed
@@ -220,7 +219,7 @@ class Simulator:
         return self._snapshot(stamp, coordinates, self.later(coordinates))
 
     def later(self, coordinates: Coordinates) -> Coordinates | None:
-        """Where a measured crank will be when its feed-forward torque counts, if there is one."""
+        """Coordinates of a measured crank after `lead_time`; None without feed-forward."""
         return None if self._lead is None else later(coordinates, self._lead / NS_PER_S)
 
     def _snapshot(
@@ -245,12 +244,12 @@ class Simulator:
         Args:
             stamps: ns.
             coordinates: Coordinates there, in arrays.
-            ahead: Those that the feed-forward torque belongs to, where there is one.
-            times: When they were logged, ns; None: at their stamps.
+            ahead: Coordinates for the feed-forward torque, if there is one.
+            times: Log times, ns; None: the stamps.
             layout: Layout of the rows; None: `layout`.
 
         Returns:
-            The records of their messages, equal to the bit to those of the snapshots.
+            Records of their messages, bit-identical to those of the snapshots.
         """
         _, numbers = self._numbers(coordinates, by_math=True)
         if ahead is not None:
@@ -261,7 +260,7 @@ class Simulator:
         return (layout or self.layout).fill(len(stamps), (logged, *stamped, *numbers))
 
     def crank_at(self, motion: Motion, stamp: int) -> TrajectoryPoint:
-        """The crank at a stamp, as a point of a trajectory.
+        """The crank at a stamp, as a trajectory point.
 
         Args:
             motion: Motion in the segment that contains the stamp.
@@ -277,14 +276,14 @@ class Simulator:
         )
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
-        """The coordinates that the feed-forward torque of stamps belongs to, if there is one."""
+        """Coordinates for the feed-forward torque at stamps; None without feed-forward."""
         lead = self._lead
         return None if lead is None else motion.at_all([stamp + lead for stamp in stamps])
 
     def _numbers(
         self, coordinates: Coordinates, *, by_math: bool = False
     ) -> tuple[State, list[Real]]:
-        """The state at coordinates, and what its messages contain; a zero there has no sign."""
+        """Solves a state; returns it and the numbers in its messages, without signed zeros."""
         q, u, a, unwrapped, state = coordinates
         if state is None:
             row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the ticks of a rate, in real time or in the simulated time of /clock.
+"""Makes ticks at a rate, in real time or in the simulated time of /clock.
 
 In real time the tick number comes from the monotonic clock, never from counting calls: a late
 thread skips ticks, and counts them, and the next state is right again. The stamp of tick n is
-t0 + n / rate on the wall clock; where somebody steps that clock, t0 moves with it.
+t0 + n / rate on the wall clock; if that clock is stepped, t0 moves with it.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class TickCounts:
         kept: Ticks that were carried out.
         missed: Ticks that were skipped because the thread was late by a period or more.
         clock_steps: How often the clock was stepped.
-        lateness: How late the last ticks began, ns.
-        max_lateness: How late the latest tick of all began, ns.
+        lateness: Lateness of the last ticks, ns.
+        max_lateness: Largest lateness of all ticks, ns.
         real_time_priority: Whether the thread has real-time priority.
     """
 
@@ -58,13 +58,13 @@ class TickCounts:
 
 
 class Callbacks(NamedTuple):
-    """What a ticker calls, in the thread that makes the ticks.
+    """Callbacks of a ticker, in the thread of the ticks.
 
     Attributes:
-        tick: At each tick, with its stamp, ns.
-        restamp: Where the clock was stepped, before a tick: with the tick's stamp before and after
-            the step, ns.
-        fail: With the error of one of these, which ends the motion.
+        tick: Called at each tick, with its stamp, ns.
+        restamp: Called before the tick after a step of the clock, with that tick's stamp before
+            and after the step, ns.
+        fail: Called with the error of another callback, which ends the motion.
     """
 
     tick: Callable[[int], None]
@@ -77,8 +77,8 @@ class Ticker:
 
     Attributes:
         counts: Counts of the ticks.
-        error: The error of a callback; None: there was none.
-        t0: Stamp of tick 0 on the clock as it stands, ns; known from the first tick on.
+        error: The error of a callback; None: no error.
+        t0: Stamp of tick 0 on the present clock, ns; set at the first tick.
     """
 
     def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:
@@ -125,7 +125,7 @@ class Ticker:
 
 
 class RealTimeTicker(Ticker):
-    """Makes ticks when they are due, in its own thread."""
+    """Makes ticks in real time, in a separate thread."""
 
     def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:
         super().__init__(simulator, callbacks)
@@ -164,7 +164,7 @@ class RealTimeTicker(Ticker):
             tick = due + 1
 
     def _wait_for_tick(self, tick: int, switch_interval: SwitchInterval) -> int:
-        """Sleeps until a tick is due; returns it, or a later one if it is too late for it."""
+        """Sleeps until a tick is due; returns its number, or a later one if ticks were missed."""
         deadline = self._origin + self._simulator.elapsed(tick)
         while (left := deadline - time.monotonic_ns()) > 0:
             if left > NS_PER_S * _MAX_SLEEP:
@@ -179,9 +179,9 @@ class RealTimeTicker(Ticker):
 
 
 def _clock_offset() -> int:
-    """What the wall clock is ahead of the monotonic one, ns.
+    """Offset of the wall clock from the monotonic clock, ns.
 
-    A thread that is held up between two readings would see a step; three of them tell.
+    Three readings tell a step of the clock from a delay of the thread between two readings.
     """
     while True:
         before = time.monotonic_ns()
@@ -192,7 +192,7 @@ def _clock_offset() -> int:
 
 
 class MeasurementTicker(RealTimeTicker):
-    """Makes a tick for each measurement that is heard, in its own thread."""
+    """Makes a tick for each measurement, in a separate thread."""
 
     def __init__(
         self,
@@ -205,9 +205,9 @@ class MeasurementTicker(RealTimeTicker):
 
         Args:
             simulator: As for every ticker.
-            callbacks: What to call; no tick, but `answer` is called.
-            receive: Waits a little; returns when measurements came, ns, and their bytes.
-            answer: Called with each of them; returns whether it counts.
+            callbacks: What to call; `answer` takes the place of `tick`.
+            receive: Waits a little; returns the measurements: times of receipt, ns, and bytes.
+            answer: Called with each measurement; returns whether it was accepted.
         """
         super().__init__(simulator, callbacks)
         self._receive, self._answer = receive, answer
@@ -221,11 +221,11 @@ class MeasurementTicker(RealTimeTicker):
 
 
 class SimTimeTicker(Ticker):
-    """Makes every tick up to the time of a clock that is heard.
+    """Makes every tick up to the received time of a clock.
 
-    Tick 0 is the first time heard; no tick is invented while the clock stands. If the clock goes
-    back, t0 moves with it and the motion continues from there: the step is counted, as one of the
-    wall clock is.
+    Tick 0 is the first received time; there are no ticks while the clock stops. If the clock goes
+    back, t0 moves with it and the motion continues from there; the step is counted, as for the
+    wall clock.
     """
 
     def __init__(self, simulator: Simulator, callbacks: Callbacks) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Torque commands from outside: the last good one counts, for a while."""
+"""Received torque commands: the last valid one is in force until it expires."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from collections.abc import Callable, Sequence
 
 
 class TorqueCommands:
-    """The last good command, for as long as it counts, and counts of all commands.
+    """The last valid command until it expires, and counts of all commands.
 
-    One thread may hear commands while another asks for the torque.
+    One thread may receive commands while another reads the torque.
 
     Attributes:
-        accepted: Commands that were followed.
-        limited: Accepted commands that were cut to the limit.
-        refused: Commands that were not followed.
-        timeouts: How often commands stopped coming for longer than the timeout.
+        accepted: Number of accepted commands.
+        limited: Number of accepted commands that were cut to the limit.
+        refused: Number of refused commands.
+        timeouts: Number of times that a command expired.
     """
 
     def __init__(
@@ -45,11 +45,11 @@ class TorqueCommands:
 
         Args:
             names: Names of joints.
-            efforts: One for each of them, N m; the crank's counts.
-            age: How long ago it came, s.
+            efforts: One for each of them, N m; the crank's is used.
+            age: Time since its receipt, s.
 
         Returns:
-            Why it is refused; empty: it is taken.
+            The reason for refusing it; empty: accepted.
         """
         if len(efforts) != len(names):
             wrong = f'{len(names)} names and {len(efforts)} efforts: must be one for each'
@@ -68,17 +68,17 @@ class TorqueCommands:
         return ''
 
     def refuse(self, wrong: str) -> str:
-        """Counts a command that is not followed; returns the reason."""
+        """Counts a refused command; returns the reason."""
         self.refused += 1
         return wrong
 
     @property
     def timed_out(self) -> bool:
-        """Whether commands came, and come no more."""
+        """Returns whether the last command has expired."""
         return self._clock() > self._last[1]
 
     def timed_out_within(self, seconds: float) -> bool:
-        """Whether a tick of the last seconds had no command any more."""
+        """Returns whether a command had expired at a tick of the last seconds."""
         return self._clock() - self._timed_out_at < seconds
 
     def torque(self) -> float:

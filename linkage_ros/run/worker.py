@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A thread of its own for slow work: the disk and the viewer never delay a tick."""
+"""Slow work in a separate thread: disk and viewer never delay a tick."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _T_contra = TypeVar('_T_contra', contravariant=True)
 
 
 class Consumer(Protocol[_T_contra]):
-    """What a worker feeds."""
+    """The receiver of a worker's items."""
 
     def consume(self, items: Sequence[_T_contra]) -> None:
         """Takes the items that were offered since the last call; there may be none."""
@@ -24,15 +24,15 @@ class Consumer(Protocol[_T_contra]):
 
 
 class Worker(Generic[_T]):
-    """Feeds a consumer from a bounded queue, in batches, in its own thread.
+    """Feeds a consumer from a bounded queue, in batches, in a separate thread.
 
-    Offering does not wait for the consumer and never fails. If the consumer falls behind by more
+    Offering never waits for the consumer, and never fails. If the consumer falls behind by more
     than the queue holds, the oldest items are dropped and counted; if it fails, it is closed once,
     the error is reported once, and later items are counted as dropped.
 
     Attributes:
         error: The consumer's failure, or None.
-        dropped: Items lost so far because the consumer lagged or failed.
+        dropped: Number of items lost because the consumer lagged or failed.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Worker(Generic[_T]):
         self._thread.start()
 
     def offer(self, *items: _T) -> None:
-        """Queues items, which stay next to each other; any thread may do so."""
+        """Queues items, which stay together; any thread may call this."""
         with self._lock:
             self.dropped += max(0, len(self._queue) + len(items) - self._capacity)
             self._queue.extend(items)
