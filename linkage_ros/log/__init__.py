@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The MCAP log, written and read; the files named untrusted_ believe no byte of it."""
+"""Writes and reads MCAP logs; `mcap_file.py` reads files that may be damaged."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which channel of a log carries which topic of a machine: names may have been remapped."""
+"""Assigns the channels of a log to topics, whose names may have been remapped."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ Pairing: TypeAlias = tuple[LoggedTopic, Topic]  # a channel of a log, and the ma
 
 
 def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
-    """The channels of a log that carry a machine's topics, whatever they are called.
+    """Finds the channels of a log that carry given topics, whatever their names.
 
     Of several channels of one type, those that kept their name come first, then the others in
     the order in which they were declared, which is that of the topics.
 
     Args:
         log: The log.
-        topics: In the order of the machine.
+        topics: The topics, in the order of the simulator.
 
     Returns:
-        One for each topic that is there.
+        A channel for each topic found.
     """
     free, pairs = list(log.topics), []
     if isinstance(log.configuration.drive, FollowDrive):
@@ -40,7 +40,7 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
 
 
 def measured_channel(log: LogReader) -> LoggedTopic | None:
-    """The channel with the measurements of a crank: a run declares it after its own topics."""
+    """The channel with the measurements of a crank, which a run declares after its own topics."""
     kind = MEASURED_JOINT_STATES.interface.name
     channels = [channel for channel in log.topics if channel.type == kind]
     return max(channels, key=lambda channel: channel.number) if len(channels) > 1 else None

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Appends messages to the chunks of mcap's writer as bytes: the library packs field by field."""
+"""Appends messages as bytes to the chunks of mcap's writer, which packs field by field."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _INDEX_HEAD = struct.Struct('<BQHI')  # opcode and length of the record, channel
 
 
 class _Index:
-    """The messages of one channel in a chunk; the library asks it to write itself."""
+    """Index of one channel in a chunk; the library calls its `write`."""
 
     def __init__(self, channel: int) -> None:
         self._channel, self._entries = channel, list[bytes]()
@@ -40,20 +40,20 @@ class _Index:
 
 
 class Chunks:
-    """The chunks of a file that a writer of the library writes.
+    """The chunks of a file written by the library.
 
-    The library has no public way to add a message that is packed already.
+    The library has no public function to add a packed message.
 
     Attributes:
-        statistics: Those of the library: counts and times so far.
+        statistics: The library's counts and times so far.
     """
 
     def __init__(self, writer: Writer, size: int) -> None:
-        """Takes over from the writer's `add_message`.
+        """Replaces the writer's `add_message`.
 
         Args:
             writer: The writer.
-            size: Bytes beyond which a chunk ends.
+            size: Size at which a chunk ends, bytes.
         """
         self._writer, self._size = writer, size
         private = vars(writer)
@@ -66,11 +66,11 @@ class Chunks:
         self.add_records(record, {channel: (np.array([time]), np.array([0]))})
 
     def add_rows(self, layout: RowLayout, rows: bytearray) -> None:
-        """Appends rows. Of a row that crosses the end of a chunk the rest goes to the next one.
+        """Appends rows; a row may continue in the next chunk.
 
         Args:
-            layout: Their layout.
-            rows: Their bytes.
+            layout: Layout of the rows.
+            rows: Bytes of the rows.
         """
         size = layout.size
         while rows:

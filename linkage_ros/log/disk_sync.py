@@ -1,9 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Brings a log from the system's memory to the disk, where it outlives a power cut as well.
+"""Syncs a log to the disk, so that it survives a power cut.
 
-A disk may take seconds for that, in which the log is still to be flushed: hence a worker of its
-own.
+A sync may take seconds, while the log must still be flushed; so it has a worker of its own.
 """
 
 from __future__ import annotations
@@ -17,22 +16,22 @@ from linkage_ros.errors import LogError
 
 
 class DiskSync:
-    """Keeps one log; it is what a worker feeds, with nothing."""
+    """Syncs one log; the consumer of a worker without items."""
 
     def __init__(self, path: Path, number: int) -> None:
-        """Begins.
+        """Prepares the sync.
 
         Args:
             path: Path of the log, for messages.
-            number: File descriptor of the log; the file may be closed before this object.
+            number: File descriptor of the log; the log may close its file earlier.
         """
         self._path, self._number = path, os.dup(number)
 
     def consume(self, _: Sequence[object]) -> None:
-        """Brings to the disk what was flushed so far.
+        """Syncs everything flushed so far to the disk.
 
         Raises:
-            LogError: The disk fails.
+            LogError: The sync failed.
         """
         try:
             os.fdatasync(self._number)
@@ -43,5 +42,5 @@ class DiskSync:
                 ) from error
 
     def close(self) -> None:
-        """Lets the file go."""
+        """Closes its descriptor of the file."""
         os.close(self._number)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The file of a log, whatever becomes of it meanwhile: full, removed, renamed or cut off."""
+"""The file of a log, which may run out of space, or be removed, renamed or truncated."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class LogFile:
 
     Attributes:
         path: Its name.
-        stream: What to write to.
-        begun: Whether it holds enough for a recovery; to be set.
+        stream: The stream to write to.
+        begun: Whether it holds enough for a recovery; set by the caller.
     """
 
     def __init__(self, path: Path | str, magic: bytes, *, overwrite: bool) -> None:
@@ -31,7 +31,7 @@ class LogFile:
 
         Args:
             path: Its name.
-            magic: With what a log begins.
+            magic: First bytes of a log.
             overwrite: Whether to replace an existing log.
 
         Raises:
@@ -52,7 +52,7 @@ class LogFile:
         """Says where the system fails within that the file cannot be written.
 
         Raises:
-            LogError: It cannot.
+            LogError: The file cannot be written.
         """
         try:
             yield
@@ -62,10 +62,10 @@ class LogFile:
             raise LogError(words + rescue) from error
 
     def check_size(self) -> None:
-        """Passes if the file is as long as what was written; else nothing more is written.
+        """Checks that the file has the written length; otherwise writing ends.
 
         Raises:
-            LogError: Somebody cut it off, or wrote to it.
+            LogError: Another program truncated it, or wrote to it.
         """
         status = os.fstat(number := self.stream.fileno())
         written = os.lseek(number, 0, os.SEEK_CUR) if stat.S_ISREG(status.st_mode) else None
@@ -77,14 +77,14 @@ class LogFile:
             )
 
     def is_removed(self) -> bool:
-        """Whether it has no name any more; a log that is renamed goes on there."""
+        """Returns whether the file has been removed; a renamed log continues."""
         return os.fstat(self.stream.fileno()).st_nlink == 0
 
     def put_back(self) -> NoReturn:
-        """Copies the file without a name to where it was: Linux gives none back to a file.
+        """Copies a removed file back to its path; Linux cannot restore its name.
 
         Raises:
-            LogError: In any case: the log ends here, by the will or the mistake of somebody.
+            LogError: Always, because the log ends here.
         """
         source, words = self.stream.fileno(), f'{self.path} was removed while it was written'
         try:
@@ -104,7 +104,7 @@ class LogFile:
             self.stream.close()
 
     def discard(self) -> None:
-        """Removes the file, in which there is nothing."""
+        """Removes the empty file."""
         with suppress(OSError):
             if stat.S_ISREG(os.fstat(self.stream.fileno()).st_mode):  # and no device
                 self.path.unlink()
@@ -112,7 +112,7 @@ class LogFile:
 
 
 def _is_something_else(path: Path, magic: bytes) -> bool:
-    """Whether there is a file that nobody can have meant, such as the parameters of the run."""
+    """Returns whether the path is a file that is not a log, such as the run's parameters."""
     with suppress(OSError), open_file(path) as stream:
         if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             return stream.read(len(magic)) not in {b'', magic}
@@ -120,10 +120,10 @@ def _is_something_else(path: Path, magic: bytes) -> bool:
 
 
 def _copy(source: int, path: Path) -> None:
-    """Copies an open file to a new one; one that cannot be completed is not left there.
+    """Copies an open file to a new one; removes an incomplete copy.
 
     Raises:
-        OSError: It cannot be copied.
+        OSError: The file cannot be copied.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open('xb') as target:

@@ -1,10 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads an MCAP file of which nothing is believed: no length, no size, no place.
+"""Reads an untrusted MCAP file: lengths, sizes and places in it may be wrong.
 
-The mcap library reads what a length claims and unpacks whatever a chunk gives. Here each record is
-taken by its own length, which is bounded, and the library parses it within that. What is damaged
-raises an exception of any kind.
+The mcap library trusts the lengths in a file and unpacks any chunk. Here the length of each record
+is limited, and the library parses a record within these bounds. Damage may raise any exception.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ _FREE, _COST_PER_BYTE = 1 << 30, 1000
 
 
 class Allowance:
-    """What a file may unpack to in one pass through it."""
+    """Limits the unpacked size of a file in one pass."""
 
     def __init__(self, size: int) -> None:
         """Begins a pass.
@@ -68,20 +67,20 @@ class Allowance:
 
         Args:
             count: Their number.
-            cost: What they cost beside their number: a byte costs 1.
+            cost: Their cost besides the count; a byte costs 1.
 
         Raises:
-            LogError: It is more than the file may unpack to.
+            LogError: The limits are exceeded.
         """
         self._left -= count * _MESSAGE_COST + cost
         if self._left < 0:
             self.check()
 
     def check(self) -> None:
-        """Passes if nothing so far was too much.
+        """Checks that the limits have not been exceeded.
 
         Raises:
-            LogError: A record was.
+            LogError: They have been exceeded.
         """
         if self._left < 0:
             raise LogError(
@@ -96,10 +95,10 @@ class Part(NamedTuple):
 
     Attributes:
         opcode: Its kind.
-        data: Of a chunk, what it holds; of what a chunk may hold, the record; of others, the body,
-            but nothing of attachments and indexes.
-        end: Place behind it.
-        record: It itself, where a recovery read it.
+        data: The contents of a chunk, the whole record if a chunk could contain it, else the body;
+            empty for attachments and indexes.
+        end: Place after the record.
+        record: The record itself, if a recovery read it.
     """
 
     opcode: int
@@ -110,14 +109,14 @@ class Part(NamedTuple):
 
 @dataclass
 class Summary:
-    """What a complete file repeats at its end.
+    """The summary section at the end of a complete file.
 
     Attributes:
         statistics: Counts and times.
-        schemas: By number.
-        channels: By number.
-        chunks: Where they are, in the order of the file.
-        metadata: Where the records are.
+        schemas: Schemas by number.
+        channels: Channels by number.
+        chunks: Places of the chunks, in the order of the file.
+        metadata: Places of the metadata records.
     """
 
     statistics: records.Statistics = field(
@@ -147,11 +146,11 @@ class Summary:
 
 
 class McapFile:
-    """The records of a file, by their places.
+    """The records of a file, by place.
 
     Attributes:
-        size: Of the file, bytes.
-        allowance: Of a pass through it.
+        size: Size of the file, bytes.
+        allowance: Limits of a pass through it.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -164,7 +163,7 @@ class McapFile:
         self.allowance = Allowance(self.size)
 
     def read(self, at: int, size: int) -> bytes:
-        """Bytes at a place: as many as there are."""
+        """Reads bytes at a place; fewer at the end of the file."""
         self._stream.seek(at)
         return self._stream.read(max(0, min(size, self.size - at)))
 
@@ -172,8 +171,8 @@ class McapFile:
         """Opcode and end of the record at a place.
 
         Raises:
-            struct.error: The file ends before the head does.
-            EOFError: The file ends before the record does.
+            struct.error: The file ends within the header.
+            EOFError: The file ends within the record.
         """
         opcode, length = HEAD.unpack(self.read(at, HEAD.size))
         if (end := at + HEAD.size + length) > self.size:
@@ -232,7 +231,7 @@ class McapFile:
         return parsed(opcode, data[body:end]), end
 
     def summary(self) -> Summary | None:
-        """What stands at the end of the file; None if there is nothing.
+        """Reads the summary section; None if there is none.
 
         Raises:
             ValueError: It is damaged.
@@ -256,10 +255,10 @@ class McapFile:
 
 
 def parsed(opcode: int, body: bytes) -> Any:
-    """A record, as the mcap library parses it: nothing in it reaches beyond its body.
+    """Parses a record with the mcap library, within the bounds of its body.
 
     Raises:
-        ValueError: There is more in it than belongs to it.
+        ValueError: The record reaches beyond its body.
     """
     if opcode == Opcode.MESSAGE:
         number, sequence, log_time, publish_time = _MESSAGE.unpack_from(body)
@@ -272,13 +271,13 @@ def parsed(opcode: int, body: bytes) -> Any:
 
 
 def unpack(chunk: records.Chunk) -> bytes:
-    """The records of a chunk, as bytes.
+    """Unpacks the records of a chunk, as bytes.
 
     A few bytes may unpack to gigabytes, or claim to be of any size.
 
     Raises:
-        LogError: They are more than is read, or packed in an unknown way.
-        ValueError: They are not what their size or checksum tells.
+        LogError: They exceed the limits, or their compression is unknown.
+        ValueError: Their size or checksum is wrong.
     """
     size, data = chunk.uncompressed_size, chunk.data
     if size > LARGEST:

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The metadata records by which a log explains itself: configuration and segments of motion.
+"""The metadata records of a log: configuration and segments of motion.
 
-MCAP keeps no checksum of metadata, so each record carries one of its own: a flipped bit in a
-setting must not pass for another setting.
+MCAP has no checksums of metadata, so each record has its own: a flipped bit must not turn a
+setting into another one.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _time(text: str) -> int:
     """A stamp, which has 64 bits.
 
     Raises:
-        ValueError: This one has more.
+        ValueError: The value has more bits.
     """
     time = int(text)
     if abs(time) >= 2**63:
@@ -68,7 +68,7 @@ def _finite(text: str) -> float:
     """A number.
 
     Raises:
-        ValueError: It is not finite.
+        ValueError: The number is not finite.
     """
     if not math.isfinite(number := float(text)):
         raise ValueError(text)
@@ -76,10 +76,10 @@ def _finite(text: str) -> float:
 
 
 def _fraction(text: str) -> Fraction:
-    """What str made of a fraction; Fraction itself would compute 1e999999999 to the last digit.
+    """Parses the str of a fraction; Fraction itself would expand 1e999999999.
 
     Raises:
-        ValueError: No crank turns so far or so fast.
+        ValueError: The number is too large.
     """
     fraction = Fraction(*map(int, text.split('/')))
     if abs(fraction) > _LARGEST_FRACTION:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the MCAP logs of this package, and says in one line what else a file is."""
+"""Reads the MCAP logs of this package; describes other files in one line."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ class LoggedTopic(NamedTuple):
     """A channel of a log.
 
     Attributes:
-        number: Of the channel.
-        name: Fully qualified.
+        number: Number of the channel.
+        name: Fully qualified name.
         type: Type of its messages, such as 'std_msgs/msg/Float64'.
-        messages: Their number.
-        latched: Whether late subscribers get the last one.
+        messages: Number of messages.
+        latched: Whether late subscribers get the last message.
         layout: Encodings of message and schema, and the schema's text.
     """
 
@@ -83,10 +83,10 @@ class LogReader(AbstractContextManager['LogReader']):
         path: The file.
         configuration: Configuration of the run.
         version: Version of linkage_ros that wrote it.
-        has_same_urdf: Whether its robot_description can be recomputed: older versions named links
-            as joints.
+        has_same_urdf: Whether its robot_description can be recomputed; older versions gave links
+            the names of joints.
         motions: The segments of motion, in order.
-        lost: Messages that were logged but are not in the file; 0 where no end record tells.
+        lost: Number of logged messages missing from the file; 0 without an end record.
         topics: The channels.
         start: Time of the first message, ns.
         end: Time of the last message, ns.
@@ -99,7 +99,7 @@ class LogReader(AbstractContextManager['LogReader']):
             path: The file.
 
         Raises:
-            LogError: It is no complete log of linkage_ros; says what it is.
+            LogError: It is not a complete log of linkage_ros; the message says what it is.
         """
         self.path = Path(path)
         try:
@@ -146,10 +146,10 @@ class LogReader(AbstractContextManager['LogReader']):
             raise LogError(f'its times, {self.start} to {self.end} ns, are none of ROS')
 
     def _read_summary(self) -> Summary:
-        """What stands at the end of the file, if that is whole and the file an MCAP file.
+        """Reads the summary of a complete MCAP file.
 
         Raises:
-            LogError: It is a pipe or no MCAP file, it is cut off, or its index is damaged.
+            LogError: It is a pipe or not an MCAP file, is truncated, or has a damaged index.
         """
         if not self._stream.seekable():
             raise LogError(f'it is a pipe, and a log is read from its end; {_OTHER}')
@@ -276,10 +276,10 @@ class LogReader(AbstractContextManager['LogReader']):
                 raise LogError('it is damaged: its messages are not as many as its summary says')
 
     def _check_channel(self, channel: Channel) -> None:
-        """Passes if the summary repeats a channel.
+        """Checks that the summary agrees with a channel.
 
         Raises:
-            LogError: It has another one of that number.
+            LogError: The summary has another channel of that number.
         """
         if self._summary.channels.get(channel.id) != channel:
             raise LogError('it is damaged: its channels are not those of its summary')
@@ -311,10 +311,10 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
 
 @contextmanager
 def _damage_reported(path: Path) -> Iterator[None]:
-    """Turns whatever damage makes a parser raise into one line that names the file.
+    """Turns any parser error into one line that names the file.
 
     Raises:
-        LogError: The file is damaged or none of ours.
+        LogError: The file is damaged, or not a log of this package.
     """
     try:
         yield

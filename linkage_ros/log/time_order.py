@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the messages of a log in the order of their times, which is not that of the file."""
+"""Reads the messages of a log in the order of log times, not of the file."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def in_order(
 ) -> Iterator[Message]:
     """Reads the messages of some channels and times in the order of their log times.
 
-    Chunks are unpacked when the first of their times comes. Of one time, messages keep the order
-    of the file.
+    A chunk is unpacked when its first time is due. Messages of equal time keep the order of the
+    file.
 
     Args:
         file: The file.
-        summary: Its summary.
-        channels: Their numbers.
+        summary: Summary of the file.
+        channels: Numbers of the channels.
         first: Log time, ns.
         last: Log time before which to stop, ns.
 
@@ -37,7 +37,7 @@ def in_order(
         The messages.
 
     Raises:
-        LogError: The file unpacks to too much, or too much of it is of the same times.
+        LogError: The file unpacks to too much, or too many chunks overlap in time.
     """
     # Time, place of the chunk, place within it; without a message, the chunk itself.
     queue: list[tuple[int, int, int, Message | None]] = [
@@ -66,7 +66,7 @@ def in_order(
 
 
 def _messages(file: McapFile, at: int) -> Iterator[Message]:
-    """The messages of the chunk at a place; those of the whole file if it is 0.
+    """The messages of the chunk at a place; place 0: of the whole file.
 
     Raises:
         ValueError: There is no chunk.

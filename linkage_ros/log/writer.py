@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the MCAP log: a bag that ROS tools open bare, and that explains how it came about."""
+"""Writes the MCAP log: a bag that ROS tools open directly, with all data to verify it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _FOREVER = '{sec: 9223372036, nsec: 854775807}'
 
 
 def _qos(topic: Topic) -> str:
-    """A publisher's quality of service as rosbag2 writes it down; it wants every key."""
+    """A publisher's quality of service in rosbag2's format, which requires every key."""
     durability = 'transient_local' if topic.latched else 'volatile'
     return (
         f'- history: keep_last\n  depth: {topic.depth}\n'
@@ -48,10 +48,10 @@ def _qos(topic: Topic) -> str:
 
 
 class LogWriter(AbstractContextManager['LogWriter']):
-    """Writes one log; not to be shared between threads."""
+    """Writes one log; not thread-safe."""
 
     def __init__(self, path: Path | str, configuration: Configuration, *, overwrite: bool) -> None:
-        """Creates the file and writes down what the run is.
+        """Creates the file and writes the configuration of the run.
 
         Args:
             path: The file.
@@ -83,7 +83,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Declares a channel.
 
         Args:
-            topic: What is published.
+            topic: The topic.
             name: Its fully qualified name.
 
         Returns:
@@ -99,11 +99,11 @@ class LogWriter(AbstractContextManager['LogWriter']):
         return self._writer.register_channel(name, 'cdr', schema, metadata)
 
     def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
-        """Declares the channels of rows: the first ones of a log.
+        """Declares the channels of rows, which come first in a log.
 
         Args:
             layout: Layout of the rows.
-            topics: What is published, and its fully qualified names.
+            topics: Topics and their fully qualified names.
         """
         self._layout = layout
         for topic, name in topics:
@@ -114,7 +114,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
         Args:
             channel: From `add_topic`.
-            stamp: Its log and its publish time, ns.
+            stamp: Log and publish time, ns.
             data: CDR bytes.
 
         Raises:
@@ -162,11 +162,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.flush()
 
     def flush(self) -> None:
-        """Hands all messages to the operating system: a killed run loses only what came later.
+        """Hands all messages to the operating system; a killed run loses only later ones.
 
         Raises:
-            LogError: The file cannot be written, was removed, or cut off by somebody, which ends
-                the log.
+            LogError: The file cannot be written, was removed or truncated; the log ends.
         """
         self._file.check_size()  # what is written now would hide that somebody cut it off
         with self._file.reported():
@@ -176,10 +175,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self._file.check_size()
 
     def close(self) -> None:
-        """Completes the file; one that was removed meanwhile is put back first.
+        """Completes the file; restores it first if it was removed.
 
         Raises:
-            LogError: The file cannot be written, was removed, or cut off by somebody.
+            LogError: The file cannot be written, was removed or truncated.
         """
         if self._file.stream.closed:
             return
@@ -198,7 +197,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self._file.close()
 
     def disk_sync(self) -> DiskSync:
-        """What brings the file to the disk; for a worker of its own."""
+        """The object that syncs the file to the disk, for a separate worker."""
         return DiskSync(self._file.path, self._file.stream.fileno())
 
     def __exit__(self, *error: object) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The states of a log of a measured crank beside the answers that its measurements ask for."""
+"""Checks the states of a log with a measured crank against its measurements."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from linkage_ros.wire.rows import RowLayout
 
 
 class FollowCheck:
-    """Compares the states of one log; the filter follows the logged measurements again.
+    """Compares the states of one log with those recomputed from its measurements.
 
     Attributes:
-        states: Found equal so far.
-        missed: Ticks without a state: there are no ticks.
+        states: Number of equal states so far.
+        missed: Always 0: there are no ticks.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class FollowCheck:
         self._asked: deque[tuple[int, Coordinates]] = deque()
 
     def hear(self, message: LoggedMessage) -> None:
-        """Takes a message that is no state, in the order of writing."""
+        """Takes a message that is not a state, in the order of writing."""
         if message.topic == self._topic:
             heard = self._crank.hear(message.data, message.time)
             if heard is not None:
@@ -75,7 +75,7 @@ class FollowCheck:
         return ''
 
     def end(self) -> str:
-        """Says whether measurements are left that nothing answers; empty if there are none."""
+        """Reports measurements without an answer; empty if there are none."""
         if not self._asked:
             return ''
         stamp, _ = self._asked[0]

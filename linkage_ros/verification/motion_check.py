@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the segments of a log follow from its configuration and from each other."""
+"""Checks that the segments of a log follow from its configuration and from each other."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from linkage_ros.verification.timeline import moment, seconds
 
 
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
-    """Compares each segment with what follows from the configuration and the segment before.
+    """Compares each segment with the one computed from the configuration and its predecessor.
 
-    Only when, and to which rpm, torque or clock, the motion changes is free.
+    The time of a change, and the new rpm, torque or clock, are taken from the log.
 
     Args:
         simulator: Simulator of the configuration.
         motions: The logged segments.
 
     Returns:
-        What differs; empty if nothing does.
+        The first difference; empty if there is none.
     """
     past: Segment | None = None
     for number, logged in enumerate(motions, 1):
@@ -41,7 +41,7 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
 
 
 def _following(past: Segment, logged: Segment) -> Segment:
-    """The segment that follows another at the time, with the rpm or torque, of a logged one."""
+    """Computes a segment from its predecessor and the time, rpm or torque of the logged one."""
     if isinstance(past, SpeedSegment) and isinstance(logged, SpeedSegment):
         restamp = None if logged.old_stamp is None else logged.stamp
         return SpeedMotion(past).change(moment(logged), logged.rpm, restamp).segment

@@ -39,10 +39,10 @@ class RowComparison:
 
         Args:
             logged: Some rows.
-            recomputed: As many.
+            recomputed: The same number of recomputed rows.
 
         Returns:
-            How many are equal to the bit, or within the tolerance; zeros have no sign.
+            The number of rows that are equal to the bit, or within the tolerance; 0.0 equals -0.0.
         """
         wrong = np.zeros(len(logged) // self._layout.size, bool)
         if logged == recomputed:  # as they are but for a machine with other sines
@@ -66,7 +66,7 @@ class RowComparison:
         return count
 
     def _in_ulp(self, place: Place, found: Array, due: Array) -> Array:
-        """How far values are apart, in ulp of the field's largest one so far."""
+        """Differences of values, in ulp of the field's largest value so far."""
         largest = self._largest_of(place, due)
         with np.errstate(all='ignore'):  # what is logged may be anything
             difference: Array = np.abs(found - due) / np.spacing(largest)
@@ -81,8 +81,8 @@ class RowComparison:
         """Names the first value that differs in the first of some rows.
 
         Args:
-            logged: The rows.
-            recomputed: Others.
+            logged: Logged rows.
+            recomputed: Recomputed rows.
 
         Returns:
             The topic, the value, and the size of the difference.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The states of a log beside those that the same machine makes, as many as possible at a time."""
+"""Compares the states of a log with recomputed ones, in large batches."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class StateCheck:
     """Compares the states of one log.
 
     Attributes:
-        states: Found equal so far.
+        states: Number of equal states so far.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class StateCheck:
             comparison: Compares rows of this layout.
 
         Raises:
-            LogError: Nothing explains or dates the states.
+            LogError: The log lacks the configuration or the segments of its states.
         """
         places = {place.name: place for place in layout.places}
         if 'header.stamp.sec' not in places:
@@ -94,7 +94,7 @@ class StateCheck:
         """Compares states at the beginning of rows.
 
         Returns:
-            How many are equal, and what is wrong with one of them or the next one.
+            The number of equal states, and the error of one of them or of the next one.
         """
         whole, rest = (self._layout.column(rows, place).astype(np.int64) for place in self._stamp)
         stamps, difference = whole * NS_PER_S + rest, ''
@@ -112,10 +112,10 @@ class StateCheck:
         return 0, difference or f'{name} {self._timeline.why_none()}'
 
     def _make(self, segment: Segment, stamps: list[int], rows: bytes) -> bytearray:
-        """The rows of stamps, with the log times of others; fewer where one has no state.
+        """Recomputes rows at stamps, with given log times; fewer if a stamp has no state.
 
         Raises:
-            LinkageError: What is logged first describes no state.
+            LinkageError: The first logged row does not describe a state.
             LogError: It belongs to another drive.
         """
         rows, ahead = rows[: len(stamps) * self._layout.size], None
@@ -140,7 +140,7 @@ class StateCheck:
     def _take(
         self, piece: MotionPiece, ticks: list[int], stamps: Stamps, rows: bytes
     ) -> tuple[int, str]:
-        """Goes on behind states whose bytes are right.
+        """Checks states whose bytes are right, and advances.
 
         Returns:
             How many have the times of a record, if it is one, and, under a torque, follow from the
@@ -156,11 +156,11 @@ class StateCheck:
         return number, wrong
 
     def _state(self, number: int, stamp: int) -> str:
-        """A state in words: its number, counted from behind those that are equal."""
+        """Describes a state by its number, counted from the last equal one."""
         return f'the stamp {seconds(int(stamp))} of state {self.states + number}'
 
     def _unlike_a_record(self, ticks: list[int], stamps: Stamps, rows: bytes) -> tuple[int, str]:
-        """How many states have the log times of a record, and what is wrong with the next."""
+        """Counts states with the log times of a record; returns the error of the next one, too."""
         times = self._layout.column(rows, self._layout.times).astype(np.int64)
         lost = np.diff(ticks, prepend=self._timeline.tick) - 1
         wrong = (times != stamps) | (lost > 0)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which segment of motion each logged stamp lies in, and which stamps cannot be right."""
+"""Finds the segment of motion of each logged stamp, and stamps that cannot be right."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def moment(segment: Segment) -> int:
 
 @dataclass(frozen=True)
 class MotionPiece:
-    """A segment on the grid of ticks, which keeps its count when the clock is stepped.
+    """A segment on the grid of ticks; a step of the clock does not change the count of ticks.
 
     Attributes:
         segment: The segment.
-        number: Which piece that is, from 1.
-        anchor: Stamp of tick 0 on the clock as it stands, ns.
-        end: First stamp that belongs to the next piece, on this piece's clock.
+        number: Number of the piece, from 1.
+        anchor: Stamp of tick 0 on the clock of the piece, ns.
+        end: First stamp of the next piece, on this piece's clock.
     """
 
     segment: Segment
@@ -67,17 +67,15 @@ class Timeline:
         self.piece, self.missed, self.tick = self._pieces[0], 0, -1
 
     def pieces_at(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[MotionPiece, list[int]]]:
-        """The pieces that the next stamps may lie in, the likeliest first.
+        """The pieces that may contain the next stamps, the likeliest first.
 
-        Where clocks overlap because one was set back, only the values of the states tell which
-        piece it is.
+        Where clocks overlap because one was set back, only the values of the states decide.
 
         Args:
             stamps: The next ones, ns; at least one.
 
         Yields:
-            A piece, and the ticks of all stamps at the beginning that are ticks of it, each later
-            than the one before.
+            A piece, and the increasing ticks of all leading stamps that fit it.
         """
         for piece in self._pieces[self.piece.number - 1 :]:
             if piece.segment.stamp <= stamps[0] < piece.end:
@@ -91,7 +89,7 @@ class Timeline:
                     yield piece, ticks[:count].tolist()
 
     def take(self, piece: MotionPiece, ticks: list[int]) -> None:
-        """Goes on by some states.
+        """Advances by some states.
 
         Args:
             piece: From `pieces_at`.
@@ -101,6 +99,6 @@ class Timeline:
         self.piece, self.tick = piece, ticks[-1]
 
     def why_none(self) -> str:
-        """What is wrong with a stamp that lies in no piece."""
+        """Describes the error of a stamp outside all pieces."""
         rate = self._simulator.configuration.session.rate_hz
         return f'is no tick of rate_hz = {rate:g} that is later than the one before it'

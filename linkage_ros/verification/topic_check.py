@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the topics of a log are those of its configuration: schemas, types, what each is of."""
+"""Checks the topics of a log against its configuration: schemas, types and contents."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from linkage_ros.wire.topics import COUPLER_POINT, JOINT_COMMANDS, TOPICS
 
 
 def check_topics(log: LogReader, pairings: list[Pairing], simulator: Simulator) -> str:
-    """Looks for a topic that cannot come from a run of the configuration.
+    """Finds a topic that cannot come from a run of the configuration.
 
     Args:
         log: The log.
-        pairings: Channels, with the topics of the machine that they carry.
-        simulator: Machine of the configuration.
+        pairings: Channels with the topics that they carry.
+        simulator: Simulator of the configuration.
 
     Returns:
-        What is wrong with it; empty if there is none.
+        The error of that topic; empty if there is none.
     """
     interfaces = {t.interface.name: t.interface for t in (*TOPICS, *simulator.topics)}
     kinds = {topic.name: topic.interface.name for topic in simulator.topics}
@@ -45,7 +45,7 @@ def check_topics(log: LogReader, pairings: list[Pairing], simulator: Simulator) 
 
 
 def _logged_besides(drive: Drive) -> list[str]:
-    """Types of what is logged with the states: what a run hears, a trajectory ahead of time."""
+    """Types of the other logged topics: received messages and trajectories."""
     if isinstance(drive, (TorqueDrive, FollowDrive)):
         return [JOINT_COMMANDS.interface.name]
     if isinstance(drive, SpeedFeedForward) and drive.trajectory_command_topic:

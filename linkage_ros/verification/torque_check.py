@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the states of a torque-driven log should have been, from what the log says of them.
+"""Recomputes the states of a torque-driven log from its accelerations and commands.
 
 The coordinates with their rates and accelerations are taken from mechanism_state: the motion of
 all links and the torque, tau = M q'' + h - Q, must be theirs to the bit, and each state must
@@ -45,13 +45,13 @@ class TorqueCheck:
     def __init__(
         self, simulator: Simulator, drive: TorqueDrive, layout: RowLayout, *, recorded: bool
     ) -> None:
-        """Prepares it.
+        """Prepares the check.
 
         Args:
-            simulator: Machine of the logged configuration.
-            drive: Its drive.
+            simulator: Simulator of the logged configuration.
+            drive: Drive of the configuration.
             layout: Layout of the logged rows.
-            recorded: Whether nothing but the motor can have driven the mechanism.
+            recorded: Whether it is a record, in which only the motor drove the mechanism.
 
         Raises:
             LogError: The rows have no accelerations.
@@ -79,7 +79,7 @@ class TorqueCheck:
         self._command: Real = 0.0  # torque beyond the motor's, N m; or an array
 
     def coordinates(self, segment: TorqueSegment, rows: bytes) -> Coordinates:
-        """The coordinates that mechanism_state contains, in arrays.
+        """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
 
         Raises:
             LogError: One is not a finite number, or the mechanism has no such coordinates.
@@ -119,7 +119,7 @@ class TorqueCheck:
         """What is logged of a joint: position, velocity or acceleration.
 
         Raises:
-            LogError: One is not a finite number.
+            LogError: A value is not a finite number.
         """
         found: Array = self._layout.column(rows, self._places[link][quantity]).copy()
         if not np.isfinite(found).all():
@@ -143,7 +143,7 @@ class TorqueCheck:
         return [*values, unwrapped]
 
     def follow(self, segment: TorqueSegment, ticks: list[int], rows: bytes) -> tuple[int, str]:
-        """Goes on behind states whose messages are right.
+        """Checks states whose messages are right, and advances.
 
         Args:
             segment: In which they lie.
@@ -151,7 +151,7 @@ class TorqueCheck:
             rows: Their bytes.
 
         Returns:
-            How many follow from the state before them, and why the next one does not.
+            The number of states that follow from their predecessors, and the error of the next.
         """
         driven = self._driven(segment)
         values = self._read(driven, rows)
@@ -189,7 +189,7 @@ class TorqueCheck:
     def _lead_to(
         self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array
     ) -> npt.NDArray[np.bool_]:
-        """Which states certainly follow from those before them: by few steps of all at a time."""
+        """Finds states that certainly follow from their predecessors, with few steps for all."""
         follows, size = np.zeros(len(spans), bool), len(origin) - 2
 
         def slope(y: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -223,7 +223,7 @@ class TorqueCheck:
         found: Array,
         span: float,
     ) -> str:
-        """How far a state is from where the one before it leads, in words.
+        """Describes the difference of a state from the one that its predecessor leads to.
 
         Args:
             before: What moves, as the state before is described.

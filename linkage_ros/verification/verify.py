@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recomputes every state of a log from its configuration and its segments of motion.
 
-To be equal means to have equal bytes, or numbers that are within 4 ulp of the largest one: sines
-of other machines may differ. Topics are told apart by their types, because their names
-may be remapped. What the log has beside them is named, not compared.
+Messages are equal if their bytes are equal, or if their numbers are within 4 ulp of the largest
+one, because sines differ between machines. Topics are identified by their types, because their
+names may be remapped. Other topics of the log are named, not compared.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ _CONTEXT = 12  # bytes shown on either side of the first that differs
 
 
 class Report(NamedTuple):
-    """What came of a verification.
+    """The outcome of a verification.
 
     Attributes:
-        states: Found equal.
+        states: Number of equal states.
         compared: Names of the topics that were compared.
-        others: Names of the topics that nothing can recompute.
+        others: Names of the topics that cannot be recomputed.
         absent: Relative names of the mechanism's topics that the log does not have.
         missed: Ticks without a state.
-        cut: Names of the topics that the very last state lacks: it was cut off while written.
+        cut: Names of the topics missing from the last state, which was cut off while written.
         ulp: Largest difference, in ulp of the largest value of its field; 0: all bits are equal.
-        difference: The first one; empty if there is none.
+        difference: The first difference; empty if there is none.
     """
 
     states: int = 0
@@ -60,10 +60,10 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         progress: Called with the number of states that were compared since the last call.
 
     Returns:
-        What came of it.
+        The outcome.
 
     Raises:
-        LogError: The file is damaged, or has states but nothing that explains or dates them.
+        LogError: The file is damaged, or lacks the configuration or segments of its states.
     """
     simulator = Simulator(log.configuration)
     pairings = paired(log, simulator.topics)
@@ -97,7 +97,7 @@ def _compare(
     """Compares the messages of a log.
 
     Raises:
-        LogError: The file is damaged, or nothing explains or dates its states.
+        LogError: The file is damaged, or lacks the configuration or segments of its states.
     """
     layout = simulator.layout_of((channel.number, topic) for channel, topic in pairings)
     names = [channel.name for channel, _ in pairings]
@@ -145,10 +145,10 @@ def _compare(
 
 
 class _Others:
-    """Checks the messages that belong to no state.
+    """Checks the messages that are not part of a state.
 
     Attributes:
-        wrong: What is wrong with the first wrong one; empty: nothing so far.
+        wrong: The first error found; empty: none so far.
     """
 
     def __init__(self, descriptions: list[str], description: bytes) -> None:
@@ -156,7 +156,7 @@ class _Others:
         self._descriptions, self._description = descriptions, description
 
     def check(self, message: LoggedMessage) -> None:
-        """Checks a message: its publish time, and the robot's description."""
+        """Checks the publish time of a message, and the robot description."""
         wrong = ''
         if message.published != message.time:
             published, time = seconds(message.published), seconds(message.time)
@@ -167,7 +167,7 @@ class _Others:
 
 
 def _texts(logged: bytes, recomputed: bytes) -> str:
-    """Where the text of a message differs."""
+    """Describes where two texts differ."""
     pairs = enumerate(zip(logged, recomputed, strict=False))
     at = next((i for i, (a, b) in pairs if a != b), min(len(logged), len(recomputed)))
     a, b = (

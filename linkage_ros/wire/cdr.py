@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""CDR, the bytes of ROS messages: little endian, every padding byte zero, written and read.
+"""Writes and reads CDR, the encoding of ROS messages: little endian, padding bytes zero.
 
-Values are aligned to their size, counted from behind the encapsulation on.
+Values are aligned to their size, counted from the end of the encapsulation header.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def stamp_of(data: bytes) -> int:
         data: CDR bytes of a message with a header.
 
     Returns:
-        ns; -1 where the bytes are too few.
+        The stamp, ns; -1 if the message is too short.
     """
     if len(data) < len(ENCAPSULATION) + STAMP.size:
         return -1
@@ -36,7 +36,7 @@ def header(frame_id: str, stamp: int = 0) -> bytes:
     """A std_msgs/Header as CDR bytes, without padding behind it.
 
     Args:
-        frame_id: Its frame.
+        frame_id: Frame of the message.
         stamp: ns.
 
     Returns:
@@ -52,30 +52,30 @@ def string(body: bytes, text: str) -> bytes:
 
 
 def align(body: bytes, size: int) -> bytes:
-    """Fills CDR bytes, counted without encapsulation, up to a multiple of some size."""
+    """Pads CDR bytes, counted without encapsulation, to a multiple of a size."""
     return body + b'\0' * (-len(body) % size)
 
 
 class CdrReader:
-    """Goes through a message from value to value.
+    """Reads a message value by value.
 
-    Where its bytes are too few or no text, reading raises a struct.error or a ValueError.
+    Reading raises struct.error or ValueError if bytes are missing or are not text.
     """
 
     def __init__(self, data: bytes, at: int = 0) -> None:
-        """Begins.
+        """Begins at the first value.
 
         Args:
             data: CDR bytes of a message.
-            at: Bytes to leave out behind the encapsulation.
+            at: Number of bytes to skip after the encapsulation.
         """
         self._data, self._at = data[len(ENCAPSULATION) :], at
 
     def count(self) -> int:
-        """A length.
+        """Reads a length.
 
         Raises:
-            ValueError: It is more than there are bytes.
+            ValueError: The length exceeds the remaining bytes.
         """
         self._at += -self._at % 4
         count: int = _COUNT.unpack_from(self._data, self._at)[0]
@@ -85,13 +85,13 @@ class CdrReader:
         return count
 
     def text(self) -> str:
-        """A string; the zero behind it may be missing, as for Fast DDS."""
+        """Reads a string; its terminating zero may be missing, as in Fast DDS."""
         (data,) = struct.unpack_from(f'{self.count()}s', self._data, self._at)
         self._at += len(data)
         return bytes(data).removesuffix(b'\0').decode()
 
     def numbers(self) -> tuple[float, ...]:
-        """A sequence of doubles."""
+        """Reads a sequence of doubles."""
         count = self.count()
         if count:
             self._at += -self._at % 8

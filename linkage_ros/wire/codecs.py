@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of a state as templates: CDR, little endian, every padding byte zero.
+"""The messages of a state as templates: CDR, little endian, padding bytes zero.
 
-The bytes are what is published, logged and replayed.
+The same bytes are published, logged and replayed.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ def joint_rows(
     unwrapped: Real,
     to_whole: Callable[[Real], Real] = round,
 ) -> list[list[Real]]:
-    """A state as messages hold it: a number for each joint of the URDF's open tree.
+    """Converts a state to the joints of the URDF's open tree, as in messages.
 
     Args:
         links: The tree; its first joint is the crank's.
         state: The state, of floats or of arrays.
         unwrapped: The whole angle of the crank, rad.
-        to_whole: Rounds to the nearest whole number, as `np.rint` does of arrays.
+        to_whole: Rounds to the nearest whole number, such as `np.rint`.
 
     Returns:
         Positions, rad or m: the crank's unwrapped, other angles in (-pi, pi] from the link before;
@@ -63,14 +63,14 @@ def joint_rows(
 
 
 def joint_sources(names: Sequence[str], quantities: Iterable[str] = QUANTITIES) -> list[str]:
-    """The numbers that messages of joints take, such as 'velocity coupler'."""
+    """Names of the numbers in joint messages, such as 'velocity coupler'."""
     return [f'{quantity} {name}' for quantity in quantities for name in names]
 
 
 def _joint_arrays(
     body: bytes, names: Sequence[str], arrays: Iterable[tuple[str, str]]
 ) -> Iterable[Part]:
-    """The rest of a message behind its stamp: constant bytes, then a sequence for each quantity.
+    """The part of a message after its stamp: constant bytes, then a sequence per quantity.
 
     Args:
         body: Its bytes so far, without encapsulation, on a multiple of 4.
@@ -143,7 +143,7 @@ class JointStateCodec:
         self._template = Template(self.parts(names, frame_id), sources)
 
     def encode(self, stamp: int, *rows: Sequence[float]) -> bytes:
-        """One message.
+        """Encodes one message.
 
         Args:
             stamp: ns.
@@ -195,8 +195,7 @@ def encode_float64(value: float) -> bytes:
 def encode_string(text: str) -> bytes:
     """A std_msgs/String message as CDR bytes.
 
-    It is filled up to a multiple of 4 bytes, as DDS would do on the way: subscribers get the
-    bytes that are logged.
+    It is padded to a multiple of 4 bytes, as DDS does, so that subscribers get the logged bytes.
     """
     return align(ENCAPSULATION + string(b'', text), 4)
 
@@ -242,7 +241,7 @@ class CrankTrajectoryCodec:
         self._other = struct.Struct('<I4xdI4xdI4xdI4xdiI')
 
     def encode(self, points: Collection[tuple[int, TrajectoryPoint]]) -> bytes:
-        """One message, whose stamp is that of its first point.
+        """Encodes one message, with the stamp of its first point.
 
         Args:
             points: Stamps, ns, rising, and points.

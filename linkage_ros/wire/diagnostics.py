@@ -14,13 +14,13 @@ OK, WARN, ERROR = 0, 1, 2
 
 
 class Status(NamedTuple):
-    """The health of one part, as diagnostics have it.
+    """The health of one part, as in a DiagnosticStatus.
 
     Attributes:
         level: OK, WARN or ERROR.
         name: Name of the part.
-        message: In a few words.
-        values: Figures, as text.
+        message: Short description.
+        values: Figures as text, by name.
     """
 
     level: int
@@ -38,7 +38,7 @@ def encode_diagnostics(stamp: int, hardware: str, statuses: Sequence[Status]) ->
         statuses: One for each part.
 
     Returns:
-        The bytes, filled up to a multiple of 4 as those of `encode_string`.
+        The bytes, padded to a multiple of 4 as in `encode_string`.
     """
     body = align(header('', stamp), 4) + struct.pack('<I', len(statuses))
     for level, name, message, values in statuses:

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS message types in use, as a bag has to describe them.
+"""The ROS message types in use, described as in a bag.
 
-A log is written on machines without ROS too, so the fields and the type hashes (REP 2011) stand
-here; a test compares both with the installed message packages.
+Logs are also written without ROS, so this file holds the fields and type hashes (REP 2011); a test
+compares both with the installed message packages.
 """
 
 from __future__ import annotations

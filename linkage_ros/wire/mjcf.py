@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The MJCF of a mechanism, MuJoCo's own format, with the loop closed and the crank driven."""
+"""Writes MJCF, MuJoCo's own format, with the loop closed and a motor on the crank."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _ABOUT = """
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:
     """Writes the MJCF: the tree of the URDF, closed by a connect constraint between two sites.
 
-    It holds masses, gravity and loads, a motor on the crank, sensors of what joint_states has,
-    and the start as a keyframe. The reference positions of the joints are those of the start,
-    so that the model begins in the right assembly without the keyframe as well.
+    It holds masses, gravity and loads, a motor on the crank, sensors for the values of
+    joint_states, and the start as a keyframe. The reference positions of the joints are those of
+    the start, so that the model begins in the right assembly without the keyframe as well.
 
     Args:
         mechanism: The mechanism.
@@ -122,7 +122,7 @@ def _loop(
 ) -> ET.Element:
     """Closes the loop: the two links that end the tree meet in a pin.
 
-    `Structure.closure` goes along the first of them and back along the second one.
+    `Structure.closure` runs along the first link and back along the second.
     """
     parents = {link.joint.parent for link in links}
     first, second = (number for number in range(len(links)) if number not in parents)
@@ -138,8 +138,8 @@ def _loop(
 def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -> ET.Element:
     """The actuator of a load.
 
-    One without control: force - stiffness x stretch - damping x rate. MJCF has no tables: a load
-    curve is a motor whose control is to be set to the value of the curve.
+    Constant loads need no control: force - stiffness x stretch - damping x rate. MJCF has no
+    tables, so a load curve is a motor; set its control to the value of the curve.
 
     Raises:
         ConfigurationError: The load is of another kind, or acts on a link that hangs on another:
@@ -166,7 +166,7 @@ def _refuse(load: object) -> NoReturn:
 def _affine(load: LinkForce, start: float) -> tuple[float, float, float]:
     """A force as a constant and its slopes over MuJoCo's position of a joint and over its rate.
 
-    That position counts on from the start, without a jump from pi to -pi.
+    MuJoCo counts this position from the start, without a jump from pi to -pi.
     """
     force, stiffness = float(load.force), float(load.stiffness)
     if stiffness:

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A row: all messages of one state as they lie in an MCAP file, each behind its record's head.
+"""Rows: all messages of one state as bytes of an MCAP file, record headers included.
 
-Messages of a state follow each other in a log, and their sizes are fixed. So a state is written,
-found again and compared as one run of bytes.
+The messages of a state are adjacent in a log and have fixed sizes, so that a state is written,
+found and compared as one run of bytes.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ def message_record(channel: int, times: tuple[int, int], data: bytes, sequence: 
     """The record of a message in an MCAP file.
 
     Args:
-        channel: Its number.
+        channel: Number of its channel.
         times: Log and publish time, ns.
         data: CDR bytes.
-        sequence: A number that a publisher may give.
+        sequence: Sequence number of the publisher.
 
     Returns:
         The bytes.
@@ -44,9 +44,9 @@ class RowLayout(Template):
     """The bytes of one state's messages.
 
     Attributes:
-        channels: Of the messages.
+        channels: Channels of the messages.
         starts: First byte of each message's record.
-        times: Where the log time of the first message is.
+        times: Place of the first message's log time.
     """
 
     def __init__(
@@ -78,28 +78,28 @@ class RowLayout(Template):
         )
 
     def first(self, rows: bytes) -> bytes:
-        """The record of the first message in rows, without opcode and length."""
+        """Records of the first message in each row, without opcode and length."""
         return rows[9 : self._ends[0]]
 
     def begins(self, row: bytes) -> bool:
-        """Whether records are those of the first messages of a row."""
+        """Returns whether records are those at the beginning of a row."""
         at = next((i for i, end in enumerate(self._ends) if end == len(row)), None)
         heads = self._heads[: _CONSTANT * (0 if at is None else at + 1)]
         return bool(len(heads)) and all(row[i] == self.blank[i] for i in heads)
 
     def message_of(self, offset: int) -> int:
-        """Which message of the row a byte belongs to."""
+        """Index of the message that contains a byte of the row."""
         return next(i for i, end in enumerate(self._ends) if offset < end)
 
     def count(self, data: bytes, at: int) -> int:
-        """How many whole rows lie one after the other.
+        """Counts adjacent whole rows.
 
         Args:
             data: Records.
-            at: Where the first row would begin.
+            at: Place of the first row.
 
         Returns:
-            Their number. It takes time only for rows that are there.
+            The number of rows.
         """
         heads = np.frombuffer(self.blank, np.uint8)[self._heads]
         found, window = 0, 1

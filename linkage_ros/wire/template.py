@@ -1,10 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes of a fixed size in which only numbers at fixed places vary: one at a time, or thousands.
+"""Templates: bytes in which only numbers at fixed places vary; filled once or thousands of times.
 
-Filling a template is several times faster than serialising messages, and leaves every padding
-byte zero: Fast DDS would leave there whatever was on the heap, so that equal states gave unequal
-files.
+Filling a template is several times faster than serialising messages, and its padding bytes are
+zero. Fast DDS leaves uninitialised memory there, so that equal states would give unequal files.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ class Field(NamedTuple):
     Attributes:
         name: Name in the message, such as 'velocity[coupler]'.
         code: Its type, as in `struct`.
-        source: The number that it takes.
+        source: Name of the number that fills it.
     """
 
     name: str
@@ -35,7 +34,7 @@ class Field(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A field of a template: its name and type, the index of its source, its first byte."""
+    """A field of a template: name, type, index of its source, and first byte."""
 
     name: str
     code: str
@@ -52,7 +51,7 @@ class Template:
     Attributes:
         blank: The bytes, with zeros in the fields.
         places: The fields, in order.
-        constant: Offsets of the bytes that belong to no field.
+        constant: Offsets of the bytes outside the fields.
     """
 
     def __init__(self, parts: Iterable[Part], sources: Sequence[str]) -> None:
@@ -83,22 +82,22 @@ class Template:
 
     @property
     def size(self) -> int:
-        """Its bytes."""
+        """Number of bytes."""
         return len(self.blank)
 
     def pack(self, *numbers: float) -> bytes:
-        """The bytes for numbers, one for each source."""
+        """Fills the template once."""
         return self._struct.pack(*self._arrange((*numbers, *self._constants)))
 
     def fill(self, count: int, numbers: Sequence[Real]) -> bytearray:
-        """The bytes for many times as many numbers.
+        """Fills the template many times.
 
         Args:
-            count: How many times.
-            numbers: For each source an array of so many numbers, or one number for all.
+            count: Number of copies.
+            numbers: For each source an array of that length, or one number for all.
 
         Returns:
-            The bytes, one after the other.
+            The bytes of all copies.
         """
         rows = bytearray(self.blank * count)
         for place in self.places:
@@ -113,7 +112,7 @@ class Template:
             place: The field.
 
         Returns:
-            Its value in each of them.
+            The value in each of them.
         """
         kind = np.dtype(
             {

@@ -23,11 +23,11 @@ class Topic(NamedTuple):
     """A topic of the node.
 
     Attributes:
-        name: Relative, but for /diagnostics.
+        name: Relative name; /diagnostics is absolute.
         interface: Its message type.
         latched: Whether late subscribers get the last message (transient local durability).
         depth: Messages kept for a reader that lags.
-        on_demand: Whether it is published only while somebody subscribes; a log has it always.
+        on_demand: Whether it is published only while it has subscribers; logs always have it.
         meaning: Contents of a message, one line for docs/reference.md.
     """
 
@@ -88,14 +88,14 @@ SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: 
 
 
 def effort_commands(name: str) -> Topic:
-    """The topic, of a name to choose, on which a controller takes the driving torque."""
+    """The topic with the driving torque for a controller."""
     return Topic(
         name, FLOAT64_MULTI_ARRAY, meaning='one number: the driving torque `lead_time` later'
     )
 
 
 def trajectory_commands(name: str) -> Topic:
-    """The topic, of a name to choose, on which a controller takes the motion of the crank."""
+    """The topic with the crank's trajectory for a controller."""
     return Topic(
         name,
         JOINT_TRAJECTORY,

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the bytes of JointState messages, whoever sent them: commands and measurements.
+"""Reads untrusted bytes of JointState messages: commands and measurements.
 
-rclpy would do it as well, but each message that is none costs a line on stderr, from below Python.
+rclpy could do this, but it prints a line on stderr, from C, for each invalid message.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ LARGEST_COMMAND = 65536  # bytes
 
 
 class JointStateData(NamedTuple):
-    """A JointState as it came: its lists need not belong together.
+    """The contents of a JointState; its lists may differ in length.
 
     Attributes:
         stamp: ns.
-        names: Of the joints.
+        names: Names of the joints.
         positions: rad or m.
         velocities: rad/s or m/s.
         efforts: N m or N.
@@ -34,7 +34,7 @@ class JointStateData(NamedTuple):
 
 
 def decode_joint_state(data: bytes) -> JointStateData:
-    """What a JointState holds.
+    """Decodes a JointState.
 
     Args:
         data: Its CDR bytes, little endian.
@@ -43,7 +43,7 @@ def decode_joint_state(data: bytes) -> JointStateData:
         Its contents.
 
     Raises:
-        ValueError: The bytes are none, or too many for a command.
+        ValueError: The bytes are not a JointState, or are too many for a command.
     """
     if len(data) > LARGEST_COMMAND:
         raise ValueError(f'it has {len(data)} bytes: must be at most {LARGEST_COMMAND}')

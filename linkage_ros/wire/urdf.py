@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The URDF of a mechanism's open tree, made from its description alone."""
+"""Writes the URDF of a mechanism's open tree from its description."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _HARDWARE = {
 
 
 class RigidLink(NamedTuple):
-    """A moving link as simulators take it: with mass and inertia, and a box as its shape.
+    """A moving link for simulators: with mass, inertia, and a box as its shape.
 
     Attributes:
         joint: Joint that moves it.
@@ -39,7 +39,7 @@ class RigidLink(NamedTuple):
         mass: kg, more than 0.
         inertia: About its centre of mass, kg m^2, more than 0.
         center: Centre of mass in the link's axes, m.
-        note: Which of the two are 0 in the parameters; empty: neither.
+        note: Which of mass and inertia are 0 in the parameters; empty: neither.
         box: Length, width and height of its shape, m.
         place: Centre of the shape in the link's axes, m.
         color: Red, green, blue and opacity, from 0 to 1.
@@ -60,15 +60,15 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     """The moving links of a mechanism, in the order of its joints.
 
     Each link's x axis points from its first to its second pin, a slider's along its guide. Bars
-    are drawn as boxes of a twentieth of the shortest link, one above the other so that they do
-    not cut through each other.
+    are boxes with a width of a twentieth of the shortest link, one above the other so that they
+    do not intersect.
 
     Args:
         mechanism: The mechanism.
         joint_prefix: Prepended to all joint names.
 
     Returns:
-        The links; a mass or an inertia of 0 has become a small one.
+        The links; a mass or inertia of 0 is replaced by a small one.
     """
     joints = mechanism.structure().links
     bodies: list[Body | Piston | Slider] = [getattr(mechanism, joint.name) for joint in joints]
@@ -110,12 +110,12 @@ def joint_names(joints: Iterable[Link], joint_prefix: str) -> tuple[str, ...]:
 
 
 def link_of(joint: str) -> str:
-    """The name of a joint's child link: not its own, because many URDF readers refuse that."""
+    """The name of a joint's child link; many URDF readers refuse equal names of joint and link."""
     return f'{joint}_link'
 
 
 def text_of(*numbers: float) -> str:
-    """Numbers as XML attributes hold them: every digit, separated by spaces."""
+    """Formats numbers for XML attributes: all digits, separated by spaces."""
     return ' '.join(map(repr, numbers))
 
 
@@ -128,7 +128,7 @@ def make_urdf(
 ) -> str:
     """Writes the URDF: a link and a joint for each joint of the open tree.
 
-    The loop is open where `Link` says; joint states close it. A comment marks a mass or an
+    `Link` defines where the loop is open; joint states close it. A comment marks a mass or an
     inertia that is 0 in the parameters.
 
     Args:
@@ -216,7 +216,7 @@ def _origin(x: float, y: float, z: float = 0.0, *, yaw: float = 0.0) -> ET.Eleme
 
 
 def _ros2_control(crank: str) -> ET.Element:
-    """The crank alone: commands that name another joint are refused by the node."""
+    """Adds the tag for the crank alone: the node refuses commands for other joints."""
     states = (element('state_interface', name=n) for n in ('position', 'velocity', 'effort'))
     return element(
         'ros2_control',
