@@ -32,7 +32,7 @@ from linkage_ros.dynamics.travel import travel
 from linkage_ros.lab.charts import linkage, movie
 from linkage_ros.lab.charts.comparison import COLORS
 from linkage_ros.lab.commands.motion import settled_turn
-from linkage_ros.lab.pump.settle import settle
+from linkage_ros.lab.pump.settling import settle
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path
 

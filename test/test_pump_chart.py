@@ -17,17 +17,18 @@ from scipy.integrate import solve_ivp
 from linkage_ros import ConfigurationError, UnreachableError
 from linkage_ros.lab.charts.pump import draw_pump
 from linkage_ros.lab.pump.analysis import analyse
-from linkage_ros.lab.pump.branch import (
+from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
+from linkage_ros.lab.pump.load_curve import (
     FOLD,
     PERIOD_DOUBLING,
     TORUS,
+    Limits,
     bistable_ranges,
+    follow,
     steady_states,
 )
-from linkage_ros.lab.pump.continuation import Limits, follow
-from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance, at_speed, at_torque
 from linkage_ros.lab.pump.motions import Motions
-from linkage_ros.lab.pump.settle import settle
+from linkage_ros.lab.pump.settling import settle
 from linkage_ros.lab.pump.table import states_table
 from linkage_ros.lab.reference.motions import MotionReference
 from linkage_ros.lab.reference.problems import InitialValueProblem
@@ -63,9 +64,7 @@ def slid(**changes):
 def branch(mechanism, low, high):
     """The load curve between two speeds."""
     balance = HarmonicBalance(mechanism, MOTOR.damping)
-    guesses = balance.resting_sliders((low + high) / 2)
-    found = (balance.find(guess, at_speed((low + high) / 2)) for guess in guesses)
-    seed = next(filter(None, found))
+    seed = next(balance.resting_sliders(low, (low + high) / 2))
     return balance, follow(balance, seed, Limits(low, high, math.inf, 0.3))
 
 
@@ -177,6 +176,18 @@ def test_a_constant_force_lifts_nothing_and_no_force_has_no_efficiency(analysis)
     assert [row.split()[5] for row in rows] == ['-', '-', '-']
 
 
+def test_a_force_that_jumps_where_the_slider_turns_is_followed_within_half_a_percent():
+    load_curve = LoadCurve(
+        'slider', 'position', at=(1.0, 2.0), value=(-60.0, -60.0), return_value=(0.0, 0.0)
+    )
+    pump = replace(slid(damping=20.0), loads=(load_curve,))
+    # By SciPy's integrator with the jump, and differences of its turn.
+    for start, speed, multiplier in ((2.0, 2.521904, 0.5303), (6.0, 5.587804, 0.9511)):
+        found = settle(pump, MOTOR, start, plain)
+        assert found.speed == pytest.approx(speed, rel=0.005)
+        assert found.multipliers[0] == pytest.approx(multiplier, abs=0.02)
+
+
 # ---------------------------------------------------------------- from where
 
 
@@ -188,8 +199,8 @@ def test_runs_end_at_the_states(analysis):
         '2% above 3.952 rad/s': 2,
     }
     slow, fast, *_ = analysis.runs
-    assert LOW['speed'] == pytest.approx(np.mean(slow.speeds[-400:]), rel=0.01)
-    assert HIGH['speed'] == pytest.approx(np.mean(fast.speeds[-400:]), rel=0.01)
+    assert LOW['speed'] == pytest.approx(np.mean(slow.speeds[-100:]), rel=0.02)
+    assert HIGH['speed'] == pytest.approx(np.mean(fast.speeds[-100:]), rel=0.02)
 
 
 def test_a_run_that_leaves_says_where():
@@ -270,7 +281,7 @@ def test_what_settles_at_no_state_is_a_warning_with_its_share(analysis):
     assert analysis.unidentified == 0
     assert not any('warning' in line for line in states_table(analysis))
     *_, last = states_table(analysis._replace(unidentified=0.25))
-    assert last.startswith('warning: 25.0% of 256 starts settle at no state')
+    assert last.startswith('warning: 25.0% of 128 starts settle at no state')
 
 
 # ---------------------------------------------------------------- pumps of other kinds
@@ -302,9 +313,7 @@ def test_weak_motors_keep_up_one_state_or_none(analysis):
 
 def test_a_motion_gets_the_harmonics_that_it_needs(motions):
     short = HarmonicBalance(PUMP, MOTOR.damping, 2)
-    _, w, _ = motions[0].at(short.angles)
-    guess = short.fit(motions[0].at(short.angles)[0], w, MOTOR.torque)
-    found = short.find(guess, at_torque(MOTOR.torque))
+    found = short.find(short.unknowns(motions[0]))
     assert len(found.slider) > 9
     assert found.speed == pytest.approx(motions[0].speed, rel=1e-5)
 
@@ -351,7 +360,7 @@ def test_the_record_has_every_number(analysis, motions):
     assert [run['settles_at_state'] for run in record['runs']] == [0, 2, 0, 2]
     assert record['torques_with_two_stable_states'][0]['low'] == pytest.approx(7.28, abs=0.01)
     assert [one['kind'] for one in record['stability_lost']] == [FOLD, FOLD]
-    assert [run['duration'] > 30 for run in record['runs']] == [True] * 4
+    assert [run['duration'] > 20 for run in record['runs']] == [True] * 4
     assert sum(state['share_of_starts'] for state in record['states']) > 0.9
     averaged = record['averaged_states'][1]['multipliers']
     assert averaged[0] == pytest.approx([1.3035, 0.0], abs=1e-3)

@@ -18,7 +18,7 @@ from matplotlib.transforms import blended_transform_factory
 
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.lab.pump.analysis import Analysis
-from linkage_ros.lab.pump.branch import END, LOST, Piece, SteadyState, bistable_ranges
+from linkage_ros.lab.pump.load_curve import END, LOST, Piece, SteadyState, bistable_ranges
 from linkage_ros.lab.pump.table import states_table
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 

@@ -21,7 +21,7 @@ from linkage_ros.lab.charts.movie import SECONDS, draw_movie
 from linkage_ros.lab.commands.output import folder, progress, save_table
 from linkage_ros.lab.flywheel import Cycle, EvenTorque, UnsteadyError, motor_cycle
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
-from linkage_ros.lab.pump.settle import settle
+from linkage_ros.lab.pump.settling import settle
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, Motor, SpeedDrive, TorqueDrive

@@ -4,38 +4,53 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from linkage_ros.lab.pump.attractors import Search
-from linkage_ros.lab.pump.branch import (
+from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
+from linkage_ros.lab.pump.load_curve import (
     END,
     LOST,
+    Limits,
     Piece,
     SteadyState,
     bistable_ranges,
     steady_states,
+    with_curves,
 )
-from linkage_ros.lab.pump.continuation import Limits, curves, with_curve
-from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
-from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import NUMBERS, PeriodicMotion
-from linkage_ros.lab.pump.starts import named_starts, require_forwards
+from linkage_ros.lab.pump.settling import Search, equations_of, pace_of, require_forwards
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 CHANGES = (0.95, 1.05)  # of the motor's torque
-_SLOWEST = 1 / 3  # of the slowest start: where the scan of speeds begins
-_FASTEST = 10.0  # times the fastest start: where it ends at most
-_ABOVE = 1.1  # how far beyond the highest torque of interest it goes
-_STEP, _QUICK_STEP = 0.15, 0.3  # along a curve, relative
-STARTS = 256  # a state that 2 % of them reach is missed once in 170 times
+_SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, times the slowest and fastest start
+_STRONGEST = 2.0  # its largest torque, times the motor's
+_ASIDE = 0.02  # of the speed of an unstable state: how far from it motions start
 _SLOW, _SLIDING = 0.03, 2.0  # speeds of starts: of the crank, and of the slider per crank pin's
+
+
+class Effort(NamedTuple):
+    """How much is computed.
+
+    Attributes:
+        starts: Number of starts; a state that 2 % of 256 reach is missed once in 170 times.
+        looks: How often their motions are looked at before they are given up.
+        step: Along a curve, relative.
+    """
+
+    starts: int
+    looks: int
+    step: float
+
+
+FULL, QUICK = Effort(256, 14, 0.15), Effort(128, 8, 0.3)
 
 
 class Start(NamedTuple):
@@ -77,7 +92,10 @@ class Analysis(NamedTuple):
         runs: Motions from starts that have names.
         shares: Share of the starts, by the number of the state where they settle.
         ended: Share of the starts from which the motion leaves what the coordinates describe.
-        unidentified: Share of the starts that do neither.
+        stopped: Share of the starts from which the crank comes to rest, or rocks to and fro.
+        unidentified: Share of the starts that do none of these.
+        starts: Number of these starts.
+        spread: Slider speed over which a jump of the load curve is spread, m/s; 0: none jumps.
     """
 
     motor: Motor
@@ -89,7 +107,10 @@ class Analysis(NamedTuple):
     runs: list[Start]
     shares: list[float]
     ended: float
+    stopped: float
     unidentified: float
+    starts: int
+    spread: float
 
     def record(self) -> dict[str, Any]:
         """For JSON, in SI units."""
@@ -101,8 +122,10 @@ class Analysis(NamedTuple):
             ],
             'averaged_states': [_numbers(state.motion) for state in self.averaged_states],
             'starts': {
-                'count': STARTS, 'ended': self.ended, 'unidentified': self.unidentified,
+                'count': self.starts, 'ended': self.ended, 'stopped': self.stopped,
+                'unidentified': self.unidentified,
             },
+            'jump_spread_over_slider_speed': self.spread,
             'torques_with_two_stable_states': bistable_ranges(self.pieces),
             'stability_lost': [
                 {'kind': piece.ends_at, **piece.motions[-1].record()}
@@ -151,36 +174,45 @@ def analyse(
         ConfigurationError: The motor or a start speed turns nothing forwards.
         UnreachableError: The pump cannot start from where its slider is.
     """
-    require_forwards(mechanism, motor, speeds)
-    averaging = HarmonicBalance(mechanism, motor.damping, AVERAGED)
-    balance = HarmonicBalance(mechanism, motor.damping)
-    limits, averaged = _limits(averaging, motor, speeds)
-    limits = limits._replace(step=_QUICK_STEP if quick else _STEP)
-    pieces = curves(balance, limits)
+    given = require_forwards(mechanism, motor, speeds)
+    effort = QUICK if quick else FULL
+    limits = Limits(
+        _SLOWEST * min(speeds), _FASTEST * max(speeds), _STRONGEST * motor.torque, effort.step
+    )
+    pace, balance = pace_of(motor, speeds), equations_of(mechanism, motor, speeds)
+    pump = cast('WindPump', balance.solver.mechanism)
+    averaging = HarmonicBalance(pump, motor.damping, AVERAGED)
+    resting = averaging.resting_sliders(limits.slowest, pace)
+    averaged = with_curves(averaging, [], itertools.islice(resting, 1), limits)
+    averaged_states = steady_states(averaging, averaged, motor.torque)
+    seeds = (balance.find(balance.unknowns(state.motion)) for state in averaged_states)
+    pieces = with_curves(balance, [], seeds, limits)
     known = [state.motion for state in steady_states(balance, pieces, motor.torque)]
-    names, starts = named_starts(mechanism, speeds, known)
-    box = _box(mechanism, motor, limits.fastest)
-    motions = Motions(balance.solver, motor, np.hstack((starts, box)), len(names))
-    search = Search(balance, motor, motions, filter(lambda state: state.stable, known))
-    search.run(progress)
-    for state in search.states:
-        pieces = with_curve(balance, state, pieces, limits)
+    names = [f'{speed:g} rad/s' for speed in speeds]
+    aside = [state for state in known if not state.stable]
+    for state in aside:
+        names += [f'{_ASIDE:.0%} {word} {state.speed:.4g} rad/s' for word in ('below', 'above')]
+    box = _box(mechanism, effort.starts, pace)
+    search = Search(balance, motor, np.hstack((given, *map(_beside, aside), box)), known)
+    search.run(progress, effort.looks)
+    pieces = with_curves(balance, pieces, search.states, limits)
     states = steady_states(balance, pieces, motor.torque)
-    for state in search.states:
-        if not any(state.is_same(one.motion) for one in states):
-            pieces.append(Piece([state], LOST, LOST))
-            states.append(SteadyState(state, pieces[-1]))
+    for found in search.states:
+        if not any(found.is_same(state.motion) for state in states):
+            pieces.append(Piece([found]))
+            states.append(SteadyState(found, pieces[-1]))
     states.sort(key=lambda state: state.motion.speed)
     numbers = [
-        next(number for number, one in enumerate(states) if one.motion.is_same(state))
-        for state in search.states
+        next(number for number, state in enumerate(states) if state.motion.is_same(found))
+        for found in search.states
     ]
-    settled = np.array([*numbers, -1])[search.belongs]
+    settled, motions = np.array([*numbers, -1])[search.belongs], search.motions
+    times, phases = np.array(motions.times), np.array(motions.phases)
     of_box = slice(len(names), None)
     return Analysis(
         motor,
         states,
-        steady_states(averaging, averaged, motor.torque),
+        averaged_states,
         pieces,
         averaged,
         [
@@ -190,47 +222,34 @@ def analyse(
         ],
         [
             Start(
-                name, np.array(motions.times)[:, number], np.array(motions.speeds)[:, number],
+                name, times[:, number], phases[:, 2, number],
                 None if settled[number] < 0 else int(settled[number]), motions.reason(number),
             )
             for number, name in enumerate(names)
         ],
         [float(np.mean(settled[of_box] == number)) for number in range(len(states))],
         float(np.mean(motions.ended[of_box])),
+        float(np.mean(search.stopped[of_box])),
         float(np.mean(search.unidentified[of_box])),
+        effort.starts,
+        max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
     )  # fmt: skip
 
 
-def _limits(
-    averaging: HarmonicBalance, motor: Motor, speeds: Sequence[float]
-) -> tuple[Limits, list[Piece]]:
-    """Speeds up to where an averaged motion takes more torque than any slower one; its curve.
-
-    The load is never negative: a motor of torque M0 turns nothing faster than M0 / m.
-    """
-    slowest, fastest = _SLOWEST * min(speeds), _FASTEST * max(speeds)
-    peak = motor.torque
-    averaged: list[Piece] = []
-    for _ in range(2):
-        top = min(fastest, _ABOVE * peak / motor.damping) if motor.damping else fastest
-        limits = Limits(slowest, max(top, *speeds), _ABOVE * peak, _QUICK_STEP)
-        if averaged:
-            break
-        averaged = curves(averaging, limits._replace(torque=math.inf))
-        peak = max((one.torque for piece in averaged for one in piece.motions), default=peak)
-        peak = max(peak, motor.torque)
-    return limits, averaged
+def _beside(state: PeriodicMotion) -> Array:
+    """Starts below and above the speed of a state at crank angle 0, of shape (4, 2)."""
+    x, w, v = state.at(np.zeros(1))[:, 0]
+    starts: Array = np.array([(0.0, x, w * (1 + sign * _ASIDE), v) for sign in (-1, 1)]).T
+    return starts
 
 
-def _box(mechanism: WindPump, motor: Motor, fastest: float) -> Array:
-    """Starts all over slider positions and speeds at crank angle 0, of shape (4, n)."""
+def _box(mechanism: WindPump, count: int, pace: float) -> Array:
+    """Starts all over slider positions and speeds at crank angle 0, of shape (4, count)."""
     r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
-    if motor.damping:
-        fastest = motor.torque / motor.damping
     side = math.copysign(1.0, mechanism.slider.position)
-    low = np.array((0.0, side * (abs(b - c) + r), _SLOW * fastest, -_SLIDING * r * fastest))
-    high = np.array((0.0, side * (b + c - r), fastest, _SLIDING * r * fastest))
-    shares = np.random.default_rng(0).random((STARTS, 4))
+    low = np.array((0.0, side * (abs(b - c) + r), _SLOW * pace, -_SLIDING * r * pace))
+    high = np.array((0.0, side * (b + c - r), pace, _SLIDING * r * pace))
+    shares = np.random.default_rng(0).random((count, 4))
     box: Array = (low + shares * (high - low)).T
     return box
 

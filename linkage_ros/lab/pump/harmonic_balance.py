@@ -19,11 +19,8 @@ motion is stable. With 16 harmonics the motions of the preset are exact to 12 di
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -41,21 +38,12 @@ from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
-_PLACES = 9  # of a resting slider, with the ends of its reach
+_SPEEDS, _PLACES = 12, 7  # of guesses with a slider that rests
+_ROUGH = 4  # harmonics of a guess
 _TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
-_ITERATIONS = 15  # of Newton's method; 4 or 5 suffice from a neighbour
+# Largest steps of Newton's method, relative; 4 or 5 suffice from a neighbour.
+_STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
 _TOLERANCE = 1e-6  # of the last step, relative: it squares the error
-
-
-@dataclass(frozen=True, eq=False)
-class AveragedMotion(PeriodicMotion):
-    """A motion with one harmonic.
-
-    Attributes:
-        multipliers: What a turn multiplies small slow deviations by, the largest first.
-    """
-
-    multipliers: tuple[complex, ...] = ()
 
 
 class HarmonicBalance:
@@ -73,7 +61,7 @@ class HarmonicBalance:
     ) -> None:
         self._mechanism, self.solver, self.damping = mechanism, Solver(mechanism), damping
         self._harmonics, self.turns = harmonics, turns
-        self._others: dict[int, HarmonicBalance] = {}
+        self._others: dict[tuple[int, int], HarmonicBalance] = {}
         count = harmonics * turns
         self._sizes = slider, crank = 2 * count + 1, 2 * count - 1
         self.angles = parts_of(turns, harmonics)
@@ -84,103 +72,129 @@ class HarmonicBalance:
         for order in range(2):
             self._waves[3 + order, :, slider:] = waves(self.angles, crank, turns, order)
 
-    @functools.cached_property
-    def finer(self) -> HarmonicBalance:
-        """The equations with twice the harmonics."""
-        return HarmonicBalance(self._mechanism, self.damping, 2 * self._harmonics, self.turns)
-
-    def over(self, turns: int) -> HarmonicBalance:
-        """The equations of motions that repeat after so many turns."""
-        if turns == self.turns:
+    def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
+        """The equations of motions that repeat after so many turns; 0: as many harmonics."""
+        harmonics = harmonics or self._harmonics
+        if (turns, harmonics) == (self.turns, self._harmonics):
             return self
-        if turns not in self._others:
-            self._others[turns] = HarmonicBalance(
-                self._mechanism, self.damping, self._harmonics, turns
-            )
-        return self._others[turns]
+        if (turns, harmonics) not in self._others:
+            other = HarmonicBalance(self._mechanism, self.damping, harmonics, turns)
+            self._others[turns, harmonics] = other
+        return self._others[turns, harmonics]
 
     def unknowns(self, motion: PeriodicMotion) -> Array:
         """Coefficients of both series, and the torque, of a motion of as many turns."""
-        rows = zip((motion.slider, motion.crank), self._sizes, strict=True)
+        return self.sized(motion.slider, motion.crank, np.array([motion.torque]))
+
+    def sized(self, slider: Array, crank: Array, torque: Array) -> Array:
+        """Unknowns with as many coefficients as these equations have, cut or filled with 0."""
+        rows = zip((slider, crank), self._sizes, strict=True)
         padded = (np.append(row, np.zeros(size))[:size] for row, size in rows)
-        return np.concatenate((*padded, [motion.torque]))
+        return np.concatenate((*padded, torque))
 
     def units(self, motion: PeriodicMotion) -> Array:
         """Units of the unknowns: crank length, and speed and torque of a motion."""
         length, speed, _ = motion.units
         return np.repeat((length, speed, motion.torque), (*self._sizes, 1))
 
-    def fit(self, position: Array, speed: Array, torque: float) -> Array:
-        """The unknowns of a motion that is known at the angles.
+    def tangent(self, motion: PeriodicMotion) -> Array:
+        """How the unknowns change along the curve of a motion, per mean crank speed."""
+        jacobian, _ = self._equations(self.unknowns(motion))
+        row = jacobian[-1] = self.axis(of_speed=True)
+        solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])
+        return solved
+
+    def axis(self, *, of_speed: bool) -> Array:
+        """The unit vector of the mean crank speed over the angle, or of the torque."""
+        row = np.zeros(sum(self._sizes) + 1)
+        row[self._sizes[0] if of_speed else -1] = 1.0
+        return row
+
+    def guess(self, phases: Array, torque: float) -> tuple[Array, float]:
+        """The unknowns of a motion that is roughly known.
 
         Args:
-            position: Of the slider at `angles`, m.
-            speed: Of the crank there, rad/s.
+            phases: Crank angles, several in each turn, slider positions and their rates, of shape
+                (4, n).
             torque: Torque of the motor at rest, N m.
 
         Returns:
-            Coefficients of both series, and the torque.
+            Coefficients of both series, those of high harmonics 0, and the torque; how much of the
+            motion the series miss, a share of its spread.
         """
-        slider = self._sizes[0]
-        rows = self._waves[0, :, :slider].T @ position, self._waves[3, :, slider:].T @ speed
-        for row in rows:
-            row[1:] *= 2
-        return np.concatenate((*(row / len(self.angles) for row in rows), [torque]))
+        angles, known = phases[0], phases[1:3].T
+        some = waves(angles, 2 * _ROUGH * self.turns + 1, self.turns)
+        rows = np.linalg.lstsq(some, known, rcond=None)[0]
+        slider, crank = rows.T
+        missed = np.abs(some @ rows - known) / np.ptp(known, axis=0)
+        return self.sized(slider, crank, np.array([torque])), float(missed.max())
 
-    def resting_sliders(self, speed: float) -> Iterator[Array]:
-        """Guesses at a mean crank speed: the slider rests somewhere within its reach."""
+    def resting_sliders(self, slowest: float, fastest: float) -> Iterator[PeriodicMotion]:
+        """The motions next to sliders that rest, from the fastest crank on.
+
+        Args:
+            slowest: Mean crank speed, rad/s.
+            fastest: Likewise.
+        """
         pump = self._mechanism
         r, b, c = pump.crank.length, pump.coupler.length, pump.rod.length
-        places = pump.slider.position, *np.linspace(abs(b - c) + r, b + c - r, _PLACES)[1:-1]
-        one = np.ones(len(self.angles))
-        for x in places:
-            yield self.fit(x * one, speed * one, 0.0)
+        places = pump.slider.position, *np.linspace(abs(b - c) + r, b + c - r, _PLACES + 2)[1:-1]
+        for speed in np.geomspace(fastest, slowest, _SPEEDS):
+            for x in places:
+                start = self.sized(np.array([x]), np.array([speed]), np.zeros(1))
+                if motion := self.find(start, self.axis(of_speed=True)):
+                    yield motion
 
-    def find(self, guess: Array, condition: Condition) -> PeriodicMotion | None:
+    def find(self, guess: Array, fixed: Array | None = None) -> PeriodicMotion | None:
         """Finds a motion.
 
         Args:
             guess: Unknowns from which Newton's method begins.
-            condition: What chooses one of the motions.
+            fixed: Direction of the unknowns in which it does not move; None: the torque's.
 
         Returns:
             The motion, or None if none is found.
         """
-        unknowns = guess
+        unknowns, row = guess, self.axis(of_speed=False) if fixed is None else fixed
         try:
             with np.errstate(all='ignore'):  # what overflows is refused by the equations of motion
-                for _ in range(_ITERATIONS):
+                for allowed in _STEPS:
                     jacobian, residuals = self._equations(unknowns)
-                    jacobian[-1], residuals[-1] = condition(self, unknowns)
+                    jacobian[-1] = row
                     step = np.linalg.solve(jacobian, residuals)
                     unknowns = unknowns - step
-                    if np.abs(step).max() < _TOLERANCE * np.abs(unknowns).max():
-                        return self._checked(unknowns, condition)
+                    size = np.abs(step).max() / np.abs(unknowns).max()
+                    if size < _TOLERANCE:
+                        return self._checked(unknowns, row)
+                    if size > allowed:
+                        return None
         except (LinkageError, np.linalg.LinAlgError):
             pass
         return None
 
-    def _checked(self, unknowns: Array, condition: Condition) -> PeriodicMotion | None:
+    def _checked(self, unknowns: Array, row: Array) -> PeriodicMotion | None:
         """The motion with these unknowns, with more harmonics where it takes them.
 
         Returns:
             None: its crank stops, or it takes too many.
         """
-        slider, crank, (torque,) = np.split(unknowns, np.cumsum(self._sizes))
+        cuts = np.cumsum(self._sizes)
+        slider, crank, (torque,) = np.split(unknowns, cuts)
         given = self.solver, self.damping, slider, crank, float(torque), self.turns
-        if self._harmonics == AVERAGED:
-            return AveragedMotion(*given, self.slow_multipliers(unknowns)) if crank > 0 else None
         motion = PeriodicMotion(*given)
         if not motion.at(self.angles)[1].min() > 0:
             return None
+        if self._harmonics == AVERAGED:
+            return PeriodicMotion(*given, self._slow_multipliers(unknowns))
         tail = np.abs(slider[-2:]).max() / self._mechanism.crank.length
         if tail < _TAIL:  # the multipliers refuse a motion next to a stretched dyad
             return motion if np.isfinite(motion.multipliers).all() else None
         if self._harmonics == _FINEST:
             return None
-        return self.finer.find(self.finer.unknowns(motion), condition)
+        finer = self.over(self.turns, 2 * self._harmonics)
+        return finer.find(finer.unknowns(motion), finer.sized(*np.split(row, cuts)))
 
-    def slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
+    def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
         """What a turn multiplies small deviations of an averaged motion by, the largest first.
 
         With slowly varying a1, b1 and w0 the equations become B (X0, a1, b1, w0)' = -J (...), J
@@ -202,7 +216,7 @@ class HarmonicBalance:
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
     def _equations(self, unknowns: Array) -> tuple[Array, Array]:
-        """The Jacobian of the equations and their residuals; the last are left to a condition."""
+        """The Jacobian of the equations and their residuals; the last are left to `find`."""
         jacobian, residuals = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
         values = self._waves @ unknowns[:-1]
         length, fastest = self._mechanism.crank.length, np.abs(values[3]).max()
@@ -227,55 +241,3 @@ class HarmonicBalance:
         (m11, m12), (_, m22) = self.solver.matrix(q)
         spin, push = w * rate - spin, w * w * bend + w * rate * slope - push
         return np.array((m11 * spin + m12 * push, m12 * spin + m22 * push))
-
-    def mean_speed(self, unknowns: Array) -> tuple[float, Array]:
-        """The mean of 1 / phi1', and its derivatives by the unknowns."""
-        functions = self._waves[3]
-        w = functions @ unknowns[:-1]
-        row = np.append(-np.mean(functions / w[:, None] ** 2, axis=0), 0.0)
-        return float(np.mean(1 / w)), row
-
-
-# Chooses a motion: a further equation of the unknowns, as its derivatives and its residual.
-Condition: TypeAlias = Callable[[HarmonicBalance, Array], tuple[Array, float]]
-
-
-def at_torque(torque: float) -> Condition:
-    """That a motor with this torque at rest, N m, keeps the motion up."""
-
-    def condition(balance: HarmonicBalance, unknowns: Array) -> tuple[Array, float]:
-        del balance
-        row = np.zeros(len(unknowns))
-        row[-1] = 1.0
-        return row, unknowns[-1] - torque
-
-    return condition
-
-
-def at_speed(speed: float) -> Condition:
-    """That the mean crank speed is this, rad/s."""
-
-    def condition(balance: HarmonicBalance, unknowns: Array) -> tuple[Array, float]:
-        mean, row = balance.mean_speed(unknowns)
-        return row, mean - 1 / speed
-
-    return condition
-
-
-def on_plane(one: PeriodicMotion, other: PeriodicMotion, share: float) -> Condition:
-    """That the motion lies between or beyond two others, at a share of the way between them."""
-
-    def condition(balance: HarmonicBalance, unknowns: Array) -> tuple[Array, float]:
-        start, end = balance.unknowns(one), balance.unknowns(other)
-        row = (end - start) / balance.units(one) ** 2
-        return row, float(row @ (unknowns - start - share * (end - start)))
-
-    return condition
-
-
-def between(
-    balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion, share: float
-) -> Array:
-    """A guess between or beyond two motions, at a share of the way between them."""
-    start, end = balance.unknowns(one), balance.unknowns(other)
-    return start + share * (end - start)

@@ -72,6 +72,7 @@ class PeriodicMotion:
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
         turns: Turns after which it repeats.
+        slow_multipliers: Of an averaged motion: what a turn multiplies slow deviations by.
     """
 
     solver: Solver
@@ -80,6 +81,7 @@ class PeriodicMotion:
     crank: Array
     torque: float
     turns: int = 1
+    slow_multipliers: tuple[complex, ...] = ()
 
     @functools.cached_property
     def angles(self) -> Array:
@@ -215,7 +217,7 @@ class PeriodicMotion:
     @functools.cached_property
     def multipliers(self) -> tuple[complex, ...]:
         """Floquet multipliers, the largest first: a period multiplies small deviations by them."""
-        return by_size(np.linalg.eigvals(_monodromy(self)))
+        return self.slow_multipliers or by_size(np.linalg.eigvals(_monodromy(self)))
 
     @property
     def stable(self) -> bool:

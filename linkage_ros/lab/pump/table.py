@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from linkage_ros.lab.pump.analysis import CHANGES, STARTS, Analysis
+from linkage_ros.lab.pump.analysis import CHANGES, Analysis
 
 _LARGE = 1e4  # multiplier of which the size alone is shown
 
@@ -18,16 +18,22 @@ def states_table(analysis: Analysis) -> list[str]:
     Returns:
         Lines, for a font of equal widths.
     """
+    ends = {
+        '{} end where coupler and rod are stretched or folded': analysis.ended,
+        '{} come to rest, or rock to and fro': analysis.stopped,
+        'warning: {} settle at no state that is listed: quasi-periodic, chaotic, slow to settle, '
+        'or of a long period': analysis.unidentified,
+    }
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
-    if analysis.ended:
+    lines += [
+        words.format(f'{share:.1%} of {analysis.starts} starts')
+        for words, share in ends.items()
+        if share
+    ]
+    if analysis.spread:
         lines.append(
-            f'{analysis.ended:.1%} of {STARTS} starts end where coupler and rod are stretched or '
-            'folded'
-        )
-    if analysis.unidentified:
-        lines.append(
-            f'warning: {analysis.unidentified:.1%} of {STARTS} starts settle at no state that is '
-            'listed: quasi-periodic, chaotic, slow to settle, or of a long period'
+            'the jump of load.return_value is spread over slider speeds of '
+            f'+-{analysis.spread:.2g} m/s: speeds are right to about 0.5 %, multipliers to 0.02'
         )
     return lines
 

@@ -1,0 +1,258 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The periodic motions over the mean crank speed, and where they lose their stability.
+
+Averaged over time, the motor's torque M0 - m phi1' is M0 - m w, w the mean speed. So M0(w) - m w
+is the load of the motion at w: the load curve. Its crossings with the motor's line are the
+steady states. Each curve is followed along its length, past its folds.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
+from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
+
+# How stability is lost, by the largest multiplier: 1 (two motions merge), -1, or a complex pair.
+FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
+# Why a curve ends: at a limit of speed or torque; where no next motion is found, since the crank
+# stops or the dyad is stretched.
+END, LOST = 'end of the scan', 'end of the description'
+_GAP = 1e-2  # relative, between a torque where a period doubles and the doubled motion beside it
+_SHORTEST = 1e-4  # step along a curve, relative to the unknowns' units
+_SHARP, _STRAIGHT = 0.5, 0.9  # cosines of the angle between two steps: too large, and small
+_MOST = 400  # steps along a curve
+_FEW = (
+    2  # turns of states whose curves are followed: a step of four turns takes eight times as long
+)
+_MOST_SECANTS, _UNIT = 40, 1e-9  # to where a multiplier has the modulus 1, and how nearly
+
+
+class Limits(NamedTuple):
+    """How far curves are followed.
+
+    Attributes:
+        slowest: Mean speed, rad/s.
+        fastest: Likewise.
+        torque: Largest torque of the motor at rest, N m.
+        step: Along the curve, relative to crank length, speed and torque.
+    """
+
+    slowest: float
+    fastest: float
+    torque: float
+    step: float
+
+    def hold(self, motion: PeriodicMotion) -> bool:
+        """Whether a motion lies within."""
+        return self.slowest <= motion.speed <= self.fastest and 0 < motion.torque <= self.torque
+
+
+@dataclass(eq=False)
+class Piece:
+    """A piece of the load curve without a change of stability.
+
+    Attributes:
+        motions: In the order of the curve.
+        begins_at: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
+        ends_at: Likewise.
+    """
+
+    motions: list[PeriodicMotion]
+    begins_at: str = LOST
+    ends_at: str = LOST
+
+    @property
+    def stable(self) -> bool:
+        """Whether its motions are stable; at its ends they may be neither."""
+        return self.motions[len(self.motions) // 2].stable
+
+
+class SteadyState(NamedTuple):
+    """A motion that a motor keeps up.
+
+    Attributes:
+        motion: The motion.
+        piece: The piece of the load curve in which it lies.
+    """
+
+    motion: PeriodicMotion
+    piece: Piece
+
+
+def steady_states(
+    balance: HarmonicBalance, pieces: Sequence[Piece], torque: float
+) -> list[SteadyState]:
+    """The motions at a torque of the motor.
+
+    Args:
+        balance: The equations.
+        pieces: The pieces of the load curve.
+        torque: Torque of the motor at rest, N m.
+
+    Returns:
+        The states by growing speed.
+    """
+    states: list[SteadyState] = []
+    for piece in pieces:
+        for one, other in itertools.pairwise(piece.motions):
+            if (one.torque < torque) != (other.torque < torque):
+                equations = balance.over(one.turns)
+                start, end = equations.unknowns(one), equations.unknowns(other)
+                share = (torque - one.torque) / (other.torque - one.torque)
+                motion = equations.find(start + share * (end - start))
+                if motion and not any(motion.is_same(state.motion) for state in states):
+                    states.append(SteadyState(motion, piece))
+    return sorted(states, key=lambda state: state.motion.speed)
+
+
+def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
+    """The torques of the motor at rest for which two or more stable states exist.
+
+    Args:
+        pieces: The pieces of the load curve. Along a stable piece the torque grows or falls, so
+            that it has one state at each of its torques.
+
+    Returns:
+        For each range: low and high, N m; low_is and high_is, what ends it there.
+    """
+    ends = []
+    for piece in pieces:
+        if piece.stable:
+            first, last = piece.motions[0].torque, piece.motions[-1].torque
+            lower, upper = sorted(((first, piece.begins_at), (last, piece.ends_at)))
+            ends += [(lower[0], 1, lower[1]), (upper[0], -1, upper[1])]
+    ranges: list[dict[str, Any]] = []
+    exist = 0
+    for (low, change, low_is), (high, _, high_is) in itertools.pairwise(sorted(ends)):
+        exist += change
+        if exist >= 2:
+            one = {'low': low, 'high': high, 'low_is': low_is, 'high_is': high_is}
+            if ranges and low - ranges[-1]['high'] < _GAP * low:  # a doubled period takes over
+                one.update(low=ranges[-1]['low'], low_is=ranges[-1]['low_is'])
+                ranges.pop()
+            ranges.append(one)
+    return ranges
+
+
+def with_curves(
+    balance: HarmonicBalance,
+    pieces: Sequence[Piece],
+    seeds: Iterable[PeriodicMotion | None],
+    limits: Limits,
+) -> list[Piece]:
+    """The pieces of the load curve, and those of motions that are not among them.
+
+    Args:
+        balance: The equations.
+        pieces: The pieces that are known.
+        seeds: The motions; None: not found.
+        limits: How far their curves are followed.
+
+    Returns:
+        All pieces.
+    """
+    found = list(pieces)
+    for seed in seeds:
+        if seed is None or seed.turns > _FEW:
+            continue
+        states = steady_states(balance, found, seed.torque)
+        if not any(seed.is_same(state.motion) for state in states):
+            found += follow(balance.over(seed.turns), seed, limits)
+    return found
+
+
+def follow(balance: HarmonicBalance, seed: PeriodicMotion, limits: Limits) -> list[Piece]:
+    """Follows the curve of a motion both ways.
+
+    Args:
+        balance: The equations of as many turns.
+        seed: The motion.
+        limits: How far.
+
+    Returns:
+        The pieces of the curve; the first begins on the side of slower cranks.
+    """
+    (back, begins_at), (forth, ends_at) = (_walk(balance, seed, sign, limits) for sign in (-1, 1))
+    motions = [*back[::-1], seed, *forth]
+    pieces = [Piece([motions[0]], begins_at)]
+    for one, other in itertools.pairwise(motions):
+        if one.stable != other.stable:
+            motion = _boundary(balance, one, other)
+            pieces[-1].motions.append(motion)
+            pieces[-1].ends_at = _kind(motion.multipliers[0])
+            pieces.append(Piece([motion], pieces[-1].ends_at))
+        pieces[-1].motions.append(other)
+    pieces[-1].ends_at = ends_at
+    return pieces
+
+
+def _kind(multiplier: complex) -> str:
+    if multiplier.imag:
+        return TORUS
+    return FOLD if multiplier.real > 0 else PERIOD_DOUBLING
+
+
+def _walk(
+    balance: HarmonicBalance, seed: PeriodicMotion, sign: int, limits: Limits
+) -> tuple[list[PeriodicMotion], str]:
+    """The motions of a curve after one of them, and why it ends."""
+    motions, step = [seed], limits.step / 4
+    ahead = sign * balance.tangent(seed) / balance.units(seed)
+    ahead /= np.linalg.norm(ahead)
+    while step > _SHORTEST and len(motions) < _MOST:
+        units, before = balance.units(motions[-1]), balance.unknowns(motions[-1])
+        one = balance.find(before + step * ahead * units, ahead / units)
+        way = (balance.unknowns(one) - before) / units if one else -ahead
+        way /= np.linalg.norm(way)
+        cosine = float(way @ ahead)
+        if one is None or cosine < _SHARP:
+            step /= 3
+            continue
+        if one.repeats_sooner or _is_doubled(motions[-1], one):
+            return motions[1:], PERIOD_DOUBLING
+        motions.append(one)
+        if not limits.hold(one):
+            return motions[1:], END
+        ahead, step = way, min(1.5 * step, limits.step) if cosine > _STRAIGHT else step
+    return motions[1:], LOST
+
+
+def _is_doubled(one: PeriodicMotion, other: PeriodicMotion) -> bool:
+    """Whether the period was doubled between two motions: beyond, turns come in another order."""
+    if one.turns % 2:
+        return False
+    first, second = one.subharmonics(2), other.subharmonics(2)
+    size = min(len(first), len(second))
+    return bool(first[:size] @ second[:size] < 0)
+
+
+def _boundary(
+    balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion
+) -> PeriodicMotion:
+    """The motion between two others whose largest multiplier has the modulus 1.
+
+    By the Illinois method (M. Dowell and P. Jarratt, BIT 11 (1971), 168-174) along the line
+    between them.
+    """
+    start, way = balance.unknowns(one), balance.unknowns(other) - balance.unknowns(one)
+    plane, found = way / balance.units(one) ** 2, other
+    x, y = 0.0, 1.0
+    at_x, at_y = abs(one.multipliers[0]) - 1, abs(other.multipliers[0]) - 1
+    for _ in range(_MOST_SECANTS):
+        z = y - at_y * (y - x) / (at_y - at_x)
+        motion = balance.find(start + z * way, plane)
+        if motion is None:
+            break
+        found, at_z = motion, abs(motion.multipliers[0]) - 1
+        x, at_x = (x, 0.5 * at_x) if at_z * at_y > 0 else (y, at_y)
+        y, at_y = z, at_z
+        if abs(at_y) < _UNIT:
+            break
+    return found
