@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The four-bar linkage: its description, what its lengths alone tell, and its exact pose.
+"""The four-bar linkage: description, mobility and exact pose.
 
 The loop is documents 1 and 2's, r e^(i alpha) + b e^(i beta) = c e^(i gamma) + d e^(i delta)
 (eq. 7 of the first, eq. 1 of the second); its solution here is this project's. Both halves of
@@ -68,7 +68,7 @@ class FourBarLoop(NamedTuple):
         axis: Direction of the frame: cosine and sine of delta.
         ground: d - r and d + r, m.
         dyad: b - c and side (b + c), m.
-        length: L^2 at theta = 0 and what it grows by towards theta = pi, m^2; None: crank pin and
+        length: L^2 at theta = 0 and its growth up to theta = pi, m^2; None: crank pin and
             rocker pivot meet there (rhombus and kite, r = d and b = c).
         moment: side (b - c)(b + c), m^2.
         arm: r (r - d cos theta) in the same form as L^2, m^2.
@@ -187,7 +187,7 @@ class FourBar(Mechanism):
             linkage that passes change points it names the branch at crank angles 0 to pi
             counted from the frame.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; what else acts on the rocker is its own.
+        loads: Load curves and friction; other loads belong to the rocker.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('rocker',)
@@ -245,7 +245,7 @@ class FourBar(Mechanism):
         return min(links, key=lambda name: links[name])
 
     def _differences(self) -> tuple[float, float, float, float]:
-        """D - r, d + r, b - c and b + c, m; equal where a short sum counts as zero."""
+        """The sums d - r, d + r, b - c and b + c, m; 0 where a short sum counts as 0."""
         r, b, c, d = self._lengths()
         far, near, other = self._short_sums()
         sum_dr, sum_bc = math.fsum((d, r)), math.fsum((b, c))
@@ -306,7 +306,7 @@ class FourBar(Mechanism):
         return ByRocker(loop._replace(transmission=transmission, axis=axis))
 
     def reach(self) -> Reach:
-        """What the crank can do."""
+        """Reach of the crank."""
         transmission = self._transmission()
         pass_by = abs(self._differences()[0]) / (
             2 * math.sqrt(self.crank.length * self.frame.length)
@@ -320,7 +320,7 @@ class FourBar(Mechanism):
         )
 
     def _limits(self, *, far: bool, near: bool) -> Iterator[str]:
-        """What stops a crank that cannot point away from, or to, the rocker pivot."""
+        """Reasons why the crank cannot point away from, or to, the rocker pivot."""
         r, b, c, d = self._lengths()
         if far:
             lack = math.fsum((d, r, -b, -c))
@@ -330,7 +330,7 @@ class FourBar(Mechanism):
             yield f'coupler and rocker differ by {lack:.6g} m more than frame and crank'
 
     def _cures(self) -> Iterator[str]:
-        """What would make a limited crank turn: each clause by itself, as short as can be."""
+        """Changes of length that let a limited crank turn, as separate clauses."""
         r, b, c, d = self._lengths()
         short, long = sorted((b, c))
         triangle = (short, long, -d), (d, short, -long)
@@ -351,7 +351,7 @@ class FourBar(Mechanism):
             yield f'make coupler and rocker equal, at least {equal} m each'
 
     def link_loads(self) -> tuple[Load, ...]:
-        """What acts on the rocker and on the crank."""
+        """Loads on the rocker and the crank."""
         rocker, middle, rest = self.rocker, None, 0.0
         if rocker.stiffness:
             middle = self.swing_middle(2, 'rocker.stiffness')
@@ -377,7 +377,7 @@ class FourBar(Mechanism):
         return middle(*spread, len(arcs) > 1, self.frame.angle, links[2].position)
 
     def structure(self) -> Structure:
-        """How the links hang together: the loop is cut at B."""
+        """The structure; the loop is cut at B."""
         crank, coupler, rocker = self.crank, self.coupler, self.rocker
         A0 = Point.at(0j, 3)
         B0 = Point.at(self.frame.length * cmath.exp(1j * self.frame.angle), 3)

@@ -13,7 +13,7 @@ _POSITIVE = (0.0, 1e12)
 
 @dataclass(frozen=True)
 class LinkLoad(Checked):
-    """What the output link works against: the mechanism takes it into the link's own values.
+    """A load on the output link; the mechanism merges it into that link.
 
     `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` is a four-bar whose rocker has torque -5 N m.
 

@@ -38,11 +38,11 @@ class LoadCurve(Checked):
         over: 'crank_angle': the crank's direction, and the first point follows the last one turn
             later; 'position': the output link's, a rocker's angle continuous over its swing. The
             end values hold outside the points.
-        at: Where the points are, rising, rad or m.
-        value: There, on the link: N m counter-clockwise; of a slider N along the guide.
-        return_value: With over: position, where the link's rate is negative; None: value.
-        file: A CSV file with columns at, value and, where there is one, return_value; it is read
-            at once, and left out of what the curve holds.
+        at: Crank angles or positions of the points, rising, rad or m.
+        value: Load on the link there: N m counter-clockwise; on a slider, N along the guide.
+        return_value: With over: position, the load while the link's rate is negative; None: value.
+        file: A CSV file with columns at, value and optionally return_value; it is read at once,
+            and not kept.
     """
 
     link: str = quantity(
@@ -122,7 +122,7 @@ class LoadCurve(Checked):
             )
 
     def on(self, mechanism: Loaded) -> CurveForce:
-        """The load of a mechanism.
+        """Makes the load of a mechanism.
 
         Args:
             mechanism: The mechanism.
@@ -151,8 +151,8 @@ class CurveForce(NamedTuple):
     Attributes:
         link: Index of the link.
         middle: Middle of the swing of a link that turns, rad.
-        value: The force of an angle or a position.
-        return_value: While the position falls; None: the same.
+        value: The load as a function of angle or position.
+        return_value: The load while the position falls; None: the same.
         over_position: Whether the curve depends on the link's position, not on the crank angle.
     """
 
@@ -173,7 +173,7 @@ class CurveForce(NamedTuple):
         return {self.link: force}
 
     def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: the force comes from outside."""
+        """See `Load`: none, because the force is external."""
         del links, rates
         return {}
 
@@ -192,9 +192,9 @@ class Table:
         """Takes the points.
 
         Args:
-            at: Rising.
-            value: There; the end values hold outside.
-            turns: Whether `at` are directions, rad: all whole turns later the points come again.
+            at: Places of the points, rising.
+            value: Values there; the end values hold outside.
+            turns: Whether `at` are directions, rad, so that the points repeat every turn.
 
         Raises:
             ConfigurationError: Two points are so close together that no slope can be computed.
@@ -237,7 +237,7 @@ def _columns_of(path: str) -> dict[str, tuple[float, ...]]:
     """The columns of a CSV file.
 
     Raises:
-        ConfigurationError: It cannot be read, or is no such table.
+        ConfigurationError: The file cannot be read, or is not such a table.
     """
     try:
         with open_file(path) as stream:
@@ -273,7 +273,7 @@ def _columns_of(path: str) -> dict[str, tuple[float, ...]]:
 
 
 def _number(cell: str) -> float:
-    """The number of a cell; not a number where it is none."""
+    """Reads a cell; nan if it is not a number."""
     try:
         return float(cell)
     except ValueError:

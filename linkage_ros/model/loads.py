@@ -19,12 +19,12 @@ from linkage_ros.numeric import Real
 
 
 class Load(Protocol):
-    """What acts on links."""
+    """A load on links."""
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """The generalised forces.
 
-        Joint forces take that of a link that turns for a couple.
+        Joint forces treat the force on a turning link as a couple.
 
         Args:
             links: Where the links are.
@@ -35,14 +35,14 @@ class Load(Protocol):
         """
 
     def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """The part of the forces that the frame exerts: resistance and springs. As `forces`."""
+        """The part of the forces that the frame exerts: resistance and springs; see `forces`."""
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """The potential energy but for a constant, J; ZERO: there is none."""
+        """The potential energy up to a constant, J; ZERO: none."""
 
 
 class Loaded(Protocol):
-    """What a load asks of the mechanism on which it acts; see `Mechanism`."""
+    """The mechanism as loads see it; see `Mechanism`."""
 
     def output(self, name: str, what: str) -> int:
         """The index of the crank or the output link."""
@@ -52,13 +52,13 @@ class Loaded(Protocol):
 
 
 class LinkForce(NamedTuple):
-    """What acts on one link: a force or torque, a resistance, and a spring to the frame.
+    """The load on one link: a force or torque, a resistance, and a spring to the frame.
 
     Attributes:
         link: Index of the link.
-        force: N m counter-clockwise, or N along the guide.
+        force: Torque, N m, counter-clockwise; or force along the guide, N.
         damping: Resistance per rate of the link, N m s or N s/m.
-        stiffness: Of the spring, N m/rad or N/m.
+        stiffness: Stiffness of the spring, N m/rad or N/m.
         rest: Position at which the spring is at rest, rad or m.
         middle: Middle of the swing of a link that turns, rad; see `continuous`.
     """
@@ -93,7 +93,7 @@ class LinkForce(NamedTuple):
 
 
 def link_forces(link: int, force: float, damping: float, stiffness: float, *spring: Any) -> Any:
-    """What acts on a link, empty where nothing does; see `LinkForce`."""
+    """The load on a link as a tuple, empty without load; see `LinkForce`."""
     acts = force or damping or stiffness
     return (LinkForce(link, force, damping, stiffness, *spring),) if acts else ()
 

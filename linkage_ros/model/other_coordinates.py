@@ -3,9 +3,9 @@
 """The poses of mechanisms in their other coordinates, for motions past a dead centre.
 
 A crank that cannot turn fully comes to rest at its dead centres, where coupler and rocker are in
-line: there its angle no longer tells how the motion goes on. The rocker's angle does, or the
-slider's position. Of a wind pump, the angles of crank and coupler do where coupler and rod are in
-line. Each of these fails in its turn at another place.
+line. There its angle no longer determines the motion, but the rocker's angle or the slider's
+position does. For a wind pump, the angles of crank and coupler do so where coupler and rod are in
+line. Each of these coordinates fails at another place.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class ByRocker(NamedTuple):
 
 
 def half_turn_on(angle: float) -> tuple[float, float]:
-    """An angle and half a turn, towards 0, as the nearest float and what it lacks, rad."""
+    """Adds half a turn to an angle, towards 0; returns the nearest float and its error, rad."""
     way = math.copysign(2.0, -angle)
     high, error = two_sum(angle, way * HALF_PI[0])
     return high, error + way * HALF_PI[1]
@@ -52,7 +52,7 @@ class BySlider(NamedTuple):
         crank: Length r, m.
         coupler: Length b, m.
         offset: Offset e of the guide, m.
-        refuse: Refuses a position.
+        refuse: Function that rejects a position.
     """
 
     side: int
@@ -92,7 +92,7 @@ class ByCoupler(NamedTuple):
         coupler: Length b of the coupler, m.
         rod: Length c of the rod, m.
         side: 1: the rod points along the guide; -1: against it.
-        refuse: Refuses coordinates.
+        refuse: Function that rejects coordinates.
     """
 
     crank: float

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parts that mechanisms are described with: links between pins, a slider, the fixed link.
+"""The parts of mechanisms: links between pins, a slider, the fixed link.
 
 Lengths in m, masses in kg, inertias in kg m^2 about each body's own centre of mass, angles in
 rad counter-clockwise from the x axis of base_link.
@@ -46,8 +46,8 @@ class Body(Checked):
 
     Attributes:
         length: Distance between its pins, m.
-        mass: kg.
-        inertia: About its centre of mass, kg m^2.
+        mass: Mass, kg.
+        inertia: Moment of inertia about its centre of mass, kg m^2.
         center: Centre of mass [along, across] from the first pin, m.
     """
 
@@ -78,12 +78,12 @@ class Coupler(Body):
 
 @dataclass(frozen=True)
 class Rocker(Body):
-    """The output link of a four-bar, and what it works against.
+    """The output link of a four-bar, and the load on it.
 
     Attributes:
         torque: External torque on it, counter-clockwise positive, N m.
         damping: Resistance of its bearing per angular velocity, N m s.
-        stiffness: Of a torsion spring to the frame, N m/rad.
+        stiffness: Stiffness of a torsion spring to the frame, N m/rad.
         rest_angle: Direction in which the spring is at rest, rad.
     """
 
@@ -141,10 +141,10 @@ class Slider(Checked):
 
     Attributes:
         offset: Distance of the pin's path from the crank pivot, to the guide's left, m.
-        mass: kg.
+        mass: Mass, kg.
         force: External force along the guide, N.
         damping: Resistance of the guide per sliding speed, N s/m.
-        stiffness: Of a spring to the frame, N/m.
+        stiffness: Stiffness of a spring to the frame, N/m.
         rest_position: Position at which the spring is at rest, m.
     """
 
@@ -171,15 +171,15 @@ class Slider(Checked):
 
 @dataclass(frozen=True)
 class Piston(Checked):
-    """A slider whose place no crank angle tells: it slides along the x axis of base_link.
+    """A slider independent of the crank angle; it slides along the x axis of base_link.
 
     Attributes:
-        position: At t = 0, m.
-        velocity: At t = 0, m/s.
-        mass: kg.
+        position: Position at t = 0, m.
+        velocity: Velocity at t = 0, m/s.
+        mass: Mass, kg.
         damping: Resistance of the pump per sliding speed, N s/m.
         force: External force along the guide, N.
-        stiffness: Of a spring to the frame, N/m.
+        stiffness: Stiffness of a spring to the frame, N/m.
         rest_position: Position at which the spring is at rest, m.
     """
 

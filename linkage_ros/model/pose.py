@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the links of a mechanism are, for given coordinates: what all formulas read."""
+"""The positions of a mechanism's links at given coordinates, the input of all formulas."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from linkage_ros.numeric import Real
 
 
 class LinkPose(NamedTuple):
-    """Where a link is, and how it follows the coordinates.
+    """The position of a link, and its derivatives by the coordinates.
 
     Attributes:
         position: Direction from first to second pin, in [-pi, pi] except the crank's, rad; of a
             sliding link its place along its guide, m.
         direction: Unit vector of the link; of a sliding link, of its guide.
         jacobian: Velocity of the link per rate of each coordinate; ZERO: the coordinate does not
-            move it.
-        curvature: Acceleration of the link per product of two rates (1 1; 1 2; 2 2), while none
-            of the rates changes; ZERO: there is none.
+            move the link.
+        curvature: Acceleration of the link per product of two rates (1 1; 1 2; 2 2) at constant
+            rates; ZERO: none.
     """
 
     position: Real
@@ -30,7 +30,7 @@ class LinkPose(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """Where all links are, for given coordinates.
+    """The positions of all links at given coordinates.
 
     Attributes:
         links: One for each moving link.
@@ -46,4 +46,4 @@ class Loop(Protocol):
     """The constants of a mechanism's kinematics: a named tuple of floats and `Opaque`s."""
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """The pose at the coordinates, exact; guards refuse coordinates that cannot be reached."""
+        """The exact pose at the coordinates; guards refuse unreachable coordinates."""

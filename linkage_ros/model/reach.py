@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the crank of a mechanism can do: where it turns, what stops it, where motion is fast."""
+"""The reach of a crank: where it turns, what limits it, and where motion is fast."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
 
 
 class Reach(NamedTuple):
-    """What the crank of a mechanism of one degree of freedom can do.
+    """The reach of the crank of a mechanism with one degree of freedom.
 
     Attributes:
-        grashof: Class, such as 'crank-rocker' or 'change-point'; see the mechanism's.
-        arcs: Where the crank can be, (from, to) with from in [0, 2 pi), rad; the whole turn
+        grashof: Class, such as 'crank-rocker' or 'change-point'; see the mechanism.
+        arcs: Reachable crank angles, (from, to) with from in [0, 2 pi), rad; the whole turn
             where it turns fully.
         period_turns: Turns of the crank after which the motion repeats.
-        transmission: Smallest and largest transmission angle, rad in [0, pi]; 0 or pi: links come
-            into line. None: the mechanism has no such angle.
-        limits: What stops the crank; empty where it turns fully.
-        cures: What would make it turn, each by itself; empty where it does.
-        equalities: Sums of lengths that are not 0 in binary and count as 0, in words.
-        fast: A crank angle at which motion may be fast, and again every half turn, rad.
-        width: Half the crank angle within which it is fast there, rad; inf: it is nowhere fast.
+        transmission: Smallest and largest transmission angle, rad in [0, pi]; 0 or pi: links
+            become collinear. None: the mechanism has no such angle.
+        limits: Reasons why the crank cannot turn fully; empty if it does.
+        cures: Changes that would let it turn, each sufficient; empty if it does.
+        equalities: Descriptions of sums of lengths that count as 0 but are not 0 in binary.
+        fast: A crank angle at which motion may be fast, repeated every half turn, rad.
+        width: Half-width of that region, rad; inf: motion is fast nowhere.
     """
 
     grashof: str
@@ -52,7 +52,7 @@ class Reach(NamedTuple):
 
     @property
     def has_change_point(self) -> bool:
-        """Whether all links come into one line during a full turn."""
+        """Whether all links become collinear during a full turn."""
         low, high = self.transmission or (1.0, 1.0)
         return self.turns_fully and (low == 0 or high == math.pi)
 
@@ -60,7 +60,7 @@ class Reach(NamedTuple):
         """Refuses a mechanism whose crank does not turn through every angle.
 
         Raises:
-            MechanismError: With its class, what stops the crank, and where it can be.
+            MechanismError: It names the class, the cause and the reachable arcs.
         """
         if not self.turns_fully:
             raise MechanismError(self._refusal('turn fully'))
@@ -69,10 +69,10 @@ class Reach(NamedTuple):
         """Refuses a crank angle at which no state, or no finite rate, exists.
 
         Args:
-            crank: rad.
+            crank: Crank angle, rad.
 
         Raises:
-            UnreachableError: With the class, the cause, the cures and the reachable arcs.
+            UnreachableError: It names the class, the cause, the cures and the reachable arcs.
         """
         purpose = f'move at {math.degrees(crank):.9g} deg'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
@@ -87,9 +87,9 @@ class Reach(NamedTuple):
         )
 
     def samples(self, steps_per_turn: int = 720) -> Array:
-        """Crank angles over one period that miss nothing of the motion.
+        """Crank angles over one period that resolve the motion.
 
-        Where motion is fast the steps become finer, to far below the width.
+        Steps are finer where motion is fast, far below the width.
 
         Args:
             steps_per_turn: Number of even steps in a turn.

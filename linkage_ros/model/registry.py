@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The mechanisms by the names under which parameter files ask for them."""
+"""The mechanisms, by their names in parameter files."""
 
 from __future__ import annotations
 

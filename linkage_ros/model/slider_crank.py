@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The slider-crank: its description, what its lengths alone tell, and its exact pose.
+"""The slider-crank: description, mobility and exact pose.
 
 The loop is document 4's (eq. 2, where e = 0), with an offset e and in the guide's axes:
 
@@ -122,7 +122,7 @@ class SliderCrank(Mechanism):
         assembly: 'open': the slider is on the + side of the crank pin where the crank points
             along the guide; 'crossed': on the - side.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; what else acts on the slider is its own.
+        loads: Load curves and friction; other loads belong to the slider.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('slider',)
@@ -164,9 +164,10 @@ class SliderCrank(Mechanism):
 
     @property
     def grashof(self) -> str:
-        """The class: 'crank-slider' (the crank turns), 'rotating-coupler' (the coupler does).
+        """The class of the linkage.
 
-        Else 'change-point' or 'non-Grashof' (neither turns).
+        'crank-slider' (the crank turns fully), 'rotating-coupler' (the coupler does),
+        'change-point' or 'non-Grashof' (neither does).
         """
         r, b, e = self._lengths()
         crank = short_sum(self._longest(), r, abs(e), -b)
@@ -216,13 +217,13 @@ class SliderCrank(Mechanism):
         )
 
     def link_loads(self) -> tuple[Load, ...]:
-        """What acts on the slider and on the crank."""
+        """Loads on the slider and the crank."""
         slider = self.slider
         terms = slider.force, slider.damping, slider.stiffness, slider.rest_position
         return (*link_forces(2, *terms), *super().link_loads())
 
     def reach(self) -> Reach:
-        """What the crank can do."""
+        """Reach of the crank."""
         transmission = self._transmission()
         return transmission.reach(
             self.grashof,
@@ -232,7 +233,7 @@ class SliderCrank(Mechanism):
         )
 
     def _limits(self, *, far: bool, near: bool) -> Iterator[str]:
-        """What stops a crank that cannot point to the left, or to the right, of the guide."""
+        """Reasons why the crank cannot point to the left, or to the right, of the guide."""
         r, b, e = self._lengths()
         for stopped, word, side, offset in ((far, '-', 'left', -e), (near, '+', 'right', e)):
             if stopped:
@@ -243,7 +244,7 @@ class SliderCrank(Mechanism):
                 )
 
     def _cures(self) -> Iterator[str]:
-        """What would make a limited crank turn: each clause by itself, as short as can be."""
+        """Changes of length that let a limited crank turn, as separate clauses."""
         r, b, e = self._lengths()
         yield f'lengthen the coupler to at least {rounded(r + abs(e), up=True)} m'
         if (shorter := short_sum(self._longest(), b, -abs(e))) > 0:
@@ -252,7 +253,7 @@ class SliderCrank(Mechanism):
             yield f'bring the offset to within {rounded(nearer, up=False)} m of 0'
 
     def structure(self) -> Structure:
-        """How the links hang together: the loop is cut at B."""
+        """The structure; the loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
         foot = 1j * slider.offset * cmath.exp(1j * self.frame.angle)
         A0 = Point.at(0j, 3)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How the links of a mechanism hang together, and what every mechanism offers."""
+"""The structure of a mechanism, and the base class of all mechanisms."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Point(NamedTuple):
     Attributes:
         weights: The point is the sum of weights[j] e^(i phi_j), plus `fixed`, m; one for each
             moving link, 0 for one that slides. In formulas they are vectors.
-        fixed: x + iy, m.
+        fixed: Constant part x + iy, m.
     """
 
     weights: tuple[Any, ...]
@@ -34,11 +34,11 @@ class Point(NamedTuple):
 
     @classmethod
     def at(cls, place: complex, links: int) -> Point:
-        """A fixed point of a mechanism of so many links, at x + iy, m."""
+        """Makes a fixed point x + iy, m, of a mechanism with a number of links."""
         return cls((0j,) * links, place)
 
     def along(self, link: int, place: complex) -> Point:
-        """The point at a place on a turning link whose first pin is here, along + i across, m."""
+        """Makes the point along + i across, m, on a turning link whose first pin is this point."""
         weights = list(self.weights)
         weights[link] += place
         return Point(tuple(weights), self.fixed)
@@ -46,7 +46,7 @@ class Point(NamedTuple):
     def follow(
         self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
     ) -> tuple[Vector, Vector, Vector]:
-        """Follows the point in a formula (document 2, eq. a2, a3, 34, 35; their derivative).
+        """Motion of the point in a formula (document 2, eq. a2, a3, 34, 35; their derivative).
 
         Args:
             directions: Unit vector of each link.
@@ -71,7 +71,7 @@ class Point(NamedTuple):
 
 
 class Link(NamedTuple):
-    """A moving link: its joint in the open tree in which ROS sees a mechanism, and its body.
+    """A moving link: its joint in the open tree for ROS, and its body.
 
     URDF has no closed loops. The loop is cut at the pin of the output link, B between coupler and
     rocker or slider, of a wind pump D between rod and slider. Every joint is measured from its
@@ -79,8 +79,8 @@ class Link(NamedTuple):
 
     Attributes:
         name: Name of the link and of its joint.
-        mass: kg.
-        inertia: About its centre of mass, kg m^2; 0 for a link that slides.
+        mass: Mass, kg.
+        inertia: Moment of inertia about its centre of mass, kg m^2; 0 for a sliding link.
         center: Centre of mass; for a link that slides, its pin.
         parent: Index of the parent link; None: base_link.
         origin: Place of the joint in its parent, x + iy, m.
@@ -99,7 +99,7 @@ class Link(NamedTuple):
 
     @classmethod
     def turning(cls, name: str, body: Body, index: int, pin: Point) -> Link:
-        """A link that turns about its first pin.
+        """Makes a link that turns about its first pin.
 
         Args:
             name: Its name.
@@ -117,7 +117,7 @@ class Link(NamedTuple):
 
 
 def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
-    """The coupler point C by its name, where the coupler, link 1, has one.
+    """The coupler point C by its name, if the coupler, link 1, has one.
 
     Args:
         coupler: The coupler.
@@ -144,13 +144,13 @@ class Pin(NamedTuple):
 
 
 class Dyad(NamedTuple):
-    """Two links that meet in a pin, closed by the links before them (an Assur group).
+    """Two links joined by a pin, positioned by the links before them (an Assur group).
 
     Attributes:
-        first: Index of the link that comes from the links before.
-        second: Index of the link that it meets; one that slides counts as an endless link across
-            its guide.
-        pin: Name of the pin in which they meet.
+        first: Index of the link attached to the links before.
+        second: Index of the other link; a sliding link counts as an infinite link across its
+            guide.
+        pin: Name of the pin that joins them.
         outer: Names of their outer pins, the second empty for a link that slides.
     """
 
@@ -165,12 +165,12 @@ class Structure(NamedTuple):
 
     Attributes:
         links: The moving links, each after its parent.
-        points: The pins A0, A, B and, where there are such, B0, D and the coupler point C.
-        closure: The way around the loop but for what slides: its end is where the sliding link
-            is, or where the way began.
-        pins: Empty: forces in the joints are not known.
-        dyads: In the order in which they are closed.
-        other_dyads: The same for the mechanism's other coordinates; see `Mechanism`.
+        points: The pins A0, A, B and, if present, B0, D and the coupler point C.
+        closure: The path around the loop without sliding links; it ends at the sliding link, or
+            at its beginning.
+        pins: The pin joints; empty if joint forces are not supported.
+        dyads: Dyads in the order in which they are closed.
+        other_dyads: Dyads in the other coordinates; see `Mechanism`.
     """
 
     links: tuple[Link, ...]
@@ -182,11 +182,11 @@ class Structure(NamedTuple):
 
 
 class Description(NamedTuple):
-    """How numbers describe where a mechanism is.
+    """A choice of coordinates for a mechanism.
 
     Attributes:
         coordinates: Names of the links whose positions determine all others.
-        assembly: 'open' or 'crossed': the way in which the loop is then closed.
+        assembly: 'open' or 'crossed': how the loop is closed in these coordinates.
     """
 
     coordinates: tuple[str, ...]
@@ -197,16 +197,16 @@ class Description(NamedTuple):
 
 
 class Mechanism(Checked):
-    """Base of all mechanisms: frozen dataclasses of parts, checked when they are made.
+    """Base of all mechanisms: frozen dataclasses of parts, checked on creation.
 
     Attributes:
         coordinates: Names of the links whose positions determine all others.
-        other_coordinates: Links that do so where the `coordinates` reach their end, at a dead
-            centre or a stretched dyad; empty: there are none.
+        other_coordinates: Links that do so where the `coordinates` end, at a dead centre or a
+            stretched dyad; empty: none.
         crank: The link that the drive turns.
-        assembly: Which way round the loop is closed.
+        assembly: How the loop is closed.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: What acts on the links besides what the parts say.
+        loads: Loads on the links, besides those of the parts.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank',)
@@ -239,10 +239,10 @@ class Mechanism(Checked):
             )
 
     def _take_in(self, load: LinkLoad) -> None:
-        """Takes a load of the output link into that part: there is one place for it.
+        """Merges a load of the output link into that part.
 
         Raises:
-            ConfigurationError: There is no such link, or it has a load already.
+            ConfigurationError: There is no such link, or it already has a load.
         """
         part = getattr(self, load.link, None)
         if part is None:
@@ -260,7 +260,7 @@ class Mechanism(Checked):
         object.__setattr__(self, load.link, taken)
 
     def structure(self) -> Structure:
-        """How the links hang together."""
+        """The structure of the links."""
         raise NotImplementedError
 
     def loop(self) -> Loop:
@@ -269,11 +269,11 @@ class Mechanism(Checked):
 
     @property
     def description(self) -> Description:
-        """How its own coordinates and assembly describe it."""
+        """The mechanism's own coordinates and assembly."""
         return Description(self.coordinates, self.assembly)
 
     def loop_of(self, description: Description) -> Loop:
-        """The constants of the kinematics in one of its descriptions."""
+        """The constants of the kinematics in a description."""
         if description == self.description:
             return self.loop()
         if description.coordinates == self.other_coordinates:
@@ -293,23 +293,23 @@ class Mechanism(Checked):
         raise NotImplementedError
 
     def link_loads(self) -> tuple[Load, ...]:
-        """What acts on the links, besides their weight and friction, for formulas."""
+        """Loads on the links for formulas, without weight and friction."""
         return tuple(load.on(self) for load in self.loads if hasattr(load, 'on'))
 
     @property
     def friction(self) -> Friction | None:
-        """Dry friction in the joints; None: there is none."""
+        """Dry friction in the joints; None: no friction."""
         found = [load for load in self.loads if isinstance(load, Friction)]
         return (
             found[0] if found and (found[0].pin * found[0].pin_radius or found[0].guide) else None
         )
 
     def output(self, name: str, what: str) -> int:
-        """The index of a link on which loads may act: the crank or the output link.
+        """Index of a link on which loads may act: the crank or the output link.
 
         Args:
             name: Name of the link.
-            what: What names it, for the error.
+            what: The setting that names it, for the error.
 
         Returns:
             The index.
@@ -325,14 +325,14 @@ class Mechanism(Checked):
         return names.index(name)
 
     def swing_middle(self, link: int, what: str) -> float | None:
-        """The middle of the swing of the output link, on which what depends on its place counts.
+        """The middle of the output link's swing, the origin of its position.
 
         Args:
             link: Index of the link.
-            what: What asks for it, for the error.
+            what: The setting that needs it, for the error.
 
         Returns:
-            In [-pi, pi], rad; None of a link that slides.
+            Direction in [-pi, pi], rad; None for a sliding link.
 
         Raises:
             ConfigurationError: The link turns fully.
@@ -341,9 +341,9 @@ class Mechanism(Checked):
         return None
 
     def reach(self) -> Reach | None:
-        """What the crank can do; None: the crank angle alone does not determine the motion."""
+        """Reach of the crank; None: the crank angle alone does not determine the motion."""
         return None
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Coordinates besides the crank angle at t = 0, and their rates."""
+        """Other coordinates than the crank angle at t = 0, and their rates."""
         return (), ()

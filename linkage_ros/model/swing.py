@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far the rocker of a four-bar swings, from its lengths."""
+"""The swing of a four-bar's rocker, from the lengths."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def swing(crank: float, coupler: float, rocker: float, frame: float) -> tuple[fl
     pivot, which bounds the angle by the law of cosines.
 
     Args:
-        crank: Length, m.
-        coupler: Length, m.
-        rocker: Length, m.
-        frame: Length, m.
+        crank: Length of the crank, m.
+        coupler: Length of the coupler, m.
+        rocker: Length of the rocker, m.
+        frame: Length of the frame, m.
 
     Returns:
-        In [0, pi], rad; 0 or pi: the rocker passes the line of the frame there.
+        Angles in [0, pi], rad; 0 or pi: the rocker crosses the line of the frame.
     """
     longest = max(crank, coupler, rocker, frame)
     nearest, farthest = abs(short_sum(longest, coupler, -crank)), coupler + crank
@@ -40,12 +40,12 @@ def middle(low: float, high: float, both_sides: bool, frame: float, rocker: floa
     Args:
         low: From `swing`.
         high: From `swing`.
-        both_sides: Whether it swings to both sides of the frame's line, or may.
+        both_sides: Whether it swings, or may swing, to both sides of the frame's line.
         frame: Direction of the frame, rad.
-        rocker: One of its own directions, rad.
+        rocker: One of the rocker's directions, rad.
 
     Returns:
-        In [-pi, pi], rad.
+        Direction in [-pi, pi], rad.
     """
     found = 0.5 * (low + high)
     if low == 0 or high == math.pi or both_sides:

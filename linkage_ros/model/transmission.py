@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the crank to the transmission angle: the map that four-bar and slider-crank share.
+"""The map from crank angle to transmission angle, shared by four-bar and slider-crank.
 
 Let h be half the crank angle, counted from the line of the fixed pivots, and m half the angle
 at which coupler and rocker meet. By the factored closed form (docs/mechanisms.md)
@@ -34,9 +34,9 @@ class Square(NamedTuple):
     Attributes:
         least: p or q; ZERO where it counts as 0: the root is x itself, with its sign.
         most: The square where x^2 is largest, 1 - q or 1 - p without their rounding.
-        limits: Whether the square can become negative, where the crank cannot be.
-        from_most: Whether to compute it as `most` less the square of the other product, because
-            there less cancels.
+        limits: Whether the square can become negative, at unreachable crank angles.
+        from_most: Whether to compute it as `most` minus the square of the other product, where
+            this loses fewer digits.
     """
 
     least: Real
@@ -46,18 +46,18 @@ class Square(NamedTuple):
 
     @classmethod
     def of(cls, least: float, most: float) -> Square:
-        """The square from its least value and its largest."""
+        """Makes the square from its smallest and largest values."""
         most = max(most, 0.0)  # of a loop that just closes, rounding could make it negative
         return cls(least or ZERO, most, least < 0, least < 0 and most < -least)
 
     def root(self, x: Real, other: Real, refuse: Opaque, crank: Real) -> Real:
-        """Cos m or sin m.
+        """Computes cos m or sin m.
 
         Args:
             x: kappa cos h, or kappa sin h.
-            other: The other one.
-            refuse: Refuses a crank angle.
-            crank: rad.
+            other: The other of these.
+            refuse: Function that rejects a crank angle.
+            crank: Crank angle, rad.
 
         Returns:
             The root.
@@ -93,10 +93,10 @@ class Transmission(NamedTuple):
         reference: Direction of the reference line, rad, in two parts whose sum is exact to
             twice the digits of a double.
         kappa: Coupling, signed: negative where the reference is an odd number of turns away,
-            so that the branch named at crank angles 0 to pi from it is the one asked for.
+            so that crank angles 0 to pi from it have the branch of `assembly`.
         cos: The square of cos m; it limits where the crank cannot reach the far side.
         sin: The square of sin m; it limits where the crank cannot reach the near side.
-        refuse: Refuses a crank angle.
+        refuse: Function that rejects a crank angle.
     """
 
     reference: tuple[float, float]
@@ -127,13 +127,13 @@ class Transmission(NamedTuple):
         return Halves(sin_h, cos_h, sin_m, cos_m)
 
     def ratios(self, at: Halves) -> tuple[Real, Real]:
-        """U and v."""
+        """The ratios u and v."""
         u = 1.0 if self.cos.least is ZERO else self.kappa * at.cos_h / at.cos_m
         v = 1.0 if self.sin.least is ZERO else self.kappa * at.sin_h / at.sin_m
         return u, v
 
     def slopes(self, at: Halves) -> tuple[Real, Real]:
-        """How the transmission angle changes with the crank.
+        """Derivatives of the transmission angle by the crank angle.
 
         Args:
             at: From `place`.
@@ -157,10 +157,10 @@ class Transmission(NamedTuple):
         return not (self.cos.limits or self.sin.limits)
 
     def arcs(self) -> tuple[Arc, ...]:
-        """Where the crank can be, in closed form: cos^2 m and sin^2 m must not be negative.
+        """Reachable crank angles in closed form: cos^2 m and sin^2 m must not be negative.
 
         Returns:
-            (from, to) with from in [0, 2 pi), rad; one turn where it turns fully.
+            Arcs (from, to) with from in [0, 2 pi), rad; one turn if the crank turns fully.
         """
         if self.turns_fully:
             return ((0.0, 2 * math.pi),)
@@ -181,8 +181,8 @@ class Transmission(NamedTuple):
     def extremes(self) -> Arc:
         """The smallest and the largest transmission angle 2m, in [0, pi], rad.
 
-        They are at h = 0 and h = pi/2; a crank that cannot get there stops where the angle is 0
-        (folded) or pi (stretched).
+        They occur at h = 0 and h = pi/2; a crank that cannot reach these stops where the angle is
+        0 (folded) or pi (stretched).
         """
         near, far = max(float(self.sin.least), 0.0), max(float(self.cos.least), 0.0)
         smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(self.cos.most if near else 1.0))
@@ -197,13 +197,13 @@ class Transmission(NamedTuple):
         equalities: tuple[str, ...],
         pass_by: float = 0.0,
     ) -> Reach:
-        """What the crank can do.
+        """Makes the reach of the crank.
 
         Args:
-            grashof: The class.
-            limits: What stops the crank.
-            cures: What would make it turn; read only where something stops it.
-            equalities: Sums of lengths that count as 0.
+            grashof: Class of the linkage.
+            limits: Reasons why the crank cannot turn fully.
+            cures: Changes that would let it turn; used only if there are limits.
+            equalities: Descriptions of sums of lengths that count as 0.
             pass_by: Half the crank angle within which the crank pin passes the rocker pivot, rad;
                 0: there is no such pivot, or the pin meets it.
 

@@ -74,7 +74,7 @@ class WindPumpLoop(NamedTuple):
     refuse: Opaque
 
     def margins(self, q: tuple[Real, ...]) -> tuple[Real, Real, Real]:
-        """How far the dyad is from its limits.
+        """Margins of the dyad to its limits.
 
         Args:
             q: Crank angle, rad, and the slider's position, m.
@@ -197,7 +197,7 @@ class WindPump(Mechanism):
         return ByCoupler(*lengths, 1 if assembly == OPEN else -1, Opaque(self._refuse_rod))
 
     def link_loads(self) -> tuple[Load, ...]:
-        """What acts on the slider, the resistance of the pump included, and on the crank."""
+        """Loads on the slider, including the resistance of the pump, and on the crank."""
         slider = self.slider
         terms = slider.force, slider.damping, slider.stiffness, slider.rest_position
         return (*link_forces(3, *terms), *super().link_loads())
@@ -229,7 +229,7 @@ class WindPump(Mechanism):
         )
 
     def _slider_range(self, crank: float) -> str:
-        """Where the slider can be at a crank angle, in words."""
+        """Describes the range of the slider at a crank angle."""
         r, b, c = self.crank.length, self.coupler.length, self.rod.length
         ax, ay = r * math.cos(crank), r * math.sin(crank)
         far = (b + c) ** 2 - ay * ay
@@ -241,7 +241,7 @@ class WindPump(Mechanism):
         return f'there the slider can be within {words} m'
 
     def structure(self) -> Structure:
-        """How the links hang together: the loop is cut at D."""
+        """The structure; the loop is cut at D."""
         crank, coupler, rod, slider = self.crank, self.coupler, self.rod, self.slider
         A0 = Point.at(0j, 4)
         A = A0.along(0, crank.length)

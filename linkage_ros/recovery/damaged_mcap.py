@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Walks through an MCAP file that is cut off or damaged, and passes over what is not whole.
+"""Reads the intact records of a truncated or damaged MCAP file.
 
-Chunks hold all messages and have checksums. Behind a damaged place the walk goes on at the next
-chunk or record of ours.
+Chunks hold all messages and have checksums. After damage, reading continues at the next chunk or
+record of this package.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _LANDMARK_SIZE = 45
 
 @dataclass
 class Losses:
-    """What could not be saved.
+    """The part of a log that could not be recovered.
 
     Attributes:
-        places: Damaged stretches between whole records.
-        damaged: Their bytes.
-        messages: Messages known to have been there.
-        records: Motion records among them.
-        tail: Bytes at the end that the run was writing when it was killed, or that are damaged.
+        places: Number of damaged stretches between intact records.
+        damaged: Number of bytes in them.
+        messages: Number of messages known to be lost.
+        records: Number of motion records among them.
+        tail: Number of incomplete or damaged bytes at the end.
     """
 
     places: int = 0
@@ -50,8 +50,8 @@ def walk(file: McapFile, losses: Losses) -> Iterator[Part]:
     """Reads the records that can be read, up to the end of the data section.
 
     Args:
-        file: The file, which begins as MCAP files do.
-        losses: Is told what cannot be read.
+        file: The file; its beginning is that of an MCAP file.
+        losses: Counts what cannot be read.
 
     Yields:
         Records, in order.
@@ -88,7 +88,7 @@ def walk(file: McapFile, losses: Losses) -> Iterator[Part]:
 
 
 def _whole(file: McapFile, at: int) -> Part | None:
-    """The record at a place; None if it is damaged, or too large to be read."""
+    """Reads the record at a place; None if it is damaged or too large."""
     with suppress(Exception):  # nothing bounds what damage makes a parser raise
         if _is_possible(file, at):
             part = file.part(at)
@@ -100,7 +100,7 @@ def _whole(file: McapFile, at: int) -> Part | None:
 
 
 def _is_possible(file: McapFile, at: int) -> bool:
-    """Whether a record of a data section may be at a place: its opcode and end are right.
+    """Returns whether a place may hold a record: its opcode and end are valid.
 
     Raises:
         Exception: There is none.
@@ -110,10 +110,10 @@ def _is_possible(file: McapFile, at: int) -> bool:
 
 
 def _next_place(file: McapFile, at: int) -> int | None:
-    """Where to go on behind a damaged record; None if nothing is behind it.
+    """Finds the next place to read after a damaged record; None at the end.
 
-    Where the length of a chunk is right, the next record is known; elsewhere it may lie within
-    what the damaged length claims.
+    If the length of a chunk is right, the next record follows it; otherwise the record may lie
+    within the claimed length.
 
     Raises:
         LogError: Too many places were tried.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Copies what was read of a broken log, record by record, into a complete one."""
+"""Copies the intact records of a damaged log into a complete log."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _DECODERS: dict[str, Callable[[Mapping[str, str]], object]] = {
 
 
 def _is_undamaged(record: Metadata) -> bool:
-    """Whether a record of ours is undamaged; those of others have nothing to tell by."""
+    """Returns whether a record of this package is intact; other records have no checksum."""
     try:
         if record.name in _DECODERS:
             _DECODERS[record.name](record.metadata)
@@ -49,10 +49,10 @@ def _is_undamaged(record: Metadata) -> bool:
 
 
 class RecordCopy:
-    """Writes records to a new file; its own numbers stand for schemas and channels there.
+    """Writes records to a new file, with new numbers of schemas and channels.
 
     Attributes:
-        chunks: Of the new file.
+        chunks: Chunks of the new file.
         is_configured: Whether the new file has a configuration.
     """
 
@@ -62,8 +62,8 @@ class RecordCopy:
         Args:
             writer: Writer of the new file.
             file: The broken log.
-            losses: Is told what cannot be copied.
-            spare: What a complete file repeats at its end, for messages whose first chunk is lost.
+            losses: Counts what cannot be copied.
+            spare: Summary at the end of the file, for messages whose first chunk is lost.
         """
         self.chunks, self.is_configured = Chunks(writer, CHUNK_SIZE), False
         self._writer, self._file, self._losses, self._spare = writer, file, losses, spare
@@ -74,7 +74,7 @@ class RecordCopy:
         self._channels: dict[int, int] = {}
 
     def add(self, part: Part) -> None:
-        """Writes what is in a part of the log, unless it is damaged or there already."""
+        """Writes the contents of a part, unless they are damaged or already written."""
         if isinstance(part.record, Metadata):
             self._add_metadata(part.record)
         elif isinstance(part.record, Attachment):
@@ -123,7 +123,7 @@ class RecordCopy:
         self._waiting += message_record(channel, times, message.data, message.sequence)
 
     def _write_messages(self) -> None:
-        """Writes the messages that wait for others: one by one takes far longer."""
+        """Writes the collected messages in one batch, which is far faster."""
         columns = {n: np.array(entries, np.uint64).T for n, entries in self._index.items()}
         self.chunks.add_records(self._waiting, {n: (t, p) for n, (t, p) in columns.items()})
         self._waiting.clear()
@@ -143,7 +143,7 @@ class RecordCopy:
 
 
 def _records(file: McapFile, data: bytes) -> Iterator[McapRecord]:
-    """The whole records at the beginning of a part."""
+    """The complete records at the beginning of a part."""
     at = 0
     with suppress(Exception):  # nothing bounds what damage makes a parser raise
         while at < len(data):

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Saves what a killed run or a damaged disk left of a log into a complete one."""
+"""Recovers a log after a killed run or damage to the disk."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from linkage_ros.units import NS_PER_S
 
 
 class Recovered(NamedTuple):
-    """What came of a recovery.
+    """The outcome of a recovery.
 
     Attributes:
-        messages: Saved.
-        duration: From the first to the last of them, s.
-        losses: What was not.
+        messages: Number of messages recovered.
+        duration: Time from the first to the last of them, s.
+        losses: What could not be recovered.
     """
 
     messages: int
@@ -45,16 +45,16 @@ def recover(
     """Copies all that can be read of a log: messages, topics, configuration and motions.
 
     Args:
-        source: The log; it is left as it is.
+        source: The log; it is not changed.
         target: The new log.
         overwrite: Whether to replace an existing file.
         progress: Called with the number of bytes that were read since the last call.
 
     Returns:
-        What was saved and what was lost.
+        What was recovered and what was lost.
 
     Raises:
-        LogError: The source is no log of this package or unpacks to too much, or the target
+        LogError: The source is not a log of this package or unpacks to too much, or the target
             cannot be written or is the source.
     """
     source, target = Path(source), Path(target)
@@ -88,7 +88,7 @@ def _opened(path: Path) -> Iterator[McapFile]:
 
 @contextmanager
 def _replaced(target: Path, *, overwrite: bool) -> Iterator[Path]:
-    """A path beside the target for the new file, which takes the target's place at the end.
+    """Context with a temporary path beside the target, which replaces the target at the end.
 
     Raises:
         LogError: The target exists and is not to be replaced, or cannot be written.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a linkage as lines and points, whatever shows them.
+"""The picture of a linkage as lines and points, for Rerun and for charts.
 
 All coordinates are m in base_link, x to the right and y up.
 """
@@ -45,11 +45,11 @@ class Drawing:
         turning: Names of the links that have a direction: all but a slider.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pivot_names: Their names.
-        pivot_labels: Where their names hang from; shape as pivots, m.
+        pivot_labels: Positions of their labels; shape as pivots, m.
         pins: Names of the moving points, in the order of `place`.
         ends: First and second pin of each link that turns.
-        owners: Owners of moving points that leave the circle of the crank pin, the links in whose
-            colour their paths are drawn.
+        owners: Links that determine the colours of the paths, by moving point; not of points on
+            the circle of the crank pin.
         output: Name of the output link.
         loaded: Names of the links on which loads act.
         paths: Closed paths of the output link's pin and of the coupler point C, by the name of
@@ -57,12 +57,12 @@ class Drawing:
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
         scale: A bar below everything, a line of shape (4, 2), m.
         scale_length: Its length, m.
-        bounds: Lower left and upper right corner of everything at any time, shape (2, 2), m; if
-            the slider is free, while it is where it can be at every crank angle.
+        bounds: Lower left and upper right corner of the whole motion, shape (2, 2), m; with a
+            free slider, of the positions possible at every crank angle.
     """
 
     def __init__(self, mechanism: Mechanism, crank_angle: float = 0.0) -> None:
-        """Draws it.
+        """Makes the drawing.
 
         Args:
             mechanism: The mechanism.
@@ -122,7 +122,7 @@ class Drawing:
         self.bounds = np.array([low - room - [mark, 2 * mark], high + room])
 
     def _find_owners(self, moving: dict[str, Point]) -> dict[str, str]:
-        """Of pins beyond the crank's the next link, of other points their own link."""
+        """Finds the owners: the next link for outer pins, the own link for other points."""
         owners = {
             self.ends[link][1]: after
             for link, after in pairwise(self.joints[1:])
@@ -135,7 +135,7 @@ class Drawing:
         return owners
 
     def place(self, position: Array) -> Array:
-        """Places the moving points.
+        """Computes the positions of the moving points.
 
         Args:
             position: Positions of the links, shape (n, links), rad and m.
@@ -149,7 +149,7 @@ class Drawing:
         return plane(turned @ self._weights.T + self._fixed)
 
     def links_from_joints(self, position: Array) -> Array:
-        """Positions or rates of the links, from those of the joints.
+        """Converts positions or rates of the joints to those of the links.
 
         Args:
             position: Joint positions in the order of the tree, shape (n, links), rad and m.
@@ -197,13 +197,13 @@ class Drawing:
         return self._arrows.lines(positions, rates, self._by_name(points)[self._output_pin])
 
     def labels(self, points: Array) -> Array:
-        """Places from which the names of the pins hang: in the widest gap between the links.
+        """Positions of the pins' labels, in the widest gap between the links.
 
         Args:
-            points: As `place` gives them, shape (n, pins, 2), m.
+            points: From `place`, shape (n, pins, 2), m.
 
         Returns:
-            Likewise, m.
+            Positions of the same shape, m.
         """
         at = self._by_name(points)
         return plane(np.stack([self._label(at, pin) for pin in self.pins], axis=1))
@@ -224,7 +224,7 @@ class Drawing:
         return place
 
     def _corners_of(self, link: str) -> tuple[str, ...]:
-        """The points on the line of a link that turns."""
+        """The points of a turning link."""
         ends = self.ends[link]
         aside = [pin for pin, owner in self.owners.items() if owner == link and pin not in ends]
         return (*ends, *aside, *(ends[:1] if aside else ()))
@@ -237,12 +237,12 @@ class Drawing:
 
 
 def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
-    """First and second pin of each link that turns, on the way around the loop."""
+    """First and second pin of each link that turns, in the order of the loop."""
     names = {point: name for name, point in structure.points.items()}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
 
     def pin_after(count: int) -> tuple[str, bool]:
-        """The pin after some links, and whether it is reached backwards, from the loop's end."""
+        """The pin after some links, and whether it is counted from the loop's end."""
         there = names.get(Point(way[:count] + rest[count:]))
         back = Point(rest[:count] + tuple(-w for w in way[count:]), -structure.closure.fixed)
         return (there, False) if there else (names[back], True)
@@ -256,7 +256,7 @@ def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
 
 
 def _pivot_label(pivot: Array, middle: Array, mark: float) -> Array:
-    """Where a fixed pivot's name hangs: below it, or beside it if the links are below."""
+    """Position of a fixed pivot's label: below it, or beside it if the links are below."""
     if middle[1] >= pivot[1]:
         return np.array([pivot[0], pivot[1] - _PIVOT_HEIGHT * mark])
     aside = math.copysign(_LABEL_ASIDE, pivot[0] - middle[0])
@@ -264,7 +264,7 @@ def _pivot_label(pivot: Array, middle: Array, mark: float) -> Array:
 
 
 def _pivot(pivot: Array, size: float) -> list[Array]:
-    """A triangle that stands on hatched ground, as drawings of mechanisms have it."""
+    """The symbol of a fixed pivot: a triangle on hatched ground."""
     shapes: list[list[tuple[float, float]]] = [
         [(0, 0), (-0.6, -1), (0.6, -1), (0, 0)],
         [(-1, -1), (1, -1)],
@@ -274,7 +274,7 @@ def _pivot(pivot: Array, size: float) -> list[Array]:
 
 
 def _round_below(length: float) -> float:
-    """The longest of 1, 2 and 5 times a power of ten that is no longer."""
+    """Rounds down to 1, 2 or 5 times a power of ten."""
     decade = 10.0 ** math.floor(math.log10(length))
     return max(digit * decade for digit in (1.0, 2.0, 5.0) if digit * decade <= length)
 

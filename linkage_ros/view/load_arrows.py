@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arrows for the loads on links: straight for a force, curved about the pivot for a torque."""
+"""Arrows for loads on links: straight for forces, curved about the pivot for torques."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _HARDLY = 1e-300  # a rate with a sign, but without resistance
 
 
 class LoadArrows:
-    """Arrows as long as the sum of all loads on a link, but for friction.
+    """Arrows whose length shows the sum of all loads on a link, without friction.
 
-    The longest arrow is that of the largest load so far. What does not depend on speeds is known
-    from the start.
+    The largest load so far has the longest arrow. Loads that do not depend on speed are known from
+    the start.
 
     Attributes:
         links: Names of the links on which loads act.
-        room: What straight arrows reach at most, shape (n, 2), m.
+        room: Farthest points of straight arrows, shape (n, 2), m.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class LoadArrows:
         self.room = plane(far if is_straight else output_pin)
 
     def lines(self, positions: Array, rates: Array, output_pin: _Complex) -> dict[str, Array]:
-        """The arrows.
+        """Draws the arrows.
 
         Args:
             positions: Positions of the links, shape (n, links), rad and m.
@@ -77,7 +77,7 @@ class LoadArrows:
             output_pin: The pin of the output link, x + iy, m, shape (n,).
 
         Returns:
-            By the name of the link on which the load acts, lines of shape (n, points, 2), m.
+            Lines of shape (n, points, 2), m, by the name of the loaded link.
         """
         links, found = self._solver.structure.links, {}
         for name, share in self._shares(positions, rates).items():
@@ -89,7 +89,7 @@ class LoadArrows:
         return found
 
     def _shares(self, positions: Array, rates: Array) -> dict[str, Array]:
-        """The loads as parts of the largest so far, from -1 to 1."""
+        """The loads relative to the largest so far, from -1 to 1."""
         state = State(tuple(positions.T), tuple(rates.T), tuple(0.0 * rates.T), 0.0)
         found = {}
         with np.errstate(all='ignore'):  # a state in a log may be impossible
@@ -101,7 +101,7 @@ class LoadArrows:
         return found
 
     def _straight(self, pin: _Complex, share: Array) -> Array:
-        """Arrows that push at the slider, or pull."""
+        """Arrows that push or pull the slider."""
         near = pin + np.where(share, _BESIDE_PIN * self._mark, 0.0) * self._outwards
         far = near + abs(share) * _LONGEST * self._mark * self._outwards
         pulls = share * self._side > 0
@@ -110,19 +110,19 @@ class LoadArrows:
         return self._with_head(body, forward, abs(share) * _LONGEST)
 
     def _curved(self, pivot: complex, angle: Array, share: Array) -> Array:
-        """Arrows about a pivot, from the link in the sense of the torque."""
+        """Arrows about a pivot, from the link in the direction of the torque."""
         turned = np.exp(1j * (angle[:, np.newaxis] + share[:, np.newaxis] * _SWEEP))
         body = pivot + _RADIUS * self._mark * turned
         forward = 1j * np.sign(share) * turned[:, -1]
         return self._with_head(body, forward, abs(share) * _RADIUS * _SWEEP[-1])
 
     def _with_head(self, body: _Complex, forward: _Complex, length: Array) -> Array:
-        """Lines of arrows of some lengths, in marks, that end in a direction."""
+        """Lines of arrows of given lengths, in marks, with a head in a given direction."""
         size = np.minimum(_HEAD, length) * self._mark
         sides = (size * forward)[:, np.newaxis] * _SIDES
         return plane(np.concatenate([body, body[:, -1:] + sides], axis=1))
 
 
 def plane(points: _Complex) -> Array:
-    """Points x + iy as rows of x and y."""
+    """Converts points x + iy to rows of x and y."""
     return np.stack([points.real, points.imag], axis=-1)

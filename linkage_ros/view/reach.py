@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Positions that the links of a mechanism can take: a picture must have room for them."""
+"""Positions that the links of a mechanism can reach, for the size of a picture."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ANGLES, _POSITIONS = 72, 121
 
 
 def reach(mechanism: Mechanism, crank_angle: float) -> Array:
-    """Samples the positions that the links can take.
+    """Samples the positions that the links can reach.
 
     Args:
         mechanism: The mechanism.
@@ -28,8 +28,8 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Array:
             arc that contains this angle.
 
     Returns:
-        Positions of the links, rad and m, shape (n, links); in the order in which they are passed
-        if the crank angle determines them.
+        Positions of the links, rad and m, shape (n, links); in the order of the motion if the
+        crank angle determines them.
     """
     solver = Solver(mechanism)
     if solver.mobility is None:
@@ -54,10 +54,10 @@ def _path(solver: Solver, crank_angle: float) -> Array:
 
 
 def _area(solver: Solver, start: float) -> Array:
-    """Positions at all crank angles, with every place of the slider from the start onwards.
+    """Positions at all crank angles, with all positions of the slider from the start onwards.
 
-    The places are those at which the loop closes at every crank angle; if the start is not one
-    of these, those at which it closes at some crank angle.
+    These are the positions at which the loop closes at every crank angle; if the start is not one
+    of them, those at which it closes at some crank angle.
     """
     longest = sum(abs(weight) for weight in solver.structure.closure.weights)
     places = np.linspace(-longest, longest, _POSITIONS)

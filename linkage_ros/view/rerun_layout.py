@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The fixed parts of a view in Rerun: its layout, and components that never change."""
+"""The fixed parts of a view in Rerun: layout and constant components."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ _THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points
 
 
 def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
-    """The linkage beside two columns of plots, one visible in each, the others behind tabs.
+    """The linkage beside two columns of plots; each shows one plot, with tabs for the others.
 
-    The plots are as high as the window: in low ones Rerun writes a single number on the y axis.
+    The plots have the height of the window: on low plots Rerun labels the y axis once.
 
     Args:
         configuration: Configuration of the run.
@@ -62,7 +62,7 @@ def layout(configuration: Configuration, drawing: Drawing) -> rrb.Blueprint:
 def _plots(
     configuration: Configuration, drawing: Drawing
 ) -> tuple[list[rrb.TimeSeriesView], list[rrb.TimeSeriesView]]:
-    """Two columns: torque and rates, under a torque the speed too; positions."""
+    """Two columns: torque and rates, and the speed if torque-driven; positions."""
     drive, joints = configuration.drive, {name: color_of(name) for name in drawing.joints}
     turning = {name: joints[name] for name in drawing.turning}
     seconds = _plotted_seconds(drive.rpm) if isinstance(drive, SpeedDrive) else _DRIVEN_SECONDS
@@ -85,7 +85,7 @@ def _plots(
 
 
 def _plotted_seconds(rpm: float) -> float:
-    """How much of the past is plotted at a speed, s."""
+    """Duration of the plotted past at a speed, s."""
     return min(_TURNS * 60 / abs(rpm), _LONGEST) if rpm else _STANDING_SECONDS
 
 
@@ -96,7 +96,7 @@ def _plot(
     seconds: float,
     shown: Collection[str] | None = None,
 ) -> rrb.TimeSeriesView:
-    """Curves of an entity over the last seconds: all, or those of some names."""
+    """Curves of an entity over the last seconds: all, or selected names."""
     shown = colors if shown is None else shown
     series = rr.SeriesLines(
         names=list(colors),
@@ -165,7 +165,7 @@ def fixed_components(drawing: Drawing) -> dict[str, rr.AsComponents]:
 
 
 def _texts(places: Array | None, texts: Collection[str]) -> rr.Points2D:
-    """Texts that hang from places; None: places come later."""
+    """Labels at positions; None: the positions follow later."""
     return rr.Points2D.from_fields(
         positions=places, radii=0.0, colors=GREY, labels=list(texts), show_labels=True
     )

@@ -54,13 +54,13 @@ _RETRY_SECONDS = 1.0  # between two attempts to connect
 
 
 class Sender:
-    """Sends to a viewer elsewhere, to viewers that connect here, or to a file.
+    """Sends to a remote viewer, to viewers that connect here, or to a file.
 
     Attributes:
         url: Where viewers connect; None: nothing is served here.
         exposed: Whether other machines can read the data.
-        is_file: Whether it is a file.
-        trouble: Why nothing can be sent now, in words; empty: it can.
+        is_file: Whether the target is a file.
+        trouble: Why nothing can be sent now; empty: it can.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Sender:
         *,
         overwrite: bool,
     ) -> None:
-        """Opens it.
+        """Opens the target.
 
         Args:
             target: One of VIEWERS.
@@ -110,10 +110,10 @@ class Sender:
             self._connect(FileSink(target, write_footer=False))
 
     def ready(self) -> bool:
-        """Whether more may be sent: a viewer is there and has taken all that was sent.
+        """Returns whether a viewer is connected and has received everything sent so far.
 
         Raises:
-            ViewerError: The disk takes no more.
+            ViewerError: The disk is full.
         """
         if self._unreachable and time.monotonic() >= self._retry_at:
             self._try_to_connect(self._unreachable, 0.0)
@@ -136,7 +136,7 @@ class Sender:
         return not self.trouble
 
     def _has_gone(self, address: tuple[str, int]) -> bool:
-        """Whether a viewer that does not read is gone: killed at work, the SDK may not say so."""
+        """Returns whether a stalled viewer has ended; the SDK may not report a killed one."""
         now = time.monotonic()
         if now < self._retry_at:
             return False
@@ -157,7 +157,7 @@ class Sender:
         self._stream.send_columns(rows.entity, [times], [_column(rows)], strict=True)
 
     def close(self) -> None:
-        """Sends what is left and disconnects: within 3 s, even from a viewer that hangs."""
+        """Sends the rest and disconnects within 3 s, even if the viewer hangs."""
         thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
         thread.start()
         thread.join(_LAST_SECONDS if self.trouble else _CLOSE_SECONDS)
@@ -165,7 +165,7 @@ class Sender:
             self._file.close()
 
     def _try_to_connect(self, address: tuple[str, int], timeout: float) -> None:
-        """Connects to the viewer elsewhere if it answers in time."""
+        """Connects to the remote viewer if it answers in time."""
         self._unreachable = None if _is_reachable(address, timeout) else address
         if self._unreachable:
             self._retry_at = time.monotonic() + _RETRY_SECONDS
@@ -219,10 +219,10 @@ def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
 
     Args:
         address: Host and port.
-        timeout: s; it is tried at least once.
+        timeout: Longest time, s; there is at least one attempt.
 
     Returns:
-        Whether something does.
+        Whether something accepts connections.
     """
     deadline = time.monotonic() + timeout
     while True:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The view of a run in Rerun: in a window, a browser, a viewer elsewhere, or a file."""
+"""The view of a run in Rerun: a window, a browser, a remote viewer, or a file."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ Sample: TypeAlias = tuple[int, bytes]
 
 
 class View:
-    """Shows one run; made in one thread, it may then be used by one other.
+    """Shows one run; it may be created in one thread and used in another.
 
     'spawn' serves the data and opens a viewer window on it. As usual with Rerun, the window stays
     open with its contents when the run ends, and closing it does not disturb the run. 'web'
-    serves the data and Rerun's page for a browser while the run lasts. A URL is that of a viewer:
-    while none answers there, samples are left out. A file keeps all but the last two seconds
-    however the run ends. It has no index, which would be collected in memory all the time;
-    `rerun rrd optimize` adds one.
+    serves the data and Rerun's page for a browser while the run lasts. A URL names a viewer;
+    samples are dropped while it does not answer. A file keeps everything but the last two seconds,
+    however the run ends. It has no index, which would grow in memory; `rerun rrd optimize` adds
+    one.
 
     Stamps are times of day; if the first is too small for that, they are durations: a record
     from 0 is marked 0 s, 1 s, 2 s and not with dates in 1970.
 
     Attributes:
-        sender: Knows where viewers connect, and why nothing can be sent.
+        sender: The connection to viewers, with its address and problems.
         page: URL of the page for a browser; None: there is none.
-        dropped: Samples left out because the viewer lagged, or was not there.
+        dropped: Number of samples dropped because the viewer lagged or was absent.
         period: Time between calls of `consume`, s: a file takes four times the space with small
             batches.
     """
@@ -96,14 +96,13 @@ class View:
             self._process, self.page = serve_page(binary, url, bind)
 
     def consume(self, samples: Sequence[Sample]) -> None:
-        """Shows the samples since the last call; may be none.
+        """Shows the samples since the last call, if any.
 
         Args:
             samples: In the order of their stamps.
 
         Raises:
-            ViewerError: The window could not open, the page's server has ended, or the disk is
-                full.
+            ViewerError: The window could not open, the page's server ended, or the disk is full.
         """
         if self._process:
             self._process.check()
@@ -115,7 +114,7 @@ class View:
                 self.dropped += len(batch)
 
     def close(self) -> None:
-        """Sends what is left and disconnects: within 3 s, even from a viewer that hangs."""
+        """Sends the rest and disconnects within 3 s, even if the viewer hangs."""
         if self._process:
             self._process.close()
             self._process = None

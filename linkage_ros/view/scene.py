@@ -37,7 +37,7 @@ class Rows(NamedTuple):
 
     Attributes:
         entity: Its path.
-        archetype: Of Rerun: what the values are.
+        archetype: Rerun's type of the values.
         stamps: ns.
         values: One row for each stamp.
     """
@@ -49,20 +49,20 @@ class Rows(NamedTuple):
 
 
 class Directions:
-    """Directions of links over time, without the jumps of angles between -pi and pi."""
+    """Directions of links over time, without jumps between -pi and pi."""
 
     def __init__(self) -> None:
         self._last: Array | None = None
 
     def follow(self, angles: Array) -> Array:
-        """The directions at samples that follow those of the last call.
+        """Unwraps the directions at the next samples.
 
         Args:
-            angles: rad, but for whole turns; shape (n, links).
+            angles: Directions up to whole turns, rad; shape (n, links).
 
         Returns:
-            rad: the first from -pi to pi, each other one within pi of the one before it. Where
-            an angle of a sample is not finite, the sample stays as it is.
+            Directions, rad: the first from -pi to pi, each other one within pi of its predecessor.
+            A sample with a non-finite angle is not changed.
         """
         known = np.isfinite(angles).all(axis=1)
         within = angles[known] - 2 * math.pi * np.round(angles[known] / (2 * math.pi))
@@ -76,7 +76,7 @@ class Directions:
 
 
 class Scene:
-    """Makes rows of samples; the size of the batches does not matter.
+    """Makes rows from samples, in batches of any size.
 
     Attributes:
         drawing: The linkage.
@@ -99,11 +99,11 @@ class Scene:
         Args:
             stamps: ns, shape (n,), n > 0.
             position: Positions of the joints in tree order, rad and m; shape (n, joints).
-            velocity: Likewise, rad/s and m/s.
-            effort: Likewise, N m.
+            velocity: Velocities of the joints, rad/s and m/s.
+            effort: Efforts of the joints, N m.
 
         Yields:
-            Rows of all entities that have any.
+            Rows of all entities with values.
         """
         for field, row in zip(JOINT_FIELDS, (position, velocity, effort), strict=True):
             yield Rows(f'{JOINT_STATES}/{field}', rr.Scalars, stamps, row)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rerun's viewer as a process started here: a window, or a page for a browser."""
+"""Starts Rerun's viewer as a process: a window, or a page for a browser."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _CLOSED_BY_USER = (0, *(-number for number in (
 
 
 class ViewerProcess:
-    """Rerun's viewer as a process of its own, which shows data served at an address."""
+    """Rerun's viewer in a separate process, which shows data served at an address."""
 
     def __init__(self, command: list[str | Path], *, outlives: bool) -> None:
-        """Starts it.
+        """Starts the viewer.
 
         Args:
             command: The binary, the source of its data, and options.
-            outlives: Whether it stays when this process ends, even by a signal of the terminal.
+            outlives: Whether it survives this process, even after a signal of the terminal.
 
         Raises:
             ViewerError: The program cannot be run.
@@ -59,7 +59,7 @@ class ViewerProcess:
             raise ViewerError(f'{command[0]} cannot be run: {error.strerror or error}') from error
 
     def check(self) -> None:
-        """Passes while it runs, and after the user has closed a window.
+        """Checks that it runs, or that the user has closed its window.
 
         Raises:
             ViewerError: It has failed, or a page's server has ended.
@@ -76,7 +76,7 @@ class ViewerProcess:
         raise ViewerError(f'the viewer has ended ({how}): start the run again to have another')
 
     def close(self) -> None:
-        """Ends it, unless it outlives this process."""
+        """Ends the viewer, unless it outlives this process."""
         if not self._outlives:
             self.process.terminate()
             try:
@@ -88,7 +88,7 @@ class ViewerProcess:
 
 
 def open_window(binary: Path, data: str) -> ViewerProcess:
-    """Opens a window, which stays with its contents when this process ends.
+    """Opens a window, which stays open with its contents after this process.
 
     Args:
         binary: Binary of the viewer.
@@ -126,7 +126,7 @@ def serve_page(binary: Path, data: str, bind: str) -> tuple[ViewerProcess, str]:
 
 
 def require_screen() -> None:
-    """Passes if a window can be opened.
+    """Checks that a window can be opened.
 
     Raises:
         ViewerError: There is no screen.
@@ -184,5 +184,5 @@ def free_address(bind: str) -> tuple[str, int, bool]:
 
 
 def public_host(host: str) -> str:
-    """The host to write in a URL: this machine's name if `host` stands for all its addresses."""
+    """The host for a URL: this machine's name if `host` means all addresses."""
     return socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
