@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Exact states, torque and forces, equations of motion, with NumPy alone.
+"""Exact states, torque, forces and equations of motion; needs only NumPy.
 
 Documents 1 to 4, which formulas refer to, are the sources in docs/mechanisms.md.
 """

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that Numba compiles to machine code, for studies of many states.
+"""Compiles programs to machine code with Numba, for studies of many states.
 
-Numba is the extra `fast`, and nothing loads it unless a `Solver` is made with `compiled=True`: the
-first call of each program takes about a second.
+Numba is the extra `fast`. It is loaded only for a `Solver` with `compiled=True`; the first call of
+each program takes about a second.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from linkage_ros.errors import ConfigurationError, missing_library
 
 
 def compiled_arrays(program: Program, *values: Any) -> Any:
-    """The program on arrays of one shape, in machine code.
+    """Runs a program on arrays of one shape, in machine code.
 
     Args:
-        program: The program. One that calls functions such as tables runs without Numba.
+        program: The program. If it calls functions such as tables, it runs without Numba.
         *values: Arrays and floats.
 
     Returns:
-        The result, with arrays; equal to the program for floats but for the last digits of
+        The result, with arrays; equal to the program for floats except for the last digits of
         functions such as the sine.
 
     Raises:
         ConfigurationError: Numba is not installed.
-        LinkageError: As the program for floats, at the first values that it refuses.
+        LinkageError: As in the program for floats, at the first rejected values.
     """
     if any(line.operation == 'call' for line in program.tape.lines):
         return program.arrays(*values)
@@ -58,7 +58,7 @@ def _loop(source: str) -> Callable[..., int]:
     """The source of a program for floats as a loop over columns, compiled.
 
     It takes the constants, a row for each argument and rows for the results, and returns the
-    first column that a guard refuses, or -1.
+    first column rejected by a guard, or -1.
 
     Raises:
         ConfigurationError: Numba is not installed.
@@ -85,12 +85,12 @@ def _loop(source: str) -> Callable[..., int]:
 
 
 def _refusing(column: str, statement: ast.stmt) -> str:
-    """The text of a statement; a guard returns the column that it refuses."""
+    """The text of a statement; a guard returns the rejected column."""
     return re.sub(r'\n +.*', f' return {column}', ast.unparse(statement))
 
 
 def _results(tree: ast.expr) -> list[str]:
-    """The texts of all numbers of a result in nested tuples."""
+    """The texts of all numbers of a nested result."""
     if isinstance(tree, ast.Call) and ast.unparse(tree.func) == 'new':  # a named tuple
         tree = tree.args[1]
     if isinstance(tree, ast.Tuple):

@@ -53,7 +53,7 @@ class Weight(NamedTuple):
     gravity: Vector
 
     def _moment(self, j: int) -> Vector:
-        """Conj(W_j) g as x and y, N m; of a link that slides m g, N."""
+        """The product conj(W_j) g as x and y, N m; for a sliding link m g, N."""
         if self.links[j].slides:
             return self.gravity * self.links[j].mass
         turning = (link for link in self.links if not link.slides)
@@ -88,16 +88,16 @@ class Model(NamedTuple):
     Attributes:
         loop: Constants of the kinematics.
         links: The links.
-        pins: The pin joints, empty where they are not known.
+        pins: The pin joints; empty if joint forces are not supported.
         places: Their points, in the same order.
-        dyads: Which links meet in pins.
-        other_dyads: The same for other coordinates.
+        dyads: The dyads.
+        other_dyads: The dyads in the other coordinates.
         gravity: Acceleration of gravity, m/s^2.
-        loads: What acts on the links besides their weights.
-        refuse: Refuses q, u and a that are not finite, or that make a result not finite.
-        refuse_torque: Refuses q, u and a torque, likewise.
-        refuse_straight: Refuses q at which forces in the joints have no finite value.
-        massless: Refuses a mass matrix that is not positive.
+        loads: Loads on the links besides their weights.
+        refuse: Rejects q, u and a that are not finite, or whose results are not finite.
+        refuse_torque: Rejects q, u and a torque in the same way.
+        refuse_straight: Rejects q at which joint forces are not finite.
+        massless: Rejects a mass matrix that is not positive definite.
     """
 
     loop: Loop
@@ -121,7 +121,7 @@ class Model(NamedTuple):
         *refusals: Opaque,
         loop: Loop | None = None,
     ) -> Model:
-        """The constants of a mechanism, with the last fields as given; by default its own loop."""
+        """Collects the constants of a mechanism; by default with its own loop."""
         loop = loop or mechanism.loop()
         pins, gravity = structure.pins, Vector(*mechanism.gravity)
         places = tuple(structure.points[pin.name] for pin in pins)
@@ -132,7 +132,7 @@ class Model(NamedTuple):
         )  # fmt: skip
 
     def all_loads(self) -> tuple[Load, ...]:
-        """The weights and what else acts on the links."""
+        """All loads on the links, weights included."""
         return (Weight(self.links, self.gravity), *self.loads)
 
     def coupling(self, j: int, k: int) -> Vector:
@@ -164,7 +164,7 @@ def velocities(pose: Pose, u: Sequence[Real]) -> list[Real]:
 
 
 def accelerations(pose: Pose, u: Sequence[Real], a: Sequence[Real]) -> list[Real]:
-    """Acceleration of each link; with no a, the part that remains while no rate changes."""
+    """Acceleration of each link; without a, the part at constant rates."""
     products = [x * y for x, y in itertools.combinations_with_replacement(u, 2)]
     return [
         _product(link.curvature, products) + (_product(link.jacobian, a) if a else ZERO)
@@ -221,12 +221,12 @@ def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
 
 
 def _columns(pose: Pose) -> list[tuple[Real, ...]]:
-    """The jacobian: for each coordinate, the links' velocities per rate of it."""
+    """The jacobian by columns: the links' velocities per rate of each coordinate."""
     return list(zip(*(link.jacobian for link in pose.links), strict=True))
 
 
 def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]) -> State:
-    """The motion of all links, and the torque on the crank that goes with it."""
+    """The motion of all links, and the required torque on the crank."""
     require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
@@ -265,7 +265,7 @@ def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Rea
 def solved(
     matrix: Sequence[Sequence[Real]], right: Sequence[Real], whole: Real
 ) -> tuple[Real, ...]:
-    """Solves linear equations whose determinant is known, by Cramer's rule."""
+    """Solves linear equations by Cramer's rule, with a known determinant."""
     return tuple(
         determinant(
             [[*row[:i], side, *row[i + 1 :]] for row, side in zip(matrix, right, strict=True)]
@@ -276,7 +276,7 @@ def solved(
 
 
 def determinant(rows: Sequence[Sequence[Real]]) -> Real:
-    """By expansion along the first row."""
+    """The determinant, by expansion along the first row."""
     first, *others = rows
     if not others:
         return first[0]
@@ -317,7 +317,7 @@ def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meetin
 
 
 def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:
-    """Kinetic energy, and the potential energy of weights and loads but for a constant, J."""
+    """Kinetic energy, and the potential energy of weights and loads up to a constant, J."""
     require(is_finite(*q, *u), model.refuse, *q, *u)
     pose = model.loop.pose(tuple(q))
     matrix = mass_matrix(model, pose)

@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Dry friction: the forces in the joints make it, and it changes these forces.
+"""Dry friction, which depends on joint forces and changes them.
 
 For a given motion, the forces are linear in the frictions: F_k = F0_k + sum_m R_km s_m, where s_m
 is the magnitude of the force in joint m, and R_km holds the coefficient of friction. Newton's
 method solves s_k = |F_k|. Its matrix, 1_km - F_k . R_km / |F_k|, has the determinant 1 without
-friction. Several solutions may exist; the right one is that which develops from the forces without
-friction while the coefficients grow, and on the way to it the determinant stays positive. Where
-the determinant reaches 0, forces pass all bounds or stop to exist: the mechanism locks itself.
+friction. Several solutions may exist; the right one develops from the forces without friction as
+the coefficients grow, and the determinant stays positive along this path. Where the determinant
+reaches 0, the forces become infinite or cease to exist: the mechanism is self-locking.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Coefficients(NamedTuple):
 
     Attributes:
         arm: Coefficient times radius of the pins, m; ZERO: no friction there.
-        guide: Coefficient of the guide; ZERO: likewise.
+        guide: Coefficient of the guide; ZERO: no friction there.
     """
 
     arm: Real
@@ -49,11 +49,11 @@ class Coefficients(NamedTuple):
 
 
 class FrictionLoad(NamedTuple):
-    """Friction that is known, as a load; see `linkage_ros.model.loads.Load`.
+    """Known friction as a load; see `linkage_ros.model.loads.Load`.
 
     Attributes:
-        inner: What the pins between two links exert on each link, N m.
-        outer: What the frame exerts on each: by its pins, N m, by its guide, N.
+        inner: Friction of the pins between links, on each link, N m.
+        outer: Friction of the frame on each link: of its pins, N m, of its guide, N.
     """
 
     inner: tuple[Real, ...]
@@ -77,11 +77,11 @@ class FrictionLoad(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """A joint that rubs.
+    """A joint with friction.
 
     Attributes:
         is_inner: Whether it is a pin between two links that turn.
-        levers: Friction on links per force in the joint: m, of a link that slides a number.
+        levers: Friction on links per force in the joint, m; for a sliding link, dimensionless.
     """
 
     is_inner: bool
@@ -89,14 +89,14 @@ class Contact(NamedTuple):
 
 
 class Search(NamedTuple):
-    """How far the search for the forces of a state has come.
+    """The progress of the search for the forces of a state.
 
     Attributes:
-        share: Share of the coefficients for which they are sought, from 0 to 1.
-        solved: Share for which they are known.
+        share: Share of the coefficients at which they are sought, from 0 to 1.
+        solved: Largest share at which they are solved.
         change: Their change in the last round, N; inf before the first round of a share.
-        sizes: Magnitudes of the forces in the joints that rub, as far as they are found, N.
-        known: The same at the share that is solved.
+        sizes: Current magnitudes of the forces in the joints with friction, N.
+        known: Magnitudes at the solved share, N.
     """
 
     share: Real
@@ -110,11 +110,11 @@ class Round(NamedTuple):
     """The outcome of one round.
 
     Attributes:
-        state: The state under the friction of the forces that were found before.
+        state: The state under the friction of the previous forces.
         reactions: The fields of `Reactions`, in its order.
         friction: This friction.
-        search: What the next round begins with; where the forces are solved, the same again.
-        left: 0 where they are solved, -1 where the mechanism locks itself, 1 elsewhere.
+        search: Input of the next round; unchanged once the forces are solved.
+        left: 0 if they are solved, -1 if the mechanism is self-locking, else 1.
     """
 
     state: State
@@ -154,7 +154,7 @@ def friction_round(
     sizes: tuple[Real, ...],
     known: tuple[Real, ...],
 ) -> Round:
-    """The motion under the friction of some forces, and a step of Newton's method from these.
+    """Solves the motion with the friction of given forces; makes one step of Newton's method.
 
     Args:
         constants: The constants.
@@ -190,7 +190,7 @@ def friction_round(
 
 
 def _contacts(model: Model, coefficients: Coefficients, rates: Sequence[Real]) -> list[Contact]:
-    """The joints that rub, pins first."""
+    """The joints with friction, pins first."""
     contacts = []
     for pin in model.pins if coefficients.arm is not ZERO else ():
         # A link that slides does not turn: its guide passes the couple on to the frame.
@@ -213,7 +213,7 @@ def _sign(rate: Real) -> Real:
 def _friction(
     contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
 ) -> FrictionLoad:
-    """The friction that forces of some magnitudes make, with a share of the coefficients."""
+    """The friction of forces of given magnitudes, at a share of the coefficients."""
     inner, outer = [ZERO] * links, [ZERO] * links
     for contact, size in zip(contacts, sizes, strict=True):
         row = inner if contact.is_inner else outer
@@ -223,7 +223,7 @@ def _friction(
 
 
 def _in_contacts(coefficients: Coefficients, found: tuple[Any, ...]) -> list[Vector]:
-    """The forces in the joints that rub, in the order of `_contacts`."""
+    """The forces in the joints with friction, in the order of `_contacts`."""
     pins, guides, *_ = found
     return [
         *(pins if coefficients.arm is not ZERO else ()),
@@ -261,13 +261,13 @@ def _advanced(
 def _next(
     search: Search, steps: Sequence[Real], whole: Real, largest: Real
 ) -> tuple[Search, Real]:
-    """The search with which the next round begins, and `Round.left`.
+    """The search of the next round, and `Round.left`.
 
     Args:
-        search: What this round began with.
+        search: Input of this round.
         steps: Newton's steps, N.
-        whole: The determinant.
-        largest: The largest force, N.
+        whole: Determinant of the matrix.
+        largest: Largest force, N.
     """
     share, change = search.share, _largest([abs(step) for step in steps])
     shrinks = change < 0.5 * search.change
@@ -310,15 +310,16 @@ def settle(
     Args:
         run: `friction_round` of one motion, or of an array of them: a function of the numbers of
             a `Search`.
-        count: How many these are.
-        shape: Shape of an array of motions; empty: it is one.
-        refuse: Called with where the mechanism locks itself, True or an array; raises an error.
+        count: Number of these numbers.
+        shape: Shape of an array of motions; empty: one motion.
+        refuse: Called with True, or an array, where the mechanism is self-locking; raises an
+            error.
 
     Returns:
-        The last round. What is solved stays, so that arrays have the bits of their states.
+        The last round. Solved states do not change, so that arrays have the bits of single states.
 
     Raises:
-        AssertionError: `refuse` has not raised an error.
+        AssertionError: `refuse` did not raise an error.
     """
     search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (count - 3)]
     if shape:  # one program for all rounds

@@ -20,9 +20,9 @@ class Column(NamedTuple):
     """One quantity over the period.
 
     Attributes:
-        name: Such as 'coupler.position'.
+        name: Name, such as 'coupler.position'.
         unit: SI unit.
-        values: Over the crank angles.
+        values: Values at the crank angles.
     """
 
     name: str
@@ -31,14 +31,14 @@ class Column(NamedTuple):
 
 
 class Extent(NamedTuple):
-    """How large a quantity gets over the period.
+    """Smallest, largest and mean values of a quantity over the period.
 
     Attributes:
-        low: Its smallest value.
-        low_at: Where, crank angle, rad.
-        high: Its largest value.
-        high_at: Where, crank angle, rad.
-        mean: Over the crank angle.
+        low: Smallest value.
+        low_at: Crank angle of the smallest value, rad.
+        high: Largest value.
+        high_at: Crank angle of the largest value, rad.
+        mean: Mean over the crank angle.
         rms: Root mean square over the crank angle.
     """
 
@@ -51,10 +51,10 @@ class Extent(NamedTuple):
 
 
 class Period:
-    """A motion that repeats, over one of its periods.
+    """One period of a periodic motion.
 
     Attributes:
-        solver: Solver of the mechanism that moves.
+        solver: Solver of the mechanism.
         crank: Crank angles from 0 to the end of the period, rising, rad.
         speed: Mean crank speed, rad/s.
         mean_power: Mean driving power over time, W.
@@ -64,12 +64,12 @@ class Period:
     def __init__(
         self, solver: Solver, crank: Array, state: State, *, speed: float, mean_power: float
     ) -> None:
-        """Takes the motion.
+        """Stores the motion.
 
         Args:
             solver: Solver of the mechanism that moves.
             crank: Crank angles, rad.
-            state: At the crank angles.
+            state: State at the crank angles.
             speed: Mean crank speed, rad/s.
             mean_power: Mean driving power over time, W.
         """
@@ -119,9 +119,9 @@ class Period:
 
 
 class SpeedDrivenPeriod(Period):
-    """One period of a mechanism, at a speed and an acceleration that hold at every angle.
+    """One period of a mechanism, with the same speed and acceleration at every angle.
 
-    The crank angles are 0.5 deg apart, and as fine as it takes next to change points.
+    The crank angles are 0.5 deg apart, and closer next to change points.
     """
 
     def __init__(
@@ -142,8 +142,8 @@ class SpeedDrivenPeriod(Period):
 
         Raises:
             MechanismError: The crank does not turn fully.
-            ConfigurationError: The speed or acceleration is not finite, or reactions are asked
-                for that pass all bounds at a change point.
+            ConfigurationError: The speed or acceleration is not finite, or the requested
+                reactions are infinite at a change point.
         """
         solver = Solver(mechanism)
         solver.reach.require_full_turn()
@@ -189,8 +189,8 @@ class SpeedDrivenPeriod(Period):
 def _mean_power(solver: Solver, crank: Array, state: State, acceleration: float) -> float:
     """Mean driving power over the crank angle, W.
 
-    At a constant speed, weights and inertia take back what they give: what remains is the power
-    of the loads, and what accelerates the crank. No cancellation spoils these.
+    At a constant speed, weights and inertia have a mean power of 0. Only the power of the loads
+    and of the crank's acceleration remain, which are summed without cancellation.
     """
     ((inertia,),) = solver.matrix(crank)
     power = state.velocity[0] * acceleration * inertia
@@ -200,14 +200,14 @@ def _mean_power(solver: Solver, crank: Array, state: State, acceleration: float)
 
 
 def extent(crank: Array, values: Array) -> Extent:
-    """How large a quantity gets over the period.
+    """Finds smallest, largest and mean values of a quantity over the period.
 
     Args:
         crank: Crank angles in rising order, over the whole period, rad.
-        values: At these.
+        values: Values at these.
 
     Returns:
-        Its extent; peaks between the angles by the parabola through the three nearest.
+        The extent; peaks between the angles by the parabola through the three nearest values.
     """
     low, low_at = _peak(crank, -values)
     high, high_at = _peak(crank, values)
@@ -220,10 +220,10 @@ def mean(crank: Array, values: Array) -> float:
 
     Args:
         crank: Crank angles in rising order, over the whole period, rad.
-        values: At these.
+        values: Values at these.
 
     Returns:
-        Its mean, by the trapezoidal rule.
+        The mean, by the trapezoidal rule.
     """
     integral = float(np.sum(np.diff(crank) * (values[1:] + values[:-1])) / 2)
     return integral / float(crank[-1] - crank[0])
@@ -244,7 +244,7 @@ def _peak(crank: Array, values: Array) -> tuple[float, float]:
 
 
 def _parabola(crank: Array, values: Array, i: int) -> tuple[float, float]:
-    """Slope and bend at a sample of the parabola through it and its neighbours."""
+    """Slope and curvature, at a sample, of the parabola through it and its neighbours."""
     x, y = crank[i - 1 : i + 2] - crank[i], values[i - 1 : i + 2] - values[i]
     left, right = y[0] / x[0], y[2] / x[2]
     bend = (right - left) / (x[2] - x[0])

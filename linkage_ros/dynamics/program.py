@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Turns formulas into straight lines of Python: one program for each structure of constants.
+"""Turns formulas into straight-line Python: one program for each structure of constants.
 
 A formula is an ordinary function of constants and arguments. It runs once on recording numbers:
-equal terms are shared, terms that nothing reads fall out, and terms of constants alone are
-computed when the constants are bound. The order of operations is kept, so that results have the
+equal terms are shared, unused terms are dropped, and terms of constants alone are computed when
+the constants are bound. The order of operations is kept, so that results have the
 bits of the formula itself. Constants are floats, complex numbers and `Opaque` functions in nested
-tuples; None, booleans, whole numbers and text among them belong to the structure, on which a
-formula may branch, and so does 0.0: what it makes vanish is not computed.
+tuples. None, booleans, whole numbers, text and 0.0 among them belong to the structure, on which a
+formula may branch; terms that 0.0 makes vanish are not computed.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ class Writer:
     """Writes the lines of a tape as Python, for floats or for arrays.
 
     Attributes:
-        namespace: Named tuples that the text refers to.
-        used: For each number of the constants, whether the text needs it.
+        namespace: Named tuples used in the text.
+        used: For each number of the constants, whether the text uses it.
     """
 
     def __init__(self, tape: Tape, arrays: frozenset[str]) -> None:
-        """Finds what is needed.
+        """Finds the operations that the result needs.
 
         Args:
             tape: The operations.
-            arrays: Names of the inputs that are arrays; none: all are floats.
+            arrays: Names of the array inputs; none: all are floats.
         """
         self.namespace: dict[str, Any] = {}
         self._tape, lines = tape, tape.lines
@@ -91,7 +91,7 @@ class Writer:
         return '\n    '.join([f'def bind({constants}):', *within_bind])
 
     def _statement(self, i: int) -> str:
-        """The statement of a line; empty where its text stands in the one line that reads it."""
+        """The statement of a line; empty if its text is inlined into its only use."""
         operation, operands, _ = self._tape.lines[i]
         read = [self._words[x] for x in operands]
         if operation == 'require':
@@ -129,7 +129,7 @@ class Writer:
 
 
 def _free_memory(statements: list[str]) -> None:
-    """Deletes each array where it is read for the last time: its memory then serves again."""
+    """Deletes each array after its last use, so that its memory can be reused."""
     names = {statement.partition(' = ')[0] for statement in statements}
     read = {*re.findall(r'\w+', statements[-1])}
     for i in reversed(range(1, len(statements) - 1)):
@@ -143,7 +143,7 @@ class Code(NamedTuple):
     """A compiled program whose constants are not bound yet.
 
     Attributes:
-        bind: A function of the constants that are used; it returns the program.
+        bind: Function of the used constants that returns the program.
         text: Source code of the program.
         used: For each number of the constants, whether it is used.
     """
@@ -175,10 +175,10 @@ _tapes: dict[Any, Tape] = {}
 class Program:
     """A formula with its constants bound.
 
-    A structure that is new is recorded and compiled when the program first runs.
+    A new structure is recorded and compiled when the program first runs.
 
     Attributes:
-        formula: The function itself.
+        formula: The formula.
         constants: Constants bound to the formula.
         names: Names of the scalar arguments, in order.
         scalar: The program for floats: a function of all numbers of the arguments, one by one.
@@ -199,7 +199,7 @@ class Program:
         self.scalar: Callable[..., Any] = self._first
 
     def compile(self) -> Callable[..., Any]:
-        """The program for floats, compiled now and not when it first runs."""
+        """Compiles the program for floats now, not at its first run."""
         self.scalar = self._bind(frozenset())
         return self.scalar
 
@@ -220,7 +220,7 @@ class Program:
 
     @property
     def code(self) -> Code:
-        """The program for floats, its constants not bound."""
+        """The program for floats, without bound constants."""
         return _compile(self.tape, frozenset(), by_math=False)
 
     @property
@@ -229,7 +229,7 @@ class Program:
         return self.code.text
 
     def untraced(self, *values: float) -> Any:
-        """The formula itself on floats: to step through, and to compare with."""
+        """The formula itself on floats, for debugging and comparison."""
         given = iter(values)
         result = self.formula(
             self.constants.tree, *(transformed(lambda _: next(given), x) for x in self._arguments)
@@ -237,7 +237,7 @@ class Program:
         return transformed(formulas.number, result)
 
     def arrays(self, *values: Real, by_math: bool = False) -> Any:
-        """The program on arrays of one shape.
+        """Runs the program on arrays of one shape.
 
         Args:
             *values: Arrays, and floats that are the same everywhere.

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pin forces, shaking force and shaking moment: Newton-Euler, body by body.
 
-Virtual power gives the driving torque without them; they are computed only where asked for. The
-moments of a dyad's two links about their outer pins give the force in the pin in which they meet;
-a link of which one pin force is missing gives that one; and last the crank gives the driving
-torque once more.
+Virtual power gives the driving torque without them, so they are computed only on request. The
+moments of a dyad's two links about their outer pins give the force in their common pin; a link
+with one unknown pin force gives that one; and last the crank gives the driving torque once more.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ class Reactions(NamedTuple):
             'B', of the coupler on the rocker, rod or slider, 'B0', of the frame on the rocker, and
             'D', of the rod on the slider; N.
         guide_force: Force of the guide on the slider, to its left, N; None without a slider.
-        shaking_force: (x, y) on the frame, of bearings, guide and the guide's resistance, N. An
-            external force on the slider is in it, because it comes from outside the machine.
-        shaking_moment: About A0 on the frame, the drive's own reaction included, N m.
-        torque: The driving torque by the crank's balance of moments, N m.
+        shaking_force: Force (x, y) of bearings and guide on the frame, N. It includes an external
+            force on the slider, because that comes from outside the machine.
+        shaking_moment: Moment on the frame about A0, including the drive's reaction, N m.
+        torque: Driving torque from the crank's balance of moments, N m.
     """
 
     pins: dict[str, Vector]
@@ -77,7 +76,7 @@ class _Balance:
     """Newton's and Euler's equations of all links, solved pin by pin.
 
     Attributes:
-        forces: In the pins that are solved, by name: of the first link on the second.
+        forces: Forces in the solved pins by name, of the first link on the second.
     """
 
     def __init__(
@@ -112,7 +111,7 @@ class _Balance:
         self.forces: dict[str, Vector] = {}
 
     def _known(self, j: int) -> list[tuple[Vector, Vector]]:
-        """Where known pin forces act on a link, and these forces."""
+        """Places and values of the known pin forces on a link."""
         return [
             (self._place[pin.name], force if pin.second == j else -force)
             for pin in self._model.pins
@@ -148,7 +147,7 @@ class _Balance:
         self.forces[dyad.pin] = (second * across_first - first * across_second) * (1.0 / sine)
 
     def complete(self, j: int) -> None:
-        """Finds the force in the one pin of a link that is not solved yet."""
+        """Finds the force in the only unsolved pin of a link."""
         pins = [pin for pin in self._model.pins if j in (pin.first, pin.second)]
         unknown = [pin for pin in pins if pin.name not in self.forces]
         if unknown and not self._model.links[j].slides:

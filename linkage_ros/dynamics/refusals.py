@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What programs call where their numbers have no finite result."""
+"""Functions that programs call where a result is not finite."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from linkage_ros.numeric import require_finite
 
 
 def refuse_overflow(names: Sequence[str], *values: float) -> NoReturn:
-    """Refuses numbers that are not finite, or so large that a result is not.
+    """Rejects numbers that are not finite, or whose results overflow.
 
     Raises:
         ConfigurationError: Always.
@@ -24,7 +24,7 @@ def refuse_overflow(names: Sequence[str], *values: float) -> NoReturn:
 
 
 def refuse_massless() -> NoReturn:
-    """Refuses a mass matrix that is not positive.
+    """Rejects a mass matrix that is not positive definite.
 
     Raises:
         MechanismError: Always.

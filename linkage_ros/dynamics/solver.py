@@ -40,8 +40,8 @@ class Solver:
     a value for each coordinate, even of one. Arrays broadcast.
 
     Attributes:
-        mechanism: The description it was made from.
-        structure: How its links hang together.
+        mechanism: Description of the mechanism.
+        structure: Structure of its links.
         links: Names of the links, in the order of all tuples.
         description: Its coordinates and assembly.
         coordinates: Names of the links whose positions are the coordinates.
@@ -64,7 +64,7 @@ class Solver:
                 torque acts on the crank.
 
         Raises:
-            MechanismError: That is not a mechanism.
+            MechanismError: The argument is not a mechanism.
         """
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
@@ -141,18 +141,18 @@ class Solver:
         Args:
             q: Coordinates: crank angle, rad; slider position, m. A crank angle within a few turns
                 keeps all its digits.
-            u: Their rates, rad/s and m/s.
-            a: Their accelerations, rad/s^2 and m/s^2. The slider of a wind pump, which nothing
-                drives, has the one that `accelerations` gives.
-            by_math: Whether arrays have the bits that their floats would have, one by one.
+            u: Rates of the coordinates, rad/s and m/s.
+            a: Accelerations of the coordinates, rad/s^2 and m/s^2. For the slider of a wind pump,
+                take the one that `accelerations` gives.
+            by_math: Whether array results have the same bits as results of single floats.
 
         Returns:
             Floats for floats; otherwise arrays of the broadcast shape.
 
         Raises:
-            UnreachableError: The loop cannot close there, or is stretched straight so that no
-                finite rate exists.
-            ConfigurationError: A value is not a finite number, or so large that the torque is not.
+            UnreachableError: The loop cannot close there, or is stretched so that no finite rate
+                exists.
+            ConfigurationError: A value is not a finite number, or the torque overflows.
         """
         if type(q) is type(u) is type(a) is float and self._is_plain:
             fast: State = self._moving.scalar(q, u, a) if a else self._steady.scalar(q, u)
@@ -179,14 +179,13 @@ class Solver:
             by_math: Whether arrays have the bits that their floats would have; see `state`.
 
         Returns:
-            rad/s^2, of a wind pump also m/s^2; a tuple for a tuple and for more than one
-            coordinate, else a float or an array.
+            Accelerations, rad/s^2, for a wind pump also m/s^2; a tuple for a tuple or for more
+            than one coordinate, else a float or an array.
 
         Raises:
             UnreachableError: The loop cannot close there, or a dyad is stretched.
-            ConfigurationError: A value is not a finite number, or so large that an acceleration
-                is not.
-            MechanismError: Something moves without a mass.
+            ConfigurationError: A value is not a finite number, or an acceleration overflows.
+            MechanismError: A moving coordinate has no mass.
         """
         if type(q) is type(u) is type(torque) is float and self._is_plain:
             return self._forward.scalar(q, u, torque)[0]
@@ -219,7 +218,7 @@ class Solver:
         return state
 
     def forward(self, y: Sequence[float], torque: float) -> tuple[float, ...]:
-        """The accelerations under a torque, for integrators: floats that nothing checks.
+        """The accelerations under a torque, for integrators: floats without checks.
 
         Args:
             y: Coordinates, then their rates.
@@ -257,7 +256,7 @@ class Solver:
             u: Their rates.
 
         Returns:
-            Kinetic, and potential of weights and loads but for a constant, J.
+            Kinetic energy plus the potential energy of weights and loads, up to a constant, J.
 
         Raises:
             LinkageError: As for `state`.
@@ -281,7 +280,7 @@ class Solver:
         return rows
 
     def point(self, state: State, name: str, *, by_math: bool = False) -> PointMotion:
-        """Follows a point of the mechanism.
+        """Computes the motion of a point of the mechanism.
 
         Args:
             state: From `state`; floats or arrays.
@@ -319,9 +318,8 @@ class Solver:
             The forces.
 
         Raises:
-            UnreachableError: The mechanism stands at a change point, where forces in its joints
-                have no finite value.
-            MechanismError: Those of such a mechanism are not known.
+            UnreachableError: The mechanism is at a change point, where joint forces are infinite.
+            MechanismError: Joint forces of this mechanism are not supported.
         """
         pins = [pin.name for pin in self.structure.pins]
         if not pins:
@@ -338,14 +336,14 @@ class Solver:
         )
 
     def load_forces(self, state: State) -> dict[str, Real]:
-        """What loads and friction exert on the links, without weights.
+        """Computes the forces of loads and friction on the links, without weights.
 
         Args:
             state: From `state`; floats or arrays.
 
         Returns:
-            By the names of links on which something acts, torque, counter-clockwise positive,
-            N m, or of a link that slides, force along its guide, N.
+            By the name of each loaded link, the torque, counter-clockwise positive, N m; for a
+            sliding link, the force along its guide, N.
 
         Raises:
             ConfigurationError: It is not a state of this mechanism.
@@ -421,7 +419,7 @@ class Solver:
         """The values of all coordinates.
 
         Raises:
-            ConfigurationError: Their number is wrong.
+            ConfigurationError: The number of values is wrong.
         """
         found = row
         if self._count == 1 and not isinstance(row, tuple):
@@ -449,7 +447,7 @@ class Solver:
         return rows
 
     def _run(self, program: Program, *given: Any, by_math: bool = False) -> Any:
-        """The program on floats or arrays."""
+        """Runs a program on floats or arrays."""
         if all(type(value) is float for value in given):
             return program.scalar(*given)
         values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
@@ -460,7 +458,7 @@ class Solver:
         return program.arrays(*values, by_math=by_math)
 
     def _refuse_change_point(self, *q: float) -> NoReturn:
-        """Refuses to give forces.
+        """Rejects the coordinates of a change point.
 
         Raises:
             UnreachableError: Always.

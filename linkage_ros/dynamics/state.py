@@ -20,9 +20,9 @@ class State(NamedTuple):
 
     Attributes:
         position: Directions of the links from first to second pin, rad; in [-pi, pi], except the
-            crank's, which is the angle that was asked for. A slider's place on its guide, m.
-        velocity: Their angular velocities, rad/s; a slider's velocity, m/s.
-        acceleration: Their angular accelerations, rad/s^2; a slider's acceleration, m/s^2.
+            crank's, which is the given angle. For a slider, its position on the guide, m.
+        velocity: Angular velocities of the links, rad/s; for a slider, its velocity, m/s.
+        acceleration: Angular accelerations, rad/s^2; for a slider, its acceleration, m/s^2.
         torque: Driving torque on the crank, N m, counter-clockwise positive.
     """
 
@@ -36,9 +36,9 @@ class PointMotion(NamedTuple):
     """The motion of a point, in the axes of base_link.
 
     Attributes:
-        position: (x, y), m.
-        velocity: m/s.
-        acceleration: m/s^2.
+        position: Position (x, y), m.
+        velocity: Velocity, m/s.
+        acceleration: Acceleration, m/s^2.
     """
 
     position: Vector
@@ -47,11 +47,11 @@ class PointMotion(NamedTuple):
 
 
 def loop_residual(structure: Structure, state: State) -> float:
-    """How far apart the two ways around the loop end.
+    """Distance between the ends of the two paths around the loop.
 
     Args:
         structure: Structure of the mechanism.
-        state: Floats.
+        state: State of floats.
 
     Returns:
         The distance, m.

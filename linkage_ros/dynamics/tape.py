@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records what a formula does: its operations on numbers that have no value yet, on a tape."""
+"""Records the operations of a formula on symbolic numbers, on a tape."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
 
 
 class Recorder:
-    """A number that writes what is done with it on a tape."""
+    """A symbolic number that records the operations on it on a tape."""
 
     __array_ufunc__ = None
     __hash__ = None  # type: ignore[assignment]
@@ -38,7 +38,7 @@ class Recorder:
         return self.tape.record(operation, *values)
 
     def binary(self, sign: str, a: Real, b: Real) -> Real:
-        """Records an operation between two values; ZERO drops out by its own operators."""
+        """Records an operation between two values; the operators of ZERO drop it."""
         if a is formulas.ZERO or b is formulas.ZERO:
             return NotImplemented
         return self.tape.record(sign, a, b)
@@ -91,9 +91,9 @@ class Tape:
         """Records a formula.
 
         Args:
-            formula: From constants and arguments to numbers in nested tuples.
+            formula: Function from constants and arguments to nested tuples of numbers.
             constants: Constants of the structure to record; their values do not matter.
-            arguments: Their names.
+            arguments: Names of the arguments.
         """
         self.title = formula.__name__
         self.names: dict[int, str] = {}
@@ -117,14 +117,14 @@ class Tape:
         self.lines = list(self._numbers)
 
     def record(self, operation: str, *operands: Real) -> Recorder:
-        """Records an operation, or finds it done already.
+        """Records an operation, or finds it on the tape.
 
         Args:
             operation: Name of the operation.
             *operands: Recording numbers and literals.
 
         Returns:
-            Its result.
+            The result of the operation.
         """
         known = [
             x if isinstance(x, Recorder) else self._add('literal', (), repr(float(x)))
@@ -140,7 +140,7 @@ class Tape:
         return Recorder(self, self._numbers.setdefault(Line(*line), len(self._numbers)))
 
     def _take_names(self, frame: FrameType, event: str, _: object) -> None:
-        """Takes the names that a function of the formulas has used, when it returns."""
+        """Copies the variable names of a formula's function when it returns."""
         if event == 'return' and frame.f_code.co_filename not in (__file__, formulas.__file__):
             for name, value in frame.f_locals.items():
                 if isinstance(value, Recorder) and value.tape is self:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the output link does while the crank turns: stroke or swing, time ratio, transmission."""
+"""The motion of the output link over a period: stroke or swing, time ratio, transmission."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Travel(NamedTuple):
     Attributes:
         output: Name of the output link, such as 'rocker' or 'slider'.
         slides: Whether it slides.
-        extremes: Where it reverses, lowest and highest position, rad or m; beyond pi only where
-            it swings through the seam. None: it turns fully.
+        extremes: Lowest and highest position, rad or m; beyond pi only if it swings through pi.
+            None: it turns fully.
         at: Crank angles in [0, 2 pi) or [0, 4 pi) at which it reverses, rad.
         transmission: Smallest and largest transmission angle, between coupler and rocker or
-            between coupler and the normal of the guide; rad in [0, pi]. None: there is none.
+            between coupler and the normal of the guide; rad in [0, pi]. None: no such angle.
         time_ratio: Ratio of the longer to the shorter crank rotation between the two reversals;
             None unless there are exactly two.
     """
@@ -35,7 +35,7 @@ class Travel(NamedTuple):
     time_ratio: float | None
 
     def words(self) -> list[str]:
-        """In words, angles in degrees: stroke or swing, transmission angle, time ratio."""
+        """Describes stroke or swing, transmission angle and time ratio; angles in degrees."""
         words = [self._motion()]
         if self.transmission:
             low, high = (math.degrees(angle) for angle in self.transmission)
@@ -59,7 +59,7 @@ def travel(solver: Solver) -> Travel:
         solver: Solver of a mechanism whose crank turns fully.
 
     Returns:
-        Its travel; positions right to a few ulp, because they are extremes.
+        The travel; its positions are right to a few ulp, because they are extremes.
 
     Raises:
         MechanismError: The crank does not turn fully.
@@ -98,7 +98,7 @@ def travel(solver: Solver) -> Travel:
 
 
 def _reversal(solver: Solver, low: float, high: float) -> float:
-    """The crank angle at which the output's rate changes its sign, by bisection."""
+    """Finds the crank angle at which the output's rate changes sign, by bisection."""
     low, high = float(low), float(high)
     falling = solver.state(low, 1.0).velocity[-1] > 0
     while low < (middle := 0.5 * (low + high)) < high:

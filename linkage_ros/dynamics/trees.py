@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nested tuples: the constants of formulas, and their results."""
+"""Nested tuples, as the constants and results of formulas."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def leaves(tree: Any) -> list[Any]:
 
 
 def paths(tree: Any, path: str) -> Any:
-    """Nested tuples with the path of names to each value in its place."""
+    """Replaces each value of nested tuples by its path of names."""
     if not isinstance(tree, tuple):
         return path
     names = getattr(tree, '_fields', range(len(tree)))
@@ -26,7 +26,7 @@ def paths(tree: Any, path: str) -> Any:
 
 
 def transformed(function: Callable[[Any], Any], tree: Any) -> Any:
-    """Nested tuples with a function of each of their values in its place."""
+    """Applies a function to each value of nested tuples."""
     if not isinstance(tree, tuple):
         return function(tree)
     return tuple.__new__(type(tree), [transformed(function, part) for part in tree])
@@ -41,16 +41,16 @@ class Constants:
     Attributes:
         tree: The constants, with vectors in place of complex numbers and ZERO in place of 0.0.
         numbers: The numbers and opaque functions in the tree, in order.
-        structure: The tree without these, as a key.
+        structure: The tree without these, for use as a key.
     """
 
     def __init__(self, tree: Any) -> None:
-        """Takes floats, complex numbers, `Opaque` functions and what else, in nested tuples."""
+        """Splits nested tuples of floats, complex numbers, `Opaque` functions and other values."""
         self.numbers: list[Any] = []
         self.tree, self.structure = self._take(tree)
 
     def _take(self, tree: Any) -> tuple[Any, Any]:
-        """A part of the tree, and of its structure."""
+        """Splits a part of the tree; returns it and its structure."""
         kind = type(tree)
         if kind is complex:
             return self._take(Vector(tree.real, tree.imag)) if tree else _NOTHING
@@ -70,5 +70,5 @@ class Constants:
 
 
 def is_number(leaf: Any) -> bool:
-    """Whether a value is a number or an opaque function, and no part of the structure."""
+    """Returns whether a value is a number or opaque function, not part of the structure."""
     return isinstance(leaf, (float, Opaque))

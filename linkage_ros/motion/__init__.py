@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How coordinates move in time: at a given speed, exactly, or under a torque, integrated."""
+"""Motion over time: exact at a given speed, integrated under a torque."""

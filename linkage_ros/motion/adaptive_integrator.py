@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion that a torque makes, in steps as long as accuracy allows: for records, not live.
+"""Integrates torque-driven motion in steps of adaptive length, for records.
 
-The only file of this folder that knows SciPy. Its DOP853 is Dormand and Prince's method of order 8
-with a continuous solution of order 7 between its steps.
+This is the only file of this folder that uses SciPy. Its DOP853 is Dormand and Prince's method of
+order 8 with a continuous solution of order 7 between its steps.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _END = 1e10  # s, which no run reaches
 
 
 class AdaptiveSteps:
-    """Follows a motion with an error that is controlled at every step.
+    """Integrates a motion with error control at every step.
 
     Attributes:
         driven: What moves, in the coordinates that describe it now.
@@ -41,11 +41,11 @@ class AdaptiveSteps:
         """Begins a motion at time 0.
 
         Args:
-            driven: What moves.
+            driven: The mechanism under its torque.
             phase: Coordinates, then their rates.
 
         Raises:
-            LinkageError: The motion cannot even begin, as `Solver.accelerations` tells.
+            LinkageError: The motion cannot begin; see `Solver.accelerations`.
         """
         self.driven, self.time = driven, 0.0
         self.phase, self.pairs = driven.wound(phase)
@@ -55,7 +55,7 @@ class AdaptiveSteps:
         self._pairs_ahead = self._pairs_between = self.pairs
 
     def changed(self) -> None:
-        """Begins to step anew where the motion is: the torque is another from now on."""
+        """Restarts the steps, because the torque has changed."""
         self._steps = self._begin(self.time, self.phase)
         self._pairs_ahead = self.pairs
 
@@ -68,13 +68,13 @@ class AdaptiveSteps:
         )  # fmt: skip
 
     def advance(self, time: float) -> None:
-        """Follows the motion to a time.
+        """Integrates the motion to a time.
 
         Args:
             time: Not before the time reached, s.
 
         Raises:
-            MotionError: It cannot be followed that far.
+            MotionError: The motion ends earlier.
         """
         left = _STEPS + _STEPS_A_SECOND * (time - self.time)
         while self._steps.t < time:
@@ -87,7 +87,7 @@ class AdaptiveSteps:
             self.time, self.phase, self.pairs = time, phase, self._pairs_between + pairs
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
-        """Follows the motion to rising times, s: phase and pairs of whole turns at each."""
+        """Integrates to rising times, s; yields phase and pairs of whole turns at each."""
         done = 0
         while done < len(times):
             self.advance(times[done])

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The coordinates of a mechanism at one moment: what every drive gives, and every reader takes."""
+"""The coordinates of a mechanism at one moment: the output of every drive."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Coordinates(NamedTuple):
 
 
 def stacked(moments: Sequence[Coordinates]) -> Coordinates:
-    """Coordinates of arrays, from those of many moments."""
+    """Stacks the coordinates of many moments into arrays."""
     q, u, a = (_columns([m[i] for m in moments]) for i in range(3))
     states = [m.state for m in moments if m.state is not None]
     state = None

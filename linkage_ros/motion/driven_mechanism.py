@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A mechanism under a torque, as a system of first order: what integrators follow.
+"""A mechanism under a torque, as a first-order system for integrators.
 
 Where the mechanism's own coordinates come near their end, at a dead centre or a stretched dyad,
 the motion is described by its other coordinates, and behind it by its own again, perhaps in the
@@ -46,7 +46,7 @@ class DrivenMechanism:
 
     Attributes:
         solver: Solver of the mechanism.
-        torque: On the crank, N m, over crank speed, rad/s.
+        torque: Torque on the crank, N m, as a function of its speed, rad/s.
         middle: Where the crank is no coordinate, the middle of the arc on which it moves, rad.
         solvers: Solvers of its descriptions, as far as they were needed.
     """
@@ -58,7 +58,7 @@ class DrivenMechanism:
 
     @functools.cached_property
     def units(self) -> tuple[float, ...]:
-        """The units of errors in y: rad and crank lengths, then the same per second."""
+        """Units of errors in y: rad and crank lengths, then the same per second."""
         length = self.solver.mechanism.crank.length
         return tuple(length if link.slides else 1.0 for link in self.links) * 2
 
@@ -207,14 +207,14 @@ class DrivenMechanism:
         return y[len(y) // 2] if self.has_crank else self._state(y).velocity[0]
 
     def jacobian(self, y: tuple[float, ...], slope: tuple[float, ...]) -> list[float]:
-        """The derivatives of the accelerations, by differences.
+        """Derivatives of the accelerations, by finite differences.
 
         Args:
             y: Coordinates, then their rates.
             slope: The slope there.
 
         Returns:
-            By each value of y in turn, those of all accelerations.
+            For each value of y, the derivatives of all accelerations.
 
         Raises:
             LinkageError: As `Solver.accelerations`.
@@ -248,22 +248,22 @@ class DrivenMechanism:
         return float(median(settling or [0.0])), float(median(swinging or [0.0]))
 
     def eigenvalues(self, q: tuple[float, ...]) -> Array:
-        """Those of the motion linearised about rest, 1/s."""
+        """Eigenvalues of the motion linearised about rest, 1/s."""
         y, count = (*q, *[_SLOW] * len(q)), len(q)
         below = np.reshape(self.jacobian(y, self.slope(y)), (2 * count, count)).T
         found: Array = np.linalg.eigvals(np.vstack([np.eye(count, 2 * count, count), below]))
         return found
 
     def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
-        """Ends a motion that cannot be followed any further.
+        """Ends a motion that cannot be continued.
 
         Args:
-            time: Up to which it was followed, s; the error has the time of the end itself.
+            time: Time reached, s; the error gives the exact time of the end.
             y: Coordinates and rates at that time.
-            cause: The error of the next step.
+            cause: Error of the next step.
 
         Raises:
-            MotionError: With time, place and what to do.
+            MotionError: It names time and place, and what to do.
         """
         q = y[: len(y) // 2]
         sine, words = self.solver.alignment(q)

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What drives a mechanism: a crank speed, a torque, or a crank that is measured.
+"""The drives of a mechanism: a crank speed, a torque, or a measured crank.
 
-The parameters are read from here.
+Their fields are the parameters of the drive.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from linkage_ros.quantities import Checked, quantity
 
 @dataclass(frozen=True)
 class SpeedDrive(Checked):
-    """How a speed-driven crank moves.
+    """The motion of a speed-driven crank.
 
     Attributes:
         rpm: Crank speed, counter-clockwise positive, turns per minute.
         start_rpm: Speed at t = 0; None: rpm.
-        crank_acceleration: At which the speed moves to rpm, rad/s^2; 0: at once.
-        crank_angle: At t = 0, rad.
+        crank_acceleration: Acceleration towards rpm, rad/s^2; 0: at once.
+        crank_angle: Crank angle at t = 0, rad.
     """
 
     rpm: float = quantity(
@@ -54,8 +54,8 @@ class Motor(Checked):
     """A motor line: its torque falls with the crank speed.
 
     Attributes:
-        torque: At rest, N m, counter-clockwise positive.
-        damping: What it loses per crank speed, N m s.
+        torque: Torque at rest, N m, counter-clockwise positive.
+        damping: Loss of torque per crank speed, N m s.
     """
 
     torque: float = quantity(
@@ -67,18 +67,18 @@ class Motor(Checked):
     )
 
     def at(self, speed: Real) -> Real:
-        """The torque at a crank speed, rad/s, or at an array of them, N m."""
+        """Torque, N m, at a crank speed or an array of them, rad/s."""
         return self.torque - self.damping * speed
 
 
 @dataclass(frozen=True)
 class TorqueDrive(Checked):
-    """How a torque-driven mechanism starts, and its motor.
+    """The motor and the start of a torque-driven mechanism.
 
     Attributes:
-        motor: Its line; commands are added to it.
+        motor: Line of the motor; commands are added to it.
         start_rpm: Crank speed at t = 0, turns per minute.
-        crank_angle: At t = 0, rad.
+        crank_angle: Crank angle at t = 0, rad.
         torque_limit: Largest torque of a command, N m; a larger one is cut to it.
         command_timeout: Time after which a command expires, s.
     """
@@ -101,10 +101,10 @@ class TorqueDrive(Checked):
 
 @dataclass(frozen=True)
 class FollowDrive(Checked):
-    """A crank that is measured: everything else follows it.
+    """A measured crank, which the other links follow.
 
     Attributes:
-        follow_bandwidth: Of the filter that gives rates and accelerations, Hz; 0: they are 0.
+        follow_bandwidth: Bandwidth of the filter for rates and accelerations, Hz; 0: both are 0.
     """
 
     follow_bandwidth: float = quantity(
@@ -114,7 +114,7 @@ class FollowDrive(Checked):
 
     @property
     def crank_angle(self) -> float:
-        """Where the crank is before it is measured, rad."""
+        """Crank angle before the first measurement, rad."""
         return 0.0
 
 

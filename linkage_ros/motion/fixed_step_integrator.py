@@ -1,11 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion that a torque makes, in fixed steps: bounded work, and no step that is not checked.
+"""Integrates torque-driven motion in fixed steps, with bounded work and checked steps.
 
-Each step is Dormand and Prince's of order 5 (J. Comput. Appl. Math. 6 (1980), RK5(4)7M); what it
-differs from its embedded result of order 4 tells whether the step was short enough. Where it was
-not, it is halved, as often as a bounded number of trials allows; where that does not help, the
-motion is at the edge of what its coordinates can describe, and ends with an error.
+Each step is Dormand and Prince's of order 5 (J. Comput. Appl. Math. 6 (1980), RK5(4)7M). Its
+difference from the embedded result of order 4 shows whether the step was short enough. If not, it
+is halved, within a limited number of trials; if that fails, the motion is at the edge of its
+coordinates, and ends with an error.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Method(NamedTuple):
     """The weights of a method's sums of slopes; 0 where there is none.
 
     Attributes:
-        stages: For the place of each slope but the first.
-        end: For the end of a step.
-        error: For its error, the slope at the end included.
+        stages: Weights for the place of each slope but the first.
+        end: Weights for the end of a step.
+        error: Weights for its error, including the slope at the end.
     """
 
     stages: tuple[tuple[Real, ...], ...]
@@ -66,8 +66,8 @@ class Steps(Protocol):
     Attributes:
         driven: What moves, in the coordinates that describe it now.
         phase: These coordinates, then their rates; the crank within two turns of 0.
-        pairs: Pairs of whole turns that belong to it.
-        time: Up to which it was followed, s.
+        pairs: Pairs of whole turns removed from the crank angle.
+        time: Time reached, s.
     """
 
     driven: DrivenMechanism
@@ -79,10 +79,10 @@ class Steps(Protocol):
         """Notes that the torque is another from now on."""
 
     def advance(self, time: float) -> None:
-        """Follows the motion to a time, s."""
+        """Integrates the motion to a time, s."""
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
-        """Follows the motion to rising times, s: phase and pairs of whole turns at each."""
+        """Integrates to rising times, s; yields phase and pairs of whole turns at each."""
 
 
 # Makes the integrator of a motion, from its values at t = 0.
@@ -90,7 +90,7 @@ Integrate: TypeAlias = Callable[[DrivenMechanism, Values], Steps]
 
 
 class FixedSteps:
-    """Follows a motion in equal steps between the times that are asked for.
+    """Integrates a motion in equal steps between the requested times.
 
     Attributes:
         driven: What moves, in the coordinates that describe it now.
@@ -116,14 +116,14 @@ class FixedSteps:
         Args:
             driven: What moves.
             phase: Coordinates, then their rates.
-            longest: Step, s.
+            longest: Length of a step, s.
             tolerance: Largest error of a step, in rad and crank lengths; of rates, in the same
                 units per second, relative to rates above one unit.
-            time: Time of the beginning, s.
-            trials: Largest number of steps to try in place of one that is as long as that.
+            time: Time of the start, s.
+            trials: Largest number of trial steps for each step.
 
         Raises:
-            LinkageError: It cannot even begin, as `Solver.accelerations` tells.
+            LinkageError: The motion cannot begin; see `Solver.accelerations`.
         """
         self.driven, self.time = driven, time
         self.phase, self.pairs = driven.wound(phase)
@@ -149,7 +149,7 @@ class FixedSteps:
             time: Not before the time reached, s.
 
         Raises:
-            MotionError: It cannot be followed that far; `time` and `phase` are those reached.
+            MotionError: The motion ends earlier; `time` and `phase` are those reached.
         """
         start, span = self.time, time - self.time
         steps = math.ceil(span / self._longest * (1 - 1e-9))
@@ -179,7 +179,7 @@ class FixedSteps:
             self.driven.fail(self.time, self.phase, cause)
 
     def _try(self, h: float) -> tuple[Values, Values, float]:
-        """One step: its end, the slope there, and its error."""
+        """Makes one step; returns its end, the slope there, and its error."""
         phase, driven = self.phase, self.driven
         better, self.phase, left = driven.ready(phase)
         if better is not driven:
@@ -209,7 +209,7 @@ def leap(
     phase: tuple[Array, ...],
     h: Array,
 ) -> tuple[tuple[Array, ...], tuple[Real, ...]]:
-    """One step of many motions at a time.
+    """Makes one step of many motions at once.
 
     Args:
         slope: Rates and accelerations at coordinates and rates.
@@ -243,7 +243,7 @@ class _Sums(NamedTuple):
 
 @functools.cache
 def _sums(method: Method, size: int) -> _Sums:
-    """The sums of a method for so many values."""
+    """The sums of a method for a number of values."""
 
     def row(word: str) -> tuple[str, ...]:
         return tuple(f'{word}{i}' for i in range(size))

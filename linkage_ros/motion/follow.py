@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a crank that is measured: its angle as it is, its rates by a tracking filter.
+"""The motion of a measured crank: its measured angle, and rates from a tracking filter.
 
 The filter follows a signal m with a value x and a rate v, both poles at -w = -2 pi bandwidth:
 
@@ -39,12 +39,12 @@ NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite, or beyond 
 
 
 class Measurement(NamedTuple):
-    """What a sensor says of the crank.
+    """A measurement of the crank.
 
     Attributes:
-        stamp: ns.
-        position: rad.
-        velocity: rad/s; None: it is not measured.
+        stamp: Stamp, ns.
+        position: Angle, rad.
+        velocity: Speed, rad/s; None: not measured.
     """
 
     stamp: int
@@ -53,12 +53,12 @@ class Measurement(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """A signal as the filter has followed it.
+    """The state of the filter for one signal.
 
     Attributes:
-        value: The signal when it was measured last.
-        error: What it is ahead of the filter's value then.
-        rate: The filter's rate then.
+        value: Last measured value of the signal.
+        error: Its difference from the filter's value.
+        rate: The filter's rate.
     """
 
     value: float
@@ -66,15 +66,15 @@ class Tracked(NamedTuple):
     rate: float
 
     def advance(self, value: float, time: float, w: float) -> Tracked:
-        """The signal once it is measured again.
+        """Updates the filter with a new measurement.
 
         Args:
             value: The new measurement.
-            time: Since the last one, s.
+            time: Time since the last one, s.
             w: 2 pi times the bandwidth, rad/s.
 
         Returns:
-            The signal then.
+            The new state of the filter.
         """
         slope = (value - self.value) / time
         gap = slope - self.rate
@@ -87,11 +87,11 @@ class FollowMotion:
     """The motion of a measured crank.
 
     Attributes:
-        left_out: How many measurements were left out, by cause.
+        left_out: Numbers of rejected measurements, by cause.
     """
 
     def __init__(self, drive: FollowDrive) -> None:
-        """Waits for a measurement.
+        """Begins without a measurement.
 
         Args:
             drive: The settings.
@@ -106,10 +106,10 @@ class FollowMotion:
         """Takes a measurement.
 
         Args:
-            measured: In the order in which they come.
+            measured: A measurement, in the order of arrival.
 
         Returns:
-            The crank at its stamp; None: it is left out, and counted.
+            The crank at its stamp; None: the measurement was rejected and counted.
         """
         stamp, position, velocity = measured
         values = (position,) if velocity is None else (position, velocity)
@@ -151,14 +151,14 @@ class FollowMotion:
 
 
 def ahead(coordinates: Coordinates, seconds: float) -> Coordinates:
-    """Coordinates a little later, at their acceleration.
+    """Extrapolates coordinates with their acceleration.
 
     Args:
-        coordinates: Now.
-        seconds: How much later.
+        coordinates: Coordinates now.
+        seconds: Time ahead, s.
 
     Returns:
-        The coordinates then.
+        The coordinates after that time.
     """
     (q,), (u,), (a,), unwrapped, _ = coordinates
     moved = (u + 0.5 * a * seconds) * seconds

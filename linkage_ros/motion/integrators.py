@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which integrator follows a motion: the one place where it is chosen.
+"""Selects the integrator of a motion.
 
 Processor time in s for each second of motion (benchmarks/stiff.py), in ticks of 1 ms, of the
 quadrilateral at 150 rpm and the wind pump at 3 rad/s under motor lines of several dampings:
@@ -36,18 +36,18 @@ _RECORD = {'tolerance': 1e-11, 'trials': 10_000}  # of implicit steps
 
 
 def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
-    """Begins to follow a motion with bounded work for each tick.
+    """Begins to integrate a motion, with bounded work per tick.
 
     Args:
-        driven: What moves.
+        driven: The mechanism under its torque.
         phase: Coordinates, then their rates.
-        **options: Of `FixedSteps`.
+        **options: Options of `FixedSteps`.
 
     Returns:
         The integrator.
 
     Raises:
-        LinkageError: The motion cannot begin, as `Solver.accelerations` tells.
+        LinkageError: The motion cannot begin; see `Solver.accelerations`.
     """
     return live_method(driven)(driven, phase, **options)
 
@@ -58,14 +58,14 @@ def live_method(driven: DrivenMechanism) -> type[FixedSteps]:
 
 
 def require_live(driven: DrivenMechanism, period: float) -> None:
-    """Refuses a mechanism that swings too fast on its springs for a live run.
+    """Refuses a mechanism whose springs swing too fast for a live run.
 
     Args:
-        driven: What moves.
-        period: Time of a tick, s.
+        driven: The mechanism under its torque.
+        period: Period of the ticks, s.
 
     Raises:
-        ConfigurationError: It does.
+        ConfigurationError: The springs swing too fast.
     """
     swinging = driven.rates[1]
     if swinging > _TOO_FAST:
@@ -78,7 +78,7 @@ def require_live(driven: DrivenMechanism, period: float) -> None:
 
 
 def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
-    """Begins to follow a motion as exactly as possible; see `live_steps`."""
+    """Begins to integrate a motion as accurately as possible; see `live_steps`."""
     if driven.rates[0] > _STIFF:
         return live_steps(driven, phase, **_RECORD)
     # A load curve has corners, between which long steps of high order lose their accuracy.

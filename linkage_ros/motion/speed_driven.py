@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motion of a speed-driven crank: exact at every stamp, after a second or after years.
 
-Nothing is ever added step by step. A segment has a phase and a speed at a stamp and the speed it
-moves to; the phase at a later stamp is one expression in whole numbers of nanoseconds, reduced by
-whole turns, and only then rounded to a float, once.
+Errors do not accumulate, because nothing is summed step by step. A segment has a phase and a speed
+at a stamp, and a set speed; the phase at a later stamp is one expression in whole nanoseconds,
+reduced by whole turns and then rounded once to a float.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class SpeedMotion:
     """The exact motion in one segment.
 
     Attributes:
-        segment: What a log keeps of it.
+        segment: The segment, as in logs.
     """
 
     def __init__(self, segment: SpeedSegment) -> None:
@@ -97,7 +97,7 @@ class SpeedMotion:
         return Coordinates((angle,), (speed,), (acceleration,), unwrapped)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
-        """The crank at many stamps, bit for bit as `at` has it.
+        """The crank at many stamps, with the same bits as `at`.
 
         Args:
             stamps: At or after the start, rising, ns.
@@ -116,7 +116,7 @@ class SpeedMotion:
         return Coordinates((angle,), (self._settled_speed,), (0.0,), unwrapped)
 
     def follow(self, stamp: int, drive: Any) -> SpeedMotion:
-        """The motion from a stamp on under a drive: another one if the speed was set.
+        """The motion from a stamp on under a drive; a new one if the speed was set.
 
         Args:
             stamp: ns.
@@ -169,7 +169,7 @@ class SpeedMotion:
             turns: More than 0.
 
         Returns:
-            ns after the start; None: it never is.
+            Time after the start, ns; None: never.
         """
         start, goal = self._phase_after(0), turns * _TURN
 
@@ -188,14 +188,14 @@ class SpeedMotion:
         return None
 
     def _phase_after(self, elapsed: int) -> int:
-        """The phase after so many ns, in 1 / _TURN turn."""
+        """The phase after a time, ns, in 1 / _TURN turn."""
         twice = 2 * NS_PER_S * elapsed
         if elapsed >= self._ramp_ns:
             return self._settled_phase + self._target * twice
         return self._phase * (_TURN // _GRID) + self._speed * twice + self._rate * elapsed**2
 
     def _speed_after(self, elapsed: int) -> int:
-        """The speed after so many ns, in 1 / _RPM rpm."""
+        """The speed after a time, ns, in 1 / _RPM rpm."""
         if elapsed >= self._ramp_ns:
             return self._target * NS_PER_S
         return self._speed * NS_PER_S + self._rate * elapsed
@@ -227,5 +227,5 @@ def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
 
 
 def _radians(number: int, size: int) -> float:
-    """So many units of a size in 2^-_BITS rad or rad/s, correctly rounded."""
+    """Converts a number of units to rad or rad/s, correctly rounded; the unit is in 2^-_BITS."""
     return math.ldexp(float(number * size), -_BITS)

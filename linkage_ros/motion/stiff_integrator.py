@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion that a torque makes against strong damping, in fixed steps that treat it implicitly.
+"""Integrates torque-driven motion with strong damping, in linearly implicit fixed steps.
 
 Strong damping brings a rate to its balance within a time constant (inertia / damping) that may be
 far shorter than a step. An explicit step must be as short as that time constant, or it diverges; a
@@ -60,7 +60,7 @@ _COUPLINGS = (
 
 
 class StiffSteps(FixedSteps):
-    """Follows a motion in equal steps that strong damping does not shorten; see `FixedSteps`."""
+    """Integrates a motion in equal steps that need not be shortened for strong damping."""
 
     method = _METHOD
 
@@ -77,7 +77,7 @@ class StiffSteps(FixedSteps):
 
 @functools.cache
 def _solvers(size: int) -> list[Callable[..., Values]]:
-    """The programs that solve the stages, for so many values.
+    """The programs that solve the stages, for a number of values.
 
     Each from h, the derivatives of the accelerations, the slope of its stage and the results of
     the stages before it, all flat.

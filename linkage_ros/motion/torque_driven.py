@@ -27,10 +27,10 @@ CATCH_UP = NS_PER_S // 4
 
 
 class TorqueMotion:
-    """A motion under a torque; its stamps must not go back.
+    """A motion under a torque; its stamps must not decrease.
 
     Attributes:
-        segment: What a log keeps of the motion since the last change.
+        segment: The current segment, as in logs.
     """
 
     def __init__(
@@ -47,11 +47,11 @@ class TorqueMotion:
             solver: Solver of the mechanism.
             drive: Motor and start.
             stamp: Stamp of t = 0, ns.
-            period: Between states, ns.
+            period: Time between states, ns.
             integrate: Makes the integrator.
 
         Raises:
-            LinkageError: It cannot start from there.
+            LinkageError: The motion cannot start there.
         """
         self.segment = TorqueSegment(stamp, drive.motor.torque)
         self._solver, self._motor, self._command = solver, drive.motor, 0.0
@@ -83,7 +83,7 @@ class TorqueMotion:
         return published(self._steps.driven, self._steps.phase, self._steps.pairs)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
-        """The coordinates at many stamps, bit for bit as `at` has them.
+        """The coordinates at many stamps, with the same bits as `at`.
 
         Args:
             stamps: Not before the last one, rising, ns.
@@ -129,10 +129,10 @@ class TorqueMotion:
             self._steps.changed()
 
     def follow(self, stamp: int, drive: Any) -> TorqueMotion:
-        """Goes on under a drive; a new segment begins where its motor was set.
+        """Continues under a drive; a new segment begins where the motor was set.
 
-        Another begins where the run is late by more than 0.25 s: for that time the plant stood
-        still.
+        A new segment also begins if the run is late by more than 0.25 s: the plant is then paused
+        for that time.
 
         Args:
             stamp: Not before the last one, ns.
@@ -156,7 +156,7 @@ class TorqueMotion:
         return self
 
     def restamp(self, old: int, new: int) -> TorqueMotion:
-        """Goes on after a step of the clock.
+        """Continues after a step of the clock.
 
         Args:
             old: The moment on the clock before the step, ns.
@@ -203,7 +203,7 @@ Motion: TypeAlias = SpeedMotion | TorqueMotion
 
 
 def start(mechanism: Mechanism, drive: TorqueDrive) -> Coordinates:
-    """The coordinates at t = 0, where the accelerations are still to be solved."""
+    """The coordinates at t = 0, without solved accelerations."""
     positions, rates = mechanism.start()
     angle, _ = within_two_turns(drive.crank_angle)
     u = radians_per_second(drive.start_rpm), *rates
