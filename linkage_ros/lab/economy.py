@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Economy: the error of the driving torque without one term, and what leaving it out saves."""
+"""Error of the driving torque without one of its terms, and the savings."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ _SAMPLES = 2048  # even states to which series are fitted, and of which tables h
 
 
 class Cost(NamedTuple):
-    """The cost of a model of the torque, or what a simpler one saves of it.
+    """The cost of a model of the torque, or the saving of a simpler one.
 
     Attributes:
         operations: Operations of its program.
         microseconds: Time of one run of that program.
-        parameters: Numbers that somebody has to identify.
+        parameters: Number of values to identify.
     """
 
     operations: int
@@ -54,7 +54,7 @@ class Cost(NamedTuple):
     parameters: int
 
     def saved(self, full: Cost) -> Cost:
-        """The savings of this model, compared with the full one."""
+        """The saving of this model, compared with the full one."""
         return Cost(
             full.operations - self.operations,
             full.microseconds - self.microseconds,
@@ -63,15 +63,15 @@ class Cost(NamedTuple):
 
 
 class Saving(NamedTuple):
-    """The error of one simpler model at one speed, and what it saves.
+    """The error and the saving of one simpler model at one speed.
 
     Attributes:
         mechanism: Name of the parameter file.
         rpm: Crank speed.
-        left_out: The term that is left out, or the reduced model.
+        left_out: The omitted term, or the reduced model.
         error: Largest error of the torque over a period, as a share of the full torque's peak.
-        saved: The full model's cost less that of this model.
-        full: The full model's cost.
+        saved: Cost of the full model minus that of this model.
+        full: Cost of the full model.
     """
 
     mechanism: str
@@ -89,14 +89,14 @@ class Saving(NamedTuple):
 
 
 class Economy:
-    """The driving torque of one mechanism at constant speeds, by ever simpler models.
+    """The driving torque of one mechanism at constant speeds, by full and simpler models.
 
     Attributes:
-        terms: Terms of the model, each with its parameters that are not 0.
+        terms: Terms of the model, each with its non-zero parameters.
     """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
-        """Takes a mechanism.
+        """Prepares the models of a mechanism.
 
         Args:
             mechanism: A mechanism whose crank turns fully.
@@ -123,11 +123,11 @@ class Economy:
 
         Args:
             rpms: Crank speeds.
-            rounds: How often each program is timed; its shortest time counts.
-            progress: Wraps what is gone through, with a word for it: a progress bar.
+            rounds: Number of timings of each program; the shortest counts.
+            progress: Wraps an iterable in a progress bar with a label.
 
         Returns:
-            Speed by speed.
+            The savings, speed by speed.
 
         Raises:
             MechanismError: No torque is needed at one of the speeds.
@@ -147,11 +147,11 @@ class Economy:
         return found
 
     def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
-        """What the torque needs at one speed; all that may be left out, may be left out together.
+        """States what the torque needs at one speed, and which terms may be omitted together.
 
         Args:
-            rpm: A speed that was measured.
-            tolerance: Error that is allowed, as a share of the full torque's peak.
+            rpm: One of the measured speeds.
+            tolerance: Allowed error, as a share of the full torque's peak.
             savings: From `measure`.
 
         Returns:
@@ -181,7 +181,7 @@ class Economy:
         return words + (f'; {_listed([*filter(None, smallest)], "or")} will do' if good else '')
 
     def _models(self, speed: float) -> dict[str, tuple[TorqueProgram, int]]:
-        """The simpler models at a speed by name: their programs, and the numbers they need."""
+        """The simpler models at a speed by name: programs, and the values they need."""
         everything = {x for own in self.terms.values() for x in own}
         found = {
             name: (self._without([name]), self._count(everything - own))
@@ -207,13 +207,13 @@ class Economy:
         return torques(self._full, self._samples, speed)
 
     def _count(self, *groups: Iterable[str]) -> int:
-        """How many numbers groups of parameters have together."""
+        """Counts the values in groups of parameters."""
         return sum(numbers(self._values[name]) for name in {*itertools.chain(*groups)})
 
     def _costs(
         self, programs: Sequence[TorqueProgram], needed: Sequence[int], rounds: Iterable[int]
     ) -> list[Cost]:
-        """The costs of programs; they take turns, so that a busy machine slows all of them."""
+        """Measures the costs of programs, alternating so that a busy machine slows all alike."""
         by_source = {program.source: program for program in programs}
         best = dict.fromkeys(by_source, math.inf)
         for _ in rounds:
@@ -225,7 +225,7 @@ class Economy:
         ]
 
     def _time(self, program: TorqueProgram) -> float:
-        """The time of one run, us."""
+        """Time of one run, us."""
         run = program.scalar
         angles = self._samples[::_TIMED].tolist()
         start = time.perf_counter()
@@ -237,7 +237,7 @@ class Economy:
         """The largest error of a program's torque, as a share of the full torque's peak.
 
         Raises:
-            MechanismError: There is no torque.
+            MechanismError: The torque is 0.
         """
         full, found = self._exact(speed), torques(program, self._samples, speed)
         peak = np.abs(full).max()
@@ -249,9 +249,9 @@ class Economy:
 
 
 def handover(savings: Sequence[Saving]) -> float | None:
-    """The speed at which weights and inertia count alike, rpm; None: one of them counts nothing.
+    """The speed at which weights and inertia contribute equally, rpm; None: one is absent.
 
-    The torque of the weights is the same at every speed, that of inertia grows with its square.
+    The torque of weights does not depend on speed; that of inertia grows with its square.
     """
     for one in savings:
         errors = {x.left_out: x.error for x in savings if x.rpm == one.rpm}
@@ -262,6 +262,6 @@ def handover(savings: Sequence[Saving]) -> float | None:
 
 
 def _listed(names: Sequence[str], word: str) -> str:
-    """Names in words: a, b and c."""
+    """Joins names as text: a, b and c."""
     *others, last = names or ['nothing']
     return f'{", ".join(others)} {word} {last}' if others else last

@@ -1,14 +1,14 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The flywheel that keeps a crank's speed even, and the speed under a motor.
+"""Sizes the flywheel for a crank, and finds its speed under a motor.
 
 Energy over the crank angle theta gives the speed u without integration in time: under a torque
 tau on the crank,
 
     (M(theta) + J) u^2 / 2 = T0 + integral of tau - R over theta,
 
-with the mechanism's inertia M at the crank, the flywheel's J, and the torque R that weights, loads
-and friction take. Where R depends on the motion, the speed is found by iteration.
+with the mechanism's inertia M at the crank, the flywheel's J, and the torque R of weights, loads
+and friction. Where R depends on the motion, the speed is found by iteration.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Cycle(NamedTuple):
         crank: Crank angles, rad.
         velocity: Crank speed at these, rad/s.
         torque: Applied torque at these, N m.
-        demand: The torque that the mechanism takes of it; the flywheel takes the rest, N m.
+        demand: Torque that the mechanism takes, N m; the flywheel takes the rest.
     """
 
     crank: Array
@@ -71,7 +71,7 @@ class Cycle(NamedTuple):
 
     @property
     def fluctuation(self) -> float:
-        """Largest less smallest speed over the mean over time."""
+        """Difference of largest and smallest speed, relative to the mean over time."""
         found = extent(self.crank, self.velocity)
         return (found.high - found.low) / abs(self.speed)
 
@@ -85,14 +85,14 @@ class EvenTorque:
     """
 
     def __init__(self, mechanism: Mechanism, speed: float) -> None:
-        """Solves what does not depend on the flywheel.
+        """Solves the part that does not depend on the flywheel.
 
         Args:
             mechanism: A mechanism whose crank turns fully.
             speed: Mean speed over time, rad/s.
 
         Raises:
-            ConfigurationError: The crank stands still.
+            ConfigurationError: The crank is at rest.
             MechanismError: The crank does not turn fully.
         """
         if not speed:
@@ -113,7 +113,7 @@ class EvenTorque:
         return self.energy / (fluctuation * self._speed**2)
 
     def inertia_for(self, fluctuation: float) -> float:
-        """The inertia to add to the crank for a fluctuation, kg m^2; 0: it is even enough."""
+        """Inertia to add to the crank for a fluctuation, kg m^2; 0: none is needed."""
 
         def excess(added: float) -> float:
             try:
@@ -138,7 +138,7 @@ class EvenTorque:
             One period.
 
         Raises:
-            UnsteadyError: The crank would stop, or something moves without a mass.
+            UnsteadyError: The crank would stop, or a moving coordinate has no mass.
         """
         speeds = np.full_like(self._crank, self._speed)
         for _ in range(_ROUNDS):
@@ -152,21 +152,21 @@ class EvenTorque:
         raise UnsteadyError('its speed has no steady cycle')
 
     def _work(self, taken: Array) -> Array:
-        """What a constant torque has given since angle 0 beyond what is taken, J."""
+        """Work of a constant torque since angle 0, minus the work taken, J."""
         curve = CubicSpline(self._crank, self._mean(taken) - taken).antiderivative()
         found: Array = curve(self._crank)
         return found
 
     def _mean(self, values: Array) -> float:
-        """The mean over the angle, by the rule that `_work` integrates with."""
+        """The mean over the angle, by the same rule as `_work`."""
         curve = CubicSpline(self._crank, values)
         return float(curve.integrate(0.0, self._crank[-1]) / self._crank[-1])
 
     def _speeds(self, added: float, work: Array) -> Array:
-        """The speeds whose mean over time is that given, from the energy.
+        """Speeds from the energy, with the given mean over time.
 
         Raises:
-            UnsteadyError: There are none.
+            UnsteadyError: No such speeds exist.
         """
         inertia = self._inertia + added
         if inertia.min() <= _MASSLESS * inertia.max():
@@ -193,15 +193,15 @@ def motor_cycle(mechanism: Mechanism, motor: Motor, speed: float, added: float) 
     Args:
         mechanism: A mechanism whose crank turns fully.
         motor: The motor.
-        speed: A speed near the steady one, and which way the crank turns, rad/s.
+        speed: A speed near the steady one, with the sign of the rotation, rad/s.
         added: Inertia added to the crank, kg m^2.
 
     Returns:
-        One period; None: the motor does not carry the crank around at any speed from 1/50 to 50
-        times that given.
+        One period; None: the motor cannot turn the crank at any speed from 1/50 to 50 times the
+        given one.
 
     Raises:
-        LinkageError: Something moves without a mass, or there is friction.
+        LinkageError: A moving coordinate has no mass, or there is friction.
     """
     run = _MotorRun(mechanism, motor, speed, added)
     found = run.bracket(abs(speed))
@@ -223,14 +223,14 @@ class _MotorRun:
 
     @functools.lru_cache(maxsize=8)  # noqa: B019
     def gain(self, speed: float) -> float:
-        """By how much a turn begun at a speed ends faster, rad/s; stopped, it has lost it all."""
+        """Gain of speed over a turn, rad/s; minus the initial speed if the crank stops."""
         speeds = self._turn(speed)
         return float(speeds[-1]) - speed if len(speeds) == len(self._angles) else -speed
 
     def bracket(self, start: float) -> tuple[float, float] | None:
-        """Two speeds at the start of a turn, a slower that gains and a faster that loses.
+        """Finds two initial speeds of a turn: a slower one that gains, a faster one that loses.
 
-        The faster a turn begins, the less energy it gains, unless it stops.
+        Faster turns gain less energy, unless the crank stops.
         """
         step = _STEP if self.gain(start) > 0 or self._stops(start) else 1 / _STEP
         for one, other in itertools.pairwise(start * step**i for i in range(_STARTS)):
@@ -243,7 +243,7 @@ class _MotorRun:
         return self.gain(speed) == -speed
 
     def cycle(self, speed: float) -> Cycle:
-        """The turn that begins at a speed, at rising crank angles."""
+        """The turn that begins at a speed, at increasing crank angles."""
         turned = self._turn(speed)
         velocity = self._sign * (turned if self._sign > 0 else turned[::-1])
         applied = np.broadcast_to(self._motor.at(velocity), velocity.shape)
@@ -251,10 +251,10 @@ class _MotorRun:
         return Cycle(self._angles, velocity, applied, applied - self._added * changes)
 
     def _turn(self, speed: float) -> Array:
-        """Absolute speeds over a turn that begins at one; fewer where the crank stops.
+        """Absolute speeds over a turn from an initial one; fewer if the crank stops.
 
         Raises:
-            UnsteadyError: They change too quickly to be followed.
+            UnsteadyError: They change too quickly for the integration.
         """
         left = iter(range(_EVALUATIONS))
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simpler models of the driving torque at a constant crank speed, as programs.
 
-A term is left out with its parameters; reduced models replace the coupler, or the whole torque.
+Terms are left out with their parameters; reduced models replace the coupler or the whole torque.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
 def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
-    """The terms that a mechanism has, with their parameters that are not 0."""
+    """The terms of a mechanism, with their non-zero parameters."""
     values = flatten(mechanism)
     masses = any(values[x] for x in values if x.endswith(('.mass', '.inertia')))
     found = {name: _present(values, own) for name, own in TERMS.items()}
@@ -63,25 +63,25 @@ def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
 
 
 def _present(values: Mapping[str, object], wanted: Iterable[str]) -> frozenset[str]:
-    """The parameters of a term that are not 0; with its mass, a link has a centre of mass."""
+    """The non-zero parameters of a term; a mass includes its centre."""
     own = _members(values, wanted)
     centers = {x.replace('.mass', '.center') for x in own if x.endswith('.mass') and values[x]}
     return frozenset(x for x in own | (centers & values.keys()) if numbers(values[x]))
 
 
 def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
-    """The names among parameters that are wanted, by name or by group."""
+    """Selects parameters by name or by group."""
     return {x for x in values for name in wanted if x == name or x.startswith(f'{name}.')}
 
 
 def numbers(value: object) -> int:
-    """How many numbers of a parameter are not 0."""
+    """Counts the non-zero values of a parameter."""
     items = value if isinstance(value, (tuple, list)) else (value,)
     return sum(bool(item) and not isinstance(item, str) for item in items)
 
 
 def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
-    """A mechanism without terms: all defaults of their parameters but gravity's are nothing."""
+    """Removes terms from a mechanism by setting their parameters to 0."""
     values = flatten(mechanism)
     gone = {x for name in names for x in _members(values, TERMS[name])}
     left = {name: value for name, value in values.items() if name not in gone}
@@ -89,14 +89,14 @@ def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
 
 
 def with_point_masses(mechanism: Any) -> Mechanism | None:
-    """The coupler's mass at its two pins, as parts of the crank and of the output link.
+    """Moves the coupler's mass to its two pins, as parts of crank and output link.
 
     Args:
         mechanism: The mechanism.
 
     Returns:
-        The mechanism with a massless coupler; None: it has no coupler between a crank and an
-        output link, no mass there, or a centre of mass that does not lie between the pins.
+        The mechanism with a massless coupler; None: it has no coupler between crank and output
+        link, or the coupler has no mass or a centre of mass that is not between the pins.
     """
     coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
     if coupler is None or not hasattr(mechanism, output) or not coupler.mass:
@@ -116,7 +116,7 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
 
 
 def _with_mass_at_tip(body: Body, added: float) -> Body:
-    """A link with a point mass at its second pin."""
+    """Adds a point mass at the second pin of a link."""
     mass = body.mass + added
     if not mass:
         return body
@@ -127,12 +127,13 @@ def _with_mass_at_tip(body: Body, added: float) -> Body:
 
 
 class TorqueProgram(NamedTuple):
-    """What gives the driving torque alone.
+    """A program for the driving torque.
 
     Attributes:
-        scalar: From crank angle, rad, and constant speed, rad/s, to a tuple of the torque, N m.
-        source: Its Python text; with friction, that of one round.
-        takes_arrays: Whether it takes arrays of angles, too.
+        scalar: Function of crank angle, rad, and constant speed, rad/s; returns the torque, N m,
+            in a tuple.
+        source: Python text of the program; with friction, of one round.
+        takes_arrays: Whether it accepts arrays of angles.
     """
 
     scalar: Callable[..., tuple[Any]]
@@ -141,7 +142,7 @@ class TorqueProgram(NamedTuple):
 
 
 def _with_friction(mechanism: Mechanism, *, static: bool) -> TorqueProgram:
-    """The torque of a mechanism with friction, which the solver finds in rounds."""
+    """The torque of a mechanism with friction, found in rounds."""
     pace, values = (_SLOW if static else 1.0), flatten(mechanism)
     damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
     solver = Solver(build(type(mechanism), values | damped))
@@ -160,7 +161,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         static: Whether to leave out all inertia.
 
     Returns:
-        The program; with friction, what settles it.
+        The program; with friction, the repeated rounds.
     """
     if mechanism.friction is not None:
         return _with_friction(mechanism, static=static)
@@ -209,7 +210,7 @@ class _Series(NamedTuple):
 
     Attributes:
         rate: Phase of the first harmonic per crank angle.
-        mean: N m.
+        mean: Mean torque, N m.
         waves: Amplitudes of cosine and sine of each harmonic, N m.
     """
 
@@ -219,15 +220,15 @@ class _Series(NamedTuple):
 
 
 def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgram:
-    """A Fourier series in place of the driving torque at one speed.
+    """Replaces the driving torque at one speed by a Fourier series.
 
     Args:
-        torques: At even angles of one period, the first at 0, N m.
-        period: rad.
-        harmonics: Their number.
+        torques: Torques at even angles of one period, the first at 0, N m.
+        period: Period, rad.
+        harmonics: Number of harmonics.
 
     Returns:
-        A program as `torque_program` gives it, at any speed.
+        A program like that of `torque_program`, at any speed.
     """
     spectrum = np.fft.rfft(torques, norm='forward')
     parts = 2 * spectrum[1 : harmonics + 1]
@@ -261,14 +262,14 @@ class _Table(NamedTuple):
 
 
 def table_program(torques: Array, period: float) -> TorqueProgram:
-    """A table with linear interpolation in place of the driving torque at one speed.
+    """Replaces the driving torque at one speed by a table with linear interpolation.
 
     Args:
-        torques: At even angles of one period, the first at 0, N m: the nodes.
-        period: rad.
+        torques: Torques at the nodes, even angles of one period, the first at 0, N m.
+        period: Period, rad.
 
     Returns:
-        A program as `torque_program` gives it, at any speed.
+        A program like that of `torque_program`, at any speed.
     """
     nodes, values = len(torques), torques.tolist()
     slopes = (np.roll(torques, -1) - torques).tolist()
@@ -284,7 +285,7 @@ def _table_torque(table: _Table, angle: Real, _: Real) -> tuple[Real]:
 
 
 def operations(program: TorqueProgram) -> int:
-    """How many operations a run of a program takes: its guards count, their refusals do not."""
+    """Counts the operations of a run of a program, including guards, without their errors."""
     (bind,) = ast.parse(program.source).body
     (run,) = (x for x in ast.walk(bind) if isinstance(x, ast.FunctionDef) and x is not bind)
     parts = [x.test if isinstance(x, ast.If) else x for x in run.body]

@@ -41,7 +41,7 @@ _LEAST = 1e-17  # where an error of 0 is drawn
 
 
 class _Style(NamedTuple):
-    """The look of a method; the defaults have the colour that stands out most."""
+    """The style of a method; the defaults have the most prominent colour."""
 
     marker: str
     color: Color
@@ -50,7 +50,7 @@ class _Style(NamedTuple):
 
     @property
     def options(self) -> dict[str, Any]:
-        """For matplotlib."""
+        """Options for matplotlib."""
         color = fractions(self.color)
         face = color if self.filled else 'white'
         return {
@@ -91,7 +91,7 @@ def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None
     Args:
         points: Points of a linkage, or of all motions.
         title: Title of the picture.
-        path: The PNG file; replaced if there is one.
+        path: The PNG file, replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.
@@ -171,7 +171,7 @@ def _draw_panel(axes: Axes, points: Sequence[Measurement]) -> None:
 
 
 def _series(point: Measurement) -> tuple[str, bool]:
-    """Points joined by a line: Newton's steps per turn are a series of their own."""
+    """Groups points into lines; each number of Newton's steps per turn has its own line."""
     return point.method, 'steps' in point.setting and not point.setting.endswith('steps 360')
 
 
@@ -180,7 +180,7 @@ def _height(point: Measurement) -> float:
 
 
 def _settings(methods: Sequence[Method]) -> str:
-    """The settings along the lines."""
+    """Labels the points with their settings."""
     kinds: dict[str, list[str]] = {}
     for method in methods:
         for name in dict.fromkeys(itertools.chain(*method.settings)):

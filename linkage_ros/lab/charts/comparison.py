@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Several mechanisms beside each other, and their curves in one another's diagrams."""
+"""Draws several mechanisms beside each other, and their curves in common diagrams."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def draw_comparison(periods: Mapping[str, Period], path: Path) -> None:
     """Draws mechanisms, the motion of their outputs, and their driving torques.
 
     Args:
-        periods: A period of each, by the names of the designs; not more than `COLORS`.
-        path: The PNG file; replaced if there is one.
+        periods: A period of each design by name; at most as many as `COLORS`.
+        path: The PNG file, replaced if it exists.
     """
     rows = dict(_rows(periods))
     height = _LINKAGES + _ROW * len(rows)
@@ -64,7 +64,7 @@ def draw_comparison(periods: Mapping[str, Period], path: Path) -> None:
 
 
 def _rows(periods: Mapping[str, Period]) -> Iterator[tuple[str, dict[str, Column]]]:
-    """The columns in each diagram by the names of the designs, and what the diagram shows."""
+    """The columns of each diagram by design, and the diagram's title."""
     outputs = {name: period.solver.links[-1] for name, period in periods.items()}
     for quantity in ('position', 'acceleration'):
         columns = {

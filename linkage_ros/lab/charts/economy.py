@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Economy: errors without each term over speed, reduced models, and what each term saves."""
+"""Draws errors without each term over speed, reduced models, and savings."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def draw_economy(
 
     Args:
         savings: The records of one mechanism, at all speeds.
-        sentence: What they amount to.
+        sentence: Summary of the records.
         rpm: The speed of the reduced models and of the table.
-        tolerance: Error that is allowed.
-        path: The PNG file; replaced if there is one.
+        tolerance: Allowed error.
+        path: The PNG file, replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.
@@ -94,7 +94,7 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], tolerance: float) -> None:
 
 
 def _draw_handover(axes: Axes, savings: Sequence[Saving], speeds: Sequence[float]) -> None:
-    """A line at the speed at which weights and inertia count alike, between the groups."""
+    """Draws a line at the speed at which weights and inertia contribute equally."""
     rpm = handover(savings)
     if rpm is None or not 0 < speeds[0] < rpm < speeds[-1]:
         return
@@ -133,7 +133,7 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving], tolerance: float) -> None:
 
 
 def _write_table(axes: Axes, own: Sequence[Saving]) -> None:
-    """Lists the costs of the full model, and what each omitted term saves."""
+    """Lists the costs of the full model, and the savings of each omitted term."""
     rows = {x.left_out: (x.error, x.saved) for x in own if x.left_out in (*TERMS, POINT_MASSES)}
     lines = [
         f'{"":17}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',
@@ -166,7 +166,7 @@ def _draw_tolerance(axes: Axes, tolerance: float, limits: tuple[float, float]) -
 
 
 def _look(name: str) -> dict[str, Any]:
-    """The look of a term's bars: the colour of its link, paler for a part of it."""
+    """Style of a term's bars: the colour of its link, paler for a part of the link."""
     group, _, part = name.partition('.')
     color = _OTHERS.get(group) or color_of(group)
     hatch = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}.get(part, '///')

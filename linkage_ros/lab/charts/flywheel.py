@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The speed and the torque of a crank with a flywheel, and a motor on the torque-speed plane."""
+"""Draws speed and torque of a crank with a flywheel, and a motor in the torque-speed plane."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def draw_flywheel(
     Args:
         period: The mechanism at a constant speed.
         cycles: Steady motions under a constant torque by name; the last is with the flywheel.
-        motor: The motor, and the steady motion under it with the flywheel; None: none is given.
-        title: Lines.
-        path: The PNG file; replaced if there is one.
+        motor: The motor, and the steady motion under it with the flywheel; None: no motor.
+        title: Lines of the title.
+        path: The PNG file, replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.
@@ -66,7 +66,7 @@ def draw_flywheel(
 
 
 def _draw_plane(axes: Axes, motor: Motor, carried: Cycle | None, even: Cycle) -> None:
-    """A motor's line, what the mechanism takes of the torque, and where the motor runs."""
+    """Draws a motor's line, the torque of the mechanism, and the motor's motion."""
     cycle = carried or even
     axes.plot(
         _RPM * cycle.velocity, cycle.demand, color=fractions(FIRST),

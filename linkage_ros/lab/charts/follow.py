@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Torque error of a followed crank over the bandwidth of its filter, a line for each encoder."""
+"""Draws the torque error of a measured crank over the filter's bandwidth, for each encoder."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def draw_follow(errors: Sequence[FollowError], title: str, path: Path) -> None:
     Args:
         errors: All points.
         title: Title of the picture.
-        path: The PNG file; replaced if there is one.
+        path: The PNG file, replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A mechanism and the paths of its pins, as a part of a picture, still or moving."""
+"""Draws a mechanism and the paths of its pins in a chart or a movie."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ _AWAY = 16.0  # points, of a name from its pin
 
 
 class LinkagePicture:
-    """The mechanism with its pins, what they trace out over a period, and a scale.
+    """A mechanism with its pins, their paths over a period, and a scale.
 
     Attributes:
-        period: What is drawn.
+        period: The period drawn.
     """
 
     def __init__(self, axes: Axes, period: Period, samples: Sequence[int]) -> None:
-        """Draws it at the first of the samples, with room for all of them.
+        """Draws the mechanism at the first sample, with room for all samples.
 
         Args:
             axes: Axes to draw in.
             period: Period to draw.
-            samples: Indices of the crank angles of the period at which it will be shown.
+            samples: Indices of the crank angles to be shown.
         """
         self.period, self._axes = period, axes
         self._drawing = drawing = Drawing(period.solver.mechanism)
@@ -94,7 +94,7 @@ class LinkagePicture:
         return line
 
     def _draw_scale(self) -> None:
-        """Below what is shown, which is not all that the scale of the view is below."""
+        """Draws the scale below the visible part of the motion."""
         drawing = self._drawing
         low, high = self._axes.dataLim.get_points()
         scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The curves of one mechanism over a period, as a picture."""
+"""Draws the curves of one mechanism over a period."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _STYLE: dict[Any, Any] = {
 
 
 class _Panel(NamedTuple):
-    """A diagram over the crank angle: curves by name, in one unit, and more lines of numbers."""
+    """A diagram over the crank angle: curves by name in one unit, and further lines of figures."""
 
     title: str
     unit: str
@@ -61,8 +61,8 @@ def draw_motion(period: Period, title: Sequence[str], path: Path) -> None:
 
     Args:
         period: Period to draw.
-        title: What it is: a name, and lines that say more.
-        path: The PNG file; replaced if there is one.
+        title: A name, and lines of description.
+        path: The PNG file, replaced if it exists.
     """
     rows = [*_motion_rows(period), *_load_rows(period)]
     height = _LINKAGE + (_ROW + _GAP) * len(rows) + _FOOT
@@ -103,7 +103,7 @@ def draw_motion(period: Period, title: Sequence[str], path: Path) -> None:
 
 
 def _wrapped(text: str) -> str:
-    """A text in lines beside the linkage; a number keeps its unit."""
+    """Wraps a text beside the linkage; keeps numbers and units together."""
     bound = re.sub(r'(?<=\d) (?=[a-zA-Z])', '\N{NO-BREAK SPACE}', text)
     return textwrap.fill(bound, 48).replace('\N{NO-BREAK SPACE}', ' ')
 
@@ -159,7 +159,7 @@ def _load_rows(period: Period) -> Iterator[list[_Panel]]:
 
 
 def _draw(axes: Axes, period: Period, panel: _Panel) -> Iterator[tuple[Line2D, str]]:
-    """Draws the curves, and yields the lines of the legend: peaks, where these are, and rms."""
+    """Draws the curves; yields the lines of the legend: peaks with their angles, and rms."""
     heading = f'{panel.unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     yield Line2D([], [], color='0.4', linestyle='none'), heading
     # Forces may coincide: dashed, they show what lies below.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A period of a mechanism as a moving picture, with its driving torque beside it."""
+"""Draws a period of a mechanism as a movie, beside its driving torque."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def draw_movie(
     path: Path,
     progress: Callable[[Iterable[Any], str], Iterable[Any]],
 ) -> None:
-    """Draws the mechanism as it moves, and its torque over the crank angle, up to the moment.
+    """Draws the moving mechanism, and its torque over the crank angle so far.
 
     Args:
         period: Period to draw.
-        title: What it is: a name, and a line that says more.
-        path: A .gif file, or .mp4; replaced if there is one.
-        progress: Goes through the frames, with a bar.
+        title: A name, and a line of description.
+        path: A .gif or .mp4 file, replaced if it exists.
+        progress: Shows a progress bar over the frames.
 
     Raises:
         ConfigurationError: The crank stands still, the file's name has another ending, or ffmpeg
@@ -87,10 +87,10 @@ def _frames(period: Period) -> list[int]:
 
 
 def _writer(path: Path) -> Any:
-    """What writes files of this kind.
+    """Selects the writer of a file type.
 
     Raises:
-        ConfigurationError: Nothing does.
+        ConfigurationError: No writer is available.
     """
     if path.suffix == '.gif':
         return PillowWriter(fps=_RATE)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The steady states of a wind pump as a picture: six panels, and the numbers below them."""
+"""Draws the steady states of a wind pump in six panels, with figures below."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
     Args:
         analysis: Analysis of a pump.
         title: Title of the picture.
-        path: The PNG file; replaced if there is one.
+        path: The PNG file, replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.
@@ -82,7 +82,7 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
 
 
 def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
-    """The slider's motions in the steady states, exact and averaged."""
+    """Draws the slider's motion in each steady state, exact and averaged."""
     angles = np.linspace(0, 2 * math.pi, _PARTS + 1)
     for state in analysis.states:
         x, _, v = state.motion.at(state.motion.turns * angles)
@@ -103,7 +103,7 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 
 def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
-    """The crank speed of single runs over time."""
+    """Draws the crank speed of single runs over time."""
     for run in analysis.runs:
         color = _REST if run.state is None else colors[analysis.states[run.state].piece]
         axes.plot(run.times, run.speeds, '-', color=color, linewidth=0.7)
@@ -125,7 +125,7 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 
 def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
-    """The mean torque that the motions take over their speed, and where the motor gives it."""
+    """Draws the mean torque of the motions over their speed, and the motor's line."""
     motor, top = analysis.motor, 1.0
     for number, piece in enumerate(analysis.averaged):
         top = max(top, piece.motions[-1].speed)
@@ -148,7 +148,7 @@ def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 
 def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity: str) -> None:
-    """Speed, stroke or flow over the motor's torque."""
+    """Draws speed, stroke or flow over the motor's torque."""
     ranges = bistable_ranges(analysis.pieces)
     for one in ranges:
         axes.axvspan(one['low'], one['high'], color='0.94', zorder=0)
@@ -160,7 +160,7 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
 
 
 def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str) -> None:
-    """A quantity of all motions over another, and the states."""
+    """Draws one quantity of all motions over another, and the states."""
     for piece in analysis.pieces:
         rows = np.array([(getattr(one, x), getattr(one, y)) for one in piece.motions]).T
         axes.plot(*rows, linewidth=2.2, **_line(colors, piece))
@@ -175,7 +175,7 @@ def _line(colors: _Colors, piece: Piece) -> dict[str, Any]:
 
 
 def _mark(colors: _Colors, state: SteadyState) -> dict[str, Any]:
-    """A filled mark for a stable state, a hollow one for an unstable one."""
+    """Marks a state: filled if stable, hollow if unstable."""
     color, stable = colors[state.piece], state.motion.stable
     return {
         'marker': 'o', 'markersize': 9, 'linestyle': 'none', 'markeredgewidth': 1.8,

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How large a chart and its letters are: it is read at half its size too, on 700 pixels.
+"""Sizes of charts and their text, which must be readable at a width of 700 pixels, half size.
 
-No letters have less than 8 of these pixels.
+No text is smaller than 8 of these pixels.
 """
 
 WIDTH, DPI = 10.0, 140  # inches, and pixels in each

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numerical stability: the outcomes of methods in situations, as a picture of several grids."""
+"""Draws the outcome of each method in each situation, in several grids."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def draw_stability(cells: Sequence[Cell], title: str, path: Path) -> None:
     Args:
         cells: Cells of all grids.
         title: Title of the picture.
-        path: Where to write it; replaced if it exists.
+        path: The PNG file, replaced if it exists.
 
     Raises:
         OSError: The picture cannot be written.

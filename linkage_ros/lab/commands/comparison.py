@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart motion of several mechanisms: beside each other, and in one table."""
+"""linkage_chart motion of several mechanisms: pictures and one table."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def comparison(options: argparse.Namespace) -> None:
 
 
 def _measures(period: Period) -> Measures:
-    """What designs are judged by, by name and unit; None where a mechanism has no such thing."""
+    """Measures of designs by name and unit; None if a mechanism lacks one."""
     solver, columns = period.solver, period.columns
     link = solver.structure.links[-1]
     output = columns[f'{link.name}.position'].values
@@ -79,7 +79,7 @@ def _measures(period: Period) -> Measures:
 
 
 def _sharpest(low: float, high: float) -> float:
-    """The transmission angle that is farthest from 90 deg, as an acute one."""
+    """The transmission angle farthest from 90 deg, as an acute angle."""
     return min(low, math.pi - high)
 
 
@@ -92,7 +92,7 @@ def _save(measures: dict[str, Measures], path: object) -> None:
 
 
 def _lines(measures: dict[str, Measures]) -> list[str]:
-    """The table in words: a line for each measure that a design has."""
+    """The table as text, one line per measure."""
     width = max(12, *map(len, measures))
     names = [*next(iter(measures.values()))]
     rows = [[measures[design][name] for design in measures] for name in names]

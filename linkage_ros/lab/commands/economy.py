@@ -42,10 +42,10 @@ def economy(options: argparse.Namespace) -> None:
 def _speeds(
     options: argparse.Namespace, configuration: Configuration
 ) -> tuple[float, list[float]]:
-    """The speed of the sentence, that of the file or the first given, and all speeds, rpm.
+    """The speed of the summary (the file's, or the first given), and all speeds, rpm.
 
     Raises:
-        ConfigurationError: There is none, or the crank stands still.
+        ConfigurationError: No speed is given, or the crank is at rest.
     """
     drive, given = configuration.drive, options.rpm or []
     is_driven = isinstance(drive, SpeedDrive)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart accuracy and stability: every method of solving, and where some of them fail."""
+"""linkage_chart accuracy and stability: all methods, and where some of them fail."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def accuracy(options: argparse.Namespace) -> None:
 
 
 def stability(options: argparse.Namespace) -> None:
-    """Runs all methods through all situations, draws what comes of it and writes the records.
+    """Runs all methods in all situations, draws the outcomes and writes the records.
 
     Args:
         options: Options of the command line.

@@ -51,7 +51,7 @@ def motion(options: argparse.Namespace) -> None:
 
 
 def movie(options: argparse.Namespace) -> None:
-    """Draws a mechanism as it moves.
+    """Draws the movie of a mechanism.
 
     Args:
         options: Options of the command line.
@@ -74,15 +74,15 @@ def movie(options: argparse.Namespace) -> None:
 def period_of(
     options: argparse.Namespace, configuration: Configuration, name: str
 ) -> tuple[Period, list[str]]:
-    """The period to draw.
+    """Computes the period to draw.
 
     Args:
         options: Options of the command line.
-        configuration: Of the mechanism.
-        name: Of its file.
+        configuration: Configuration of the mechanism.
+        name: Name of its file.
 
     Returns:
-        The period, and its title: name, what it is, lines.
+        The period, and its title: name, class, lines.
 
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
@@ -101,7 +101,7 @@ def period_of(
 def _flywheel(
     options: argparse.Namespace, period: Period, drive: Drive, name: str
 ) -> list[str | Path]:
-    """Words about the flywheel and its picture, where a fluctuation is given."""
+    """Sizes and draws the flywheel if a fluctuation is given; returns lines about it."""
     if options.fluctuation is None:
         return []
     picture = options.out / f'{name}_flywheel.png'
@@ -111,7 +111,7 @@ def _flywheel(
 def _driven(
     options: argparse.Namespace, mechanism: Mechanism, drive: Drive
 ) -> tuple[Period, list[str]]:
-    """A period at a given speed, and words about it: its class, and lines.
+    """Computes a period at a given speed, its class, and lines about it.
 
     Raises:
         ConfigurationError: No speed is given, options exclude each other, or the reactions have
@@ -140,10 +140,10 @@ def _driven(
 def _settled(
     options: argparse.Namespace, mechanism: WindPump, drive: TorqueDrive
 ) -> tuple[Period, list[str]]:
-    """A turn of what a wind pump settles at, and words about it: no class, and lines.
+    """Computes the steady motion of a wind pump, and lines about it.
 
     Raises:
-        ConfigurationError: It does not settle, or options ask for what it does not have.
+        ConfigurationError: It does not settle, or an option does not apply to it.
     """
     for flag, given in (
         ('--acceleration', options.acceleration),
@@ -176,7 +176,7 @@ def _settled(
 
 
 def settled_turn(motion: PeriodicMotion) -> Period:
-    """The turns after which a steady state repeats, 0.5 deg by 0.5 deg."""
+    """One period of a steady state, in steps of 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
     position, rate, velocity = motion.at(crank)
     torque = Motor(motion.torque, motion.damping).at(rate)
@@ -193,10 +193,10 @@ def size_flywheel(
 
     Args:
         period: The period.
-        drive: The drive; the command judges its motor, if it has one.
-        fluctuation: Wanted, largest less smallest speed over the mean over time.
+        drive: The drive; its motor is assessed, if it has one.
+        fluctuation: Allowed difference of largest and smallest speed, relative to the mean.
         name: Name of the parameter file.
-        picture: The PNG file; replaced if there is one.
+        picture: The PNG file, replaced if it exists.
 
     Returns:
         Lines about it.
@@ -247,7 +247,7 @@ def _demands(period: Period) -> list[str]:
 
 
 def _judge(period: Period, motor: Motor, added: float) -> tuple[Cycle | None, list[str]]:
-    """The steady motion under a motor with the flywheel, None: there is none; and words."""
+    """Finds the steady motion under a motor with the flywheel (None: none), and lines about it."""
     needed, given = period.mean_power / period.speed, motor.at(period.speed)
     at = f'{given:.4g} N m at this speed, where the cycle takes {needed:.4g} N m'
     lines = [f'{motor_line(motor)}: {at}']

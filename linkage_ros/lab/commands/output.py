@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the results of linkage_chart go, and what is said on the way."""
+"""Output of linkage_chart: result folder, files and progress."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from linkage_ros.progress import progress_bar
 
 @contextmanager
 def folder(path: Path) -> Iterator[None]:
-    """Makes the folder of the results; a failure to write becomes one line.
+    """Makes the folder for results; reports a failure to write in one line.
 
     Raises:
-        ConfigurationError: It cannot.
+        ConfigurationError: The folder or a file cannot be written.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -38,12 +38,12 @@ def folder(path: Path) -> Iterator[None]:
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
-    """Goes through items, with a bar."""
+    """Iterates over items with a progress bar."""
     return progress_bar(items, desc=words, unit=' steps')
 
 
 def about() -> dict[str, str]:
-    """The versions and the machine on which records are measured."""
+    """Versions and machine of a measurement."""
     models: list[str] = []
     with suppress(OSError):
         models = re.findall(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())
@@ -57,12 +57,12 @@ def about() -> dict[str, str]:
 
 
 def save_records(path: Path, records: list[dict[str, Any]]) -> None:
-    """Writes records as JSON, with what they were measured on."""
+    """Writes records as JSON, with versions and machine."""
     path.write_text(json.dumps({'about': about(), 'records': records}, indent=1) + '\n')
 
 
 def save_table(path: Path, columns: Iterable[Column]) -> None:
-    """Writes columns as CSV; every number reads back to the last bit."""
+    """Writes columns as CSV, with all digits."""
     columns = list(columns)
     names = ','.join(f'{column.name} [{column.unit}]' for column in columns)
     rows = np.stack([column.values for column in columns], axis=-1)

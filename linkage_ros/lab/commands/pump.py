@@ -19,13 +19,13 @@ from linkage_ros.parameters.presets import find_file
 
 
 def pump(options: argparse.Namespace) -> None:
-    """Finds what a wind pump settles at, draws it and writes the numbers.
+    """Finds the steady states of a wind pump, draws them and writes the numbers.
 
     Args:
         options: Options of the command line.
 
     Raises:
-        ConfigurationError: It is no wind pump, or the folder cannot be written.
+        ConfigurationError: It is not a wind pump, or the folder cannot be written.
     """
     configuration = load(options.params)
     mechanism, drive = configuration.mechanism, configuration.drive

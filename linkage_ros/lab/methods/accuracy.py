@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed against accuracy: every method and setting, on three mechanisms and on motions.
 
-A motion's time, `us_per_state`, is that of one simulated ms, at which the live default makes one
-state: 1000 us would be real time. Its error is the largest at all of its times; a state is asked
-for every 50 ms, and read by the method's own means if its steps are longer.
+For a motion, `us_per_state` is the time of one simulated ms, so that 1000 us is real time. Its
+error is the largest at all times; a state is requested every 50 ms, and interpolated by the method
+itself if its steps are longer.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ class Measurement:
 
     Attributes:
         method: Name from the registry.
-        setting: In words; empty where there is nothing to set.
+        setting: The setting as text; empty if there is none.
         mechanism: Name of the mechanism.
-        quantity: 'position', 'rate', 'acceleration' or 'torque'; of a motion under a torque
+        quantity: 'position', 'rate', 'acceleration' or 'torque'; for a motion under a torque,
             'trajectory' or 'energy'.
         mode: 'one at a time' or 'batch'; 'motion' or 'motion, slowest ms'.
-        us_per_state: Time, us, the work for all that the quantity needs included; of a motion,
-            of one simulated ms; nan where the method fails.
-        max_error: Over one period or motion, relative (`bench`, `motion_bench`); inf where the
-            method fails.
-        pareto: Whether no other right answer is both faster and closer.
+        us_per_state: Time including all preceding work, us; for a motion, per simulated ms; nan
+            if the method fails.
+        max_error: Largest relative error over a period or motion (`bench`, `motion_bench`); inf
+            if the method fails.
+        pareto: Whether no other correct point is both faster and more accurate.
     """
 
     method: str
@@ -55,7 +55,7 @@ class Measurement:
     pareto: bool = False
 
     def record(self) -> dict[str, Any]:
-        """For JSON, which has neither infinity nor nan: null."""
+        """The record for JSON, with null for inf and nan."""
         return {
             name: None if isinstance(value, float) and not math.isfinite(value) else value
             for name, value in asdict(self).items()
@@ -65,8 +65,8 @@ class Measurement:
 def linkages(*, quick: bool) -> list[tuple[str, PeriodBench]]:
     """The three mechanisms of the chart, by name.
 
-    The third is nearly a kite: its crank pin passes the rocker pivot at 1e-12 m, with the bodies
-    of the first.
+    The third is nearly a kite: its crank pin passes the rocker pivot at 1e-12 m. Its bodies are
+    those of the first.
     """
     q, slider_crank = preset('quadrilateral').mechanism, preset('slider_crank').mechanism
     kite = replace(
@@ -82,7 +82,7 @@ def linkages(*, quick: bool) -> list[tuple[str, PeriodBench]]:
 
 
 def motions(*, quick: bool) -> list[tuple[str, MotionBench]]:
-    """The pump at its fast speed, without motor and water for the energy; a four-bar coasting."""
+    """The motions: the fast pump, with and without motor and load, and a coasting four-bar."""
     seconds = 0.5 if quick else 10.0
     return [
         ('wind_pump', MotionBench(driven_pump(6.0), even(seconds))),
@@ -101,13 +101,13 @@ def measure_accuracy(
     """Measures errors and times of methods.
 
     Args:
-        benches: What they solve or follow, by name.
+        benches: Linkages and motions by name.
         methods: The methods.
-        quick: Whether fewer rounds and settings will do.
-        progress: Wraps an iterable in a progress bar with a word for it.
+        quick: Whether to use fewer rounds and settings.
+        progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
-        The points, fronts marked.
+        The points, with marked Pareto fronts.
     """
     kinds = [
         (method, setting)
@@ -133,7 +133,7 @@ def measure_accuracy(
 
 
 def _time(run: Callable[[], float]) -> float:
-    """The time of a run, us; nan where the method fails."""
+    """Time of a run, us; nan if the method fails."""
     try:
         with np.errstate(all='ignore'):
             return run()
@@ -142,7 +142,7 @@ def _time(run: Callable[[], float]) -> float:
 
 
 def mark_fronts(points: list[Measurement]) -> None:
-    """Marks the points of each panel that no other right one beats in both time and error."""
+    """Marks the points of each panel that no other correct one beats in both time and error."""
     panels: dict[tuple[str, str, str], list[Measurement]] = {}
     for point in points:
         # What is not right is fast for nothing: no front goes through it.

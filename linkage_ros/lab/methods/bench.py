@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How wrong, how slow and how stable a method is on one linkage."""
+"""Measures error, time and stability of a method on one linkage."""
 
 from __future__ import annotations
 
@@ -53,15 +53,15 @@ class LinkageBench:
     """One linkage, and its true states.
 
     Errors are relative to the largest value that a quantity has at even angles or, next to a
-    change point where it may be larger by many powers of ten, to the value itself. Directions
-    count as they are, in rad.
+    change point where it may be larger by many powers of ten, to the value itself. Errors of
+    directions are absolute, in rad.
 
     Attributes:
         task: The mechanism and its motion.
-        cranks: Angles at which methods are judged, in turn, rad.
-        decimal: As for `Reference`.
+        cranks: Angles at which methods are judged, in order, rad.
+        decimal: See `Reference`.
         reference: The true states.
-        rounds: How often times are taken.
+        rounds: Number of timings.
     """
 
     rounds = 15
@@ -73,8 +73,8 @@ class LinkageBench:
 
         Args:
             task: The mechanism and its motion.
-            cranks: Angles in turn, rad.
-            decimal: As for `Reference`.
+            cranks: Angles in order, rad.
+            decimal: See `Reference`.
         """
         self.task, self.cranks, self.decimal = task, np.array(cranks), decimal
         self.reference = Reference(task.mechanism, task.speed, task.acceleration, decimal=decimal)
@@ -82,7 +82,7 @@ class LinkageBench:
 
     @cached_property
     def _other(self) -> LinkageBench:
-        """The same of the other assembly."""
+        """The bench of the other assembly."""
         task = replace(self.task, mechanism=other_assembly(self.task.mechanism))
         return LinkageBench(task, (), decimal=self.decimal)
 
@@ -97,7 +97,7 @@ class LinkageBench:
 
     @cached_property
     def _sizes(self) -> dict[str, list[float]]:
-        """The largest of each value of each quantity at even angles inside the reach."""
+        """Largest value of each quantity at even angles inside the reach."""
         solver, parts = Solver(self.task.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
         turns = solver.reach.period_turns
         arcs = [(start, (end - start) * turns) for start, end in solver.reach.arcs]
@@ -133,12 +133,12 @@ class LinkageBench:
         return self.cranks
 
     def panels(self, method: Method, _: Setting) -> Iterable[tuple[str, str]]:
-        """Quantities and modes in which a method has a point."""
+        """Quantities and modes that a method supports."""
         first = QUANTITIES.index(OWN[method.stage][0])
         return ((q, mode) for mode, q in itertools.product(method.modes, QUANTITIES[first:]))
 
     def worst_error(self, method: Method, setting: Setting, mode: str, quantity: str) -> float:
-        """The largest error of a method over all angles; inf where it fails."""
+        """Largest error of a method over all angles; inf if it fails."""
         cranks = self.places(method, setting)
         try:
             with np.errstate(all='ignore'):
@@ -152,7 +152,7 @@ class LinkageBench:
         return max(self.error(quantity, crank, row) for crank, row in pairs)
 
     def judge(self, method: Method, _: Situation) -> Iterator[Outcome]:
-        """The outcome of what a method computes itself, at every angle and in every mode."""
+        """The outcome of a method's own stage, at every angle and in every mode."""
         for mode, quantity in itertools.product(method.modes, OWN[method.stage]):
             answers = self._answers(method, quantity, mode)
             for crank, found in zip(self.cranks.tolist(), answers, strict=True):
@@ -174,7 +174,7 @@ class LinkageBench:
     def _answers(
         self, method: Method, quantity: str, mode: str
     ) -> Sequence[tuple[float, ...] | str]:
-        """The values at each angle, or the outcome that stands for an error."""
+        """Values at each angle, or the outcome for an error."""
         try:
             function = function_of(method, self.task, method.steady, quantity, mode)
         except LinkageError:
@@ -204,7 +204,7 @@ def _split(number: Any) -> tuple[float, float]:
 class PeriodBench(LinkageBench):
     """One period of a linkage whose crank turns fully, for errors and times.
 
-    Its angles are close together wherever the motion is fast.
+    Its angles are close together where the motion is fast.
     """
 
     def __init__(self, task: Task, angles: int) -> None:
@@ -212,7 +212,7 @@ class PeriodBench(LinkageBench):
 
         Args:
             task: The mechanism and its motion.
-            angles: Even ones per turn.
+            angles: Number of even angles per turn.
         """
         reach = Solver(task.mechanism).reach
         self._turns, self._angles = reach.period_turns, angles
@@ -244,7 +244,7 @@ class PeriodBench(LinkageBench):
 
 
 def _time_pass(function: Function, cranks: list[float] | Array) -> float:
-    """The time per state of one pass: one by one if they are a list, else all at once, us."""
+    """Time per state of one pass, us: one by one for a list, else all at once."""
     start = time.perf_counter()
     if isinstance(cranks, list):
         for crank in cranks:

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A method from the crank angle to position, velocity, acceleration and torque.
 
-A method does one stage. The stages before it are the package's own; a position is followed by
-the 2x2 solve of documents 1 and 4, because rates that belong to it have to come from it; and the
-torque is by virtual power. So every method has a point in each chart that its stage reaches.
+A method does one stage. The preceding stages are the package's own. A method for positions is
+followed by the 2x2 solve of documents 1 and 4, so that its rates derive from its positions, and by
+virtual power for the torque. So each method has a point in every chart from its stage on.
 """
 
 from __future__ import annotations
@@ -43,18 +43,19 @@ class Method:
     """One way to solve a stage.
 
     Attributes:
-        name: As charts and docs call it.
+        name: Name in charts and docs.
         stage: What it computes: 'state' (all of it), 'position', 'rates', 'torque' or 'motion'.
-        needs: What it asks for beside the lengths.
-        source: Where it is described, to the equation.
-        solve: The formula of its stage, as in `stages`; of a motion, a function of the initial
-            value problem and a setting that begins to follow it.
+        needs: Inputs that it needs besides the lengths.
+        source: Its source, with the equation.
+        solve: The formula of its stage, as in `stages`; for a motion, a function of the initial
+            value problem and a setting that begins to integrate it.
         settings: The settings for the accuracy chart, from coarse to fine.
-        steady: The setting for the stability chart: the best that is of practical use.
+        steady: The setting for the stability chart: the best practical one.
         modes: 'one at a time', 'batch' or both.
-        sequential: Whether it goes from angle to angle, so that `steps` per turn are a setting.
-        tool: From task and setting, what its formula asks for besides the linkage.
-        narrow: Whether it computes in single precision, crank angle and results included.
+        sequential: Whether it proceeds from angle to angle, so that `steps` per turn are a
+            setting.
+        tool: Makes the formula's further inputs from task and setting.
+        narrow: Whether it computes in single precision, including crank angle and results.
     """
 
     name: str
@@ -71,7 +72,7 @@ class Method:
 
 
 def label(setting: Setting) -> str:
-    """A setting in words."""
+    """A setting as text."""
     return ', '.join(f'{name} {value:g}' for name, value in setting.items())
 
 
@@ -81,7 +82,7 @@ class Task:
 
     Attributes:
         mechanism: The linkage.
-        guess: Coupler's direction and output from which an iteration begins.
+        guess: Coupler's direction and output at which an iteration begins.
         speed: Crank speed, rad/s; by default 150 rpm.
         acceleration: Crank acceleration, rad/s^2.
     """
@@ -93,16 +94,16 @@ class Task:
 
     @classmethod
     def at(cls, mechanism: Linkage, crank: float) -> Task:
-        """A task whose first guess is a position as read off a drawing, to 0.1 rad or m."""
+        """A task whose first guess is a position rounded to 0.1 rad or m."""
         position = Solver(mechanism).state(crank).position
         return cls(mechanism, (round(position[1], 1), round(position[2], 1)))
 
     def links(self, mode: str, tool: Any = None) -> stages.Links:
-        """The constants of formulas.
+        """Makes the constants of formulas.
 
         Args:
             mode: 'one at a time' or 'batch'.
-            tool: Of the method.
+            tool: Tool of the method.
 
         Returns:
             The constants.
@@ -125,18 +126,18 @@ class Task:
 def function_of(
     method: Method, task: Task, setting: Setting, quantity: str, mode: str
 ) -> Function:
-    """A quantity as a function of the crank angle, with all the work before it.
+    """Makes a quantity a function of the crank angle, including all preceding work.
 
     Args:
-        method: For linkages.
-        task: What is to be solved.
+        method: A method for linkages.
+        task: The task to solve.
         setting: Setting of the method.
         quantity: One of QUANTITIES.
         mode: Whether the function takes an angle or an array of them.
 
     Returns:
-        The function: to the coupler's direction, rad, and the output, rad or m; to their
-        velocities or accelerations; to the driving torque, N m, in a tuple of one.
+        The function. It returns the coupler's direction, rad, and the output, rad or m; or their
+        velocities or accelerations; or the driving torque, N m, in a tuple of one.
 
     Raises:
         LinkageError: The method cannot solve this linkage.
@@ -151,7 +152,7 @@ def function_of(
 
 @functools.cache
 def _formula(index: int, stage: str, solve: Callable[..., Any]) -> Callable[..., Any]:
-    """Stages put together, the package's own but for one; what a quantity does not need drops."""
+    """Combines the stages, all but one the package's own; leaves out unused ones."""
     position = solve if stage == POSITION else stages.factored
     own_rates = stages.two_by_two if stage == POSITION else stages.analytic
     rates = solve if stage == RATES else own_rates
@@ -179,8 +180,8 @@ def evaluate(function: Function, cranks: Array, mode: str) -> list[tuple[float, 
 
     Args:
         function: Function of the crank angle.
-        cranks: rad.
-        mode: 'one at a time' or 'batch': how it is called.
+        cranks: Crank angles, rad.
+        mode: 'one at a time' or 'batch'.
 
     Returns:
         A tuple for each angle.

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods that read a load curve between its points, and the situations in which they fail.
+"""Methods of interpolating a load curve, and situations in which they fail.
 
-The curve is on the crank of a linkage that rests, without gravity: the driving torque is its
-value with the other sign. The right answer follows its straight lines in exact fractions.
+The curve acts on the crank of a linkage at rest, without gravity, so that the driving torque is
+its negative value. The reference is computed in exact fractions.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class CurveBench:
     """A periodic load curve at one crank angle.
 
     Attributes:
-        at: Where its points are, rising within a turn, rad.
-        value: There, N m.
+        at: Angles of its points, rising within a turn, rad.
+        value: Torques there, N m.
         crank: Crank angle, rad.
     """
 
@@ -93,7 +93,7 @@ CURVE_METHODS = [
 def _situation(
     name: str, words: str, place: Callable[[Random, list[float]], tuple[list[float], float]]
 ) -> Situation:
-    """Random curves; from the points of one, these points and a crank angle."""
+    """Makes a situation of random curves; a function picks the points and a crank angle."""
 
     def cases(count: int) -> list[CurveBench]:
         random = np.random.default_rng([_SEED, *name.encode()])

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Torque error of a followed crank, over the bandwidth of its filter and the encoder's bits.
+"""Torque error of a measured crank, over the filter's bandwidth and the encoder's bits.
 
 A motor whose torque falls steeply with the speed turns the quadrilateral at 150 rpm. An encoder
-rounds the angle to its 2^bits steps a turn; a sensor of as many bits over twice the speed in both
-directions rounds the speed. `FollowMotion` gets both 1000 times a second.
+rounds the angle to 2^bits steps a turn; a sensor with as many bits, over twice the speed in both
+directions, rounds the speed. `FollowMotion` gets both 1000 times a second.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class FollowError(NamedTuple):
 
 
 class FollowBench:
-    """A crank under a motor, its true torque, and what the filter makes of its measurements.
+    """A crank under a motor, its true torque, and its torque from filtered measurements.
 
     Attributes:
         rpm: Lowest and highest crank speed.
@@ -70,7 +70,7 @@ class FollowBench:
         self._peak = np.abs(steady.torque).max()
 
     def error(self, bits: int, bandwidth: float, *, with_velocity: bool) -> FollowError:
-        """The torque error of an encoder and a bandwidth, Hz."""
+        """Torque error for an encoder and a bandwidth, Hz."""
         angles = _rounded(self._angle, 2 * math.pi / 2**bits)
         speeds = _rounded(self._speed, 4 * radians_per_second(RPM) / 2**bits)
         known = speeds if with_velocity else itertools.repeat(None)
@@ -95,9 +95,9 @@ def measure_follow(
     """Measures all encoders and bandwidths.
 
     Args:
-        bench: Follows the crank.
-        quick: Whether every second encoder and every fourth bandwidth will do.
-        progress: Wraps an iterable in a progress bar with a word for it.
+        bench: The crank and its measurements.
+        quick: Whether to use only every second encoder and every fourth bandwidth.
+        progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The points.

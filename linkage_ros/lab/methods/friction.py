@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods that find a force that makes the friction on which it depends, and their situations.
+"""Methods of solving dry friction, and situations in which they fail.
 
-A slider-crank's guide alone rubs: its normal force is N = |b + k N|, where b is the force without
-friction. From b / (1 - k) or -b / (1 + k), whichever grows out of |b| with the coefficient, the
-right answer is known. Without one the mechanism locks itself.
+Only the guide of a slider-crank has friction: its normal force is N = |b + k N|, where b is the
+force without friction. The right answer is b / (1 - k) or -b / (1 + k), whichever develops from
+|b| as the coefficient grows. If there is none, the mechanism is self-locking.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ class FrictionBench:
     """The guide of one slider-crank at one crank angle.
 
     Attributes:
-        push: Normal force without friction, to the guide's left: b, N.
-        gain: k: what friction by 1 N of normal force adds to it.
+        push: The normal force b without friction, to the guide's left, N.
+        gain: The factor k: normal force that the friction of 1 N of normal force adds.
     """
 
     def __init__(self, mechanism: SliderCrank, crank: float, share: float) -> None:
-        """Prepares it.
+        """Prepares the bench.
 
         Args:
             mechanism: The linkage, without friction.
             crank: Crank angle, rad.
-            share: Of the coefficient at which |k| is 1.
+            share: Share of the coefficient at which |k| is 1.
         """
         task = Task.at(mechanism, crank)
         self._asked = crank, task.speed, task.acceleration
@@ -65,7 +65,7 @@ class FrictionBench:
         return float(solver.reactions(state).guide_force or 0.0), float(state.velocity[-1])
 
     def own(self) -> float:
-        """The normal force by the package."""
+        """Normal force computed by the package."""
         return abs(self._force(replace(self._mechanism, loads=(self._friction,)))[0])
 
     def judge(self, method: Method, situation: Situation) -> Iterator[Outcome]:
@@ -117,7 +117,7 @@ FRICTION_METHODS = [
 def _situation(
     name: str, words: str, share: float, wanted: Callable[[float], bool], *, exists: bool = True
 ) -> Situation:
-    """Random slider-cranks with a share of the coefficient at which |k| is 1."""
+    """Makes a situation of random slider-cranks at a share of the coefficient where |k| = 1."""
 
     def cases(count: int) -> list[FrictionBench]:
         random = np.random.default_rng([_SEED, *name.encode()])

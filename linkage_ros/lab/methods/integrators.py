@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ways to follow a motion under a torque, each asked for one time after another.
+"""Methods of integrating motion under a torque, to one time after another.
 
 The package's own are those of live runs (motion/fixed_step_integrator.py) and of records
 (motion/adaptive_integrator.py).
@@ -30,23 +30,23 @@ _MOST_STEPS = 500  # from one time to the next: with more it is stuck
 
 
 class Follower:
-    """A motion on its way.
+    """A motion being integrated.
 
     Attributes:
         problem: The motion and its start.
-        phase: Where it is: coordinates, the crank with all its turns, then their rates.
+        phase: Coordinates, the crank with all its turns, then their rates.
     """
 
     def __init__(self, problem: InitialValueProblem) -> None:
         self.problem, self.phase = problem, problem.start
 
     def at(self, time: float) -> Phase:
-        """Follows the motion to a time, s, not before the one before: the phase there."""
+        """Integrates the motion to a time not before the last one, s; returns the phase."""
         self.phase = self._advance(time)
         return self.phase
 
     def gap(self) -> float:
-        """By how much the loop does not close, m: from coordinates it is closed every time."""
+        """Gap of the loop, m: 0, because coordinates always close it."""
         solver, count = self.problem.driven.solver, self.problem.count
         return _gap(solver, self.phase[:count], self.phase[count:])
 
@@ -59,7 +59,7 @@ def _gap(solver: Solver, q: Phase, u: Phase) -> float:
 
 
 class OfPackage(Follower):
-    """The package's own steps, which wind the crank angle and count its turns."""
+    """The package's own steps, which reduce the crank angle and count its turns."""
 
     def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
         super().__init__(problem)
@@ -78,7 +78,7 @@ class OfPackage(Follower):
 
 
 class RungeKutta4(Follower):
-    """The classical method of order 4 in equal steps, as textbooks have it: nothing is checked."""
+    """The classical textbook method of order 4 in equal steps, without error control."""
 
     def __init__(self, problem: InitialValueProblem, step: float) -> None:
         super().__init__(problem)
@@ -100,15 +100,15 @@ class RungeKutta4(Follower):
 
 
 class OfScipy(Follower):
-    """One of SciPy's solvers as it is, read between its steps by its own continuous solution."""
+    """One of SciPy's solvers, with its own dense output between steps."""
 
     def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
         """Begins at t = 0.
 
         Args:
             problem: The motion and its start.
-            solver: The class's name in scipy.integrate.
-            tolerance: Relative, and absolute in rad and crank lengths.
+            solver: Name of the class in scipy.integrate.
+            tolerance: Tolerance, relative, and absolute in rad and crank lengths.
         """
         super().__init__(problem)
         start, units = self._begin()
@@ -140,14 +140,14 @@ class OfScipy(Follower):
 
 
 class Multipliers(OfScipy):
-    """The multibody equations in doubles, followed by DOP853; nothing closes the loop again.
+    """The multibody equations in floats, integrated by DOP853, without loop stabilisation.
 
-    Constraints hold in their second derivatives alone: an error stays, and an error of a rate
-    opens the loop further and further.
+    Only the second derivatives of the constraints hold, so that errors remain, and an error of a
+    rate opens the loop ever more.
     """
 
     def __init__(self, problem: InitialValueProblem, tolerance: float) -> None:
-        """Begins at t = 0, with the loop closed; the tolerance is as for `OfScipy`."""
+        """Begins at t = 0, with the loop closed; for the tolerance see `OfScipy`."""
         self._bodies = Multibody(problem.mechanism, float, Vector.at)
         super().__init__(problem, 'DOP853', tolerance)
 
@@ -177,10 +177,10 @@ class Multipliers(OfScipy):
         return places[0], *places[3:], rates[0], *rates[3:]
 
     def gap(self) -> float:
-        """How far the loop is from being closed by now, m."""
+        """Present gap of the loop, m."""
         return math.hypot(*self._bodies.gap(self._places(self._values)))
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Along one slope: by the weighted sum of fixed_step_integrator.py it costs a sixth more."""
+    """Moves along one slope, a sixth faster than by the sums of fixed_step_integrator.py."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])

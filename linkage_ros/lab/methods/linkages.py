@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Linkages to try methods on, some of them drawn at random."""
+"""Linkages for testing methods, some of them random."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Random: TypeAlias = np.random.Generator
 
 
 def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.0) -> FourBar:
-    """A four-bar of even rods.
+    """A four-bar of uniform rods.
 
     Args:
         lengths: Lengths of crank, coupler, rocker and frame, m.
@@ -37,7 +37,7 @@ def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.
 def slider_crank(
     r: float, b: float, offset: float, assembly: str = OPEN, angle: float = 0.0
 ) -> SliderCrank:
-    """A slider-crank of even rods and a slider of 1 kg.
+    """A slider-crank of uniform rods and a slider of 1 kg.
 
     Args:
         r: Length of the crank, m.
@@ -54,22 +54,22 @@ def slider_crank(
 
 
 def _rod(length: float) -> tuple[float, float, float, tuple[float, float]]:
-    """Length, mass, inertia and centre of an even rod of 2 kg."""
+    """Length, mass, inertia and centre of a uniform rod of 2 kg."""
     return length, 2.0, length * length / 6, (length / 2, 0.0)
 
 
 def other_assembly(mechanism: Linkage) -> Linkage:
-    """The same links, put together the other way."""
+    """The same links in the other assembly."""
     return replace(mechanism, assembly=CROSSED if mechanism.assembly == OPEN else OPEN)
 
 
 def any_assembly(random: Random) -> str:
-    """One of the two."""
+    """One of the two assemblies, at random."""
     return OPEN if random.random() < 0.5 else CROSSED
 
 
 def turning(random: Random) -> Linkage:
-    """A linkage that turns fully, far from change points."""
+    """A random linkage that turns fully, far from change points."""
     while True:
         angle = float(random.uniform(-math.pi, math.pi))
         if random.random() < 0.3:
@@ -84,7 +84,7 @@ def turning(random: Random) -> Linkage:
 
 
 def with_change_point(random: Random) -> FourBar:
-    """Lengths in 64ths of a metre with a change point at crank angle 0 exactly."""
+    """Random lengths in 64ths of a metre, with a change point at exactly crank angle 0."""
     r = int(random.integers(8, 24))
     d, b = r + int(random.integers(4, 24)), r + int(random.integers(4, 24))
     lengths = tuple(x / 64 for x in (r, b, d - r + b, d))

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How wrong, how slow and how stable an integrator is on one motion under a torque."""
+"""Measures error, time and stability of an integrator on one motion under a torque."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _TICKS = 300  # of which the slowest is looked for, in a second of motion
 
 
 class Run(NamedTuple):
-    """The motion as a method follows it.
+    """The motion computed by a method.
 
     Attributes:
         phases: At the times that were asked for, as far as it came.
@@ -55,8 +55,8 @@ class MotionBench:
 
     Attributes:
         problem: The motion and its start.
-        times: At which states are compared, in turn, s.
-        rounds: How often times are taken.
+        times: Times at which states are compared, in order, s.
+        rounds: Number of timings.
     """
 
     rounds = 3
@@ -93,7 +93,7 @@ class MotionBench:
         return (*self.problem.driven.units[: self.problem.count], *largest)
 
     def follow(self, method: Method, setting: Setting) -> Run:
-        """The motion as an integrator follows it."""
+        """Integrates the motion with a method."""
         key = method.solve, label(setting)
         if key not in self._runs:
             with np.errstate(all='ignore'):
@@ -118,17 +118,17 @@ class MotionBench:
         return run
 
     def error(self, quantity: str, index: int, run: Run) -> float:
-        """How far a run is from the true motion.
+        """Error of a run against the true motion.
 
         Args:
             quantity: TRAJECTORY, ENERGY or LOOP.
             index: Index of the time.
-            run: The motion as it is followed.
+            run: The computed motion.
 
         Returns:
-            Of the trajectory the largest error: in rad, crank lengths and, of rates, relative to
-            the largest of the motion. The change of the energy of a motion without motor and
-            damping, relative to the kinetic energy at first. The gap of the loop in crank lengths.
+            TRAJECTORY: the largest error, in rad, crank lengths and, for rates, relative to the
+            largest rate. ENERGY: the change of energy without motor and damping, relative to the
+            initial kinetic energy. LOOP: the gap of the loop in crank lengths.
         """
         if quantity == LOOP:
             return run.gaps[index] / self.problem.mechanism.crank.length
@@ -156,13 +156,13 @@ class MotionBench:
             yield (RIGHT if error <= LIMIT else DIVERGED), error
 
     def panels(self, _: Method, setting: Setting) -> Iterable[tuple[str, str]]:
-        """Quantities and modes in which a method has a point."""
+        """Quantities and modes that a method supports."""
         pairs = [(quantity, MEAN) for quantity in self._quantities]
         has_ticks = TRAJECTORY in self._quantities and setting.get('step', 0) <= _TICK
         return [*pairs, (TRAJECTORY, SLOWEST)] if has_ticks else pairs
 
     def worst_error(self, method: Method, setting: Setting, _: str, quantity: str) -> float:
-        """The largest error of an integrator over the motion; inf where it fails."""
+        """Largest error of an integrator over the motion; inf if it fails."""
         run = self.follow(method, setting)
         if run.failure:
             return math.inf
@@ -183,9 +183,9 @@ def _mean_time(method: Method, setting: Setting, bench: MotionBench) -> float:
 
 
 def _slowest_time(method: Method, setting: Setting, bench: MotionBench) -> float:
-    """The time of the slowest of the first 1000 ms, fewer of a short motion, us.
+    """Time of the slowest of the first 1000 ms, fewer for a short motion, us.
 
-    Each is asked for by itself.
+    Each is requested separately.
     """
     count = min(1000, round(bench.times[-1] * _TICKS))
     fastest = [math.inf] * count
@@ -199,5 +199,5 @@ def _slowest_time(method: Method, setting: Setting, bench: MotionBench) -> float
 
 
 def even(seconds: float) -> list[float]:
-    """The times at which states are compared, up to the last."""
+    """Even times at which states are compared, up to the last."""
     return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Situations in which integrators fail, generated from a seed: motions under a torque."""
+"""Motions under a torque in which integrators fail, generated from a seed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _SEED = 20_261_122
 def _cases(
     make: Callable[[Random, int], Iterator[MotionBench]],
 ) -> Callable[[int], list[MotionBench]]:
-    """The motions of a situation, which situations that judge the same motions share."""
+    """Motions of a situation, shared by situations that judge the same motions."""
 
     @cache
     def cases(count: int) -> list[MotionBench]:
@@ -123,7 +123,7 @@ def _stiff_guide(random: Random, count: int) -> Iterator[MotionBench]:
 
 
 def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
-    """The way so far, and the speed, of what settles at a speed under linear damping."""
+    """Path and speed of a body that approaches a speed under linear damping."""
     settled = -math.expm1(-rate * time)
     way = end * time + (begin - end) * settled / rate
     return way, begin + (end - begin) * settled

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Outcome of each method in each situation, by one rule.
 
-A method is judged by what it computes itself, against `reference`: for a linkage at every crank
-angle of every case, one at a time and as an array; for a motion at one time after another. A cell
-of the chart is its worst outcome, in this order:
+The result of a method's own stage is compared with `reference`: for a linkage, at every crank
+angle of every case, one at a time and as an array; for a motion, at one time after another. A cell
+of the chart shows its worst outcome, in this order:
 
     right         every value within 1e-6, relative to its size (`bench`, `motion_bench`)
     refused       an error that says why; where no state exists, this is the right answer
@@ -40,12 +40,12 @@ class Situation:
     """A kind of trouble.
 
     Attributes:
-        name: As charts and docs call it.
-        words: What it is.
-        cases: Makes so many cases, the same at every call; motions, the longer, the fewer.
-        exists: Whether there is a state to be found; otherwise the right answer is a refusal, or,
-            beyond the end of coordinates, the motion that goes on in another assembly.
-        judged: Of motions, 'trajectory', 'energy' or 'loop' (how far it is open).
+        name: Name in charts and docs.
+        words: Description.
+        cases: Makes a number of cases, the same at every call; fewer cases for longer motions.
+        exists: Whether a state exists; otherwise the right answer is a refusal or, beyond the end
+            of coordinates, the motion continued in another assembly.
+        judged: For motions, 'trajectory', 'energy' or 'loop' (the gap of the loop).
     """
 
     name: str
@@ -61,9 +61,9 @@ def judged(
     """The outcome of a method that computes one number.
 
     Args:
-        solve: Computes it.
+        solve: Computes the number.
         exact: The right answer.
-        size: What errors are relative to.
+        size: Scale of relative errors.
         exists: See `Situation`.
 
     Returns:
@@ -84,8 +84,8 @@ class Cell:
         method: Name from the registry.
         situation: Name of the situation.
         outcome: One of OUTCOMES: the worst.
-        worst_error: The largest error of a finite value; of refusals of a motion, what
-            `MotionBench.judge` says; None: there is none.
+        worst_error: Largest error of a finite value; for refusals of a motion see
+            `MotionBench.judge`; None: no such value.
     """
 
     method: str
@@ -94,7 +94,7 @@ class Cell:
     worst_error: float | None
 
     def record(self) -> dict[str, Any]:
-        """For JSON."""
+        """The record for JSON."""
         return asdict(self)
 
 
@@ -105,13 +105,13 @@ def measure_outcomes(
     cases: int,
     progress: Callable[[Iterable[Any], str], Iterable[Any]],
 ) -> list[Cell]:
-    """Runs every method through every situation.
+    """Runs every method in every situation.
 
     Args:
-        situations: Situations to run through.
-        methods: Methods to run.
-        cases: Number of cases of each.
-        progress: Wraps what is gone through, with a word for it: a progress bar.
+        situations: The situations.
+        methods: The methods.
+        cases: Number of cases of each situation.
+        progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The cells, situation by situation.

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""All methods: charts, tests and docs/methods.md read these.
+"""All methods, for charts, tests and docs/methods.md.
 
-To add a method, append an entry: here, or in a file of your own before a chart is drawn.
+To add a method, append an entry here, or in a file of your own before a chart is drawn.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from linkage_ros.motion.integrators import live_steps, record_steps
 
 
 def _looks_up(make: Callable[[Task, Setting], Callable[..., Any]]) -> Callable[..., Any]:
-    """The tool of `stages.looked_up`: a function that gives a position, and both parts of it."""
+    """The tool of `stages.looked_up`: a function for a position, and for both parts of it."""
     first, second = Opaque(operator.itemgetter(0)), Opaque(operator.itemgetter(1))
     return lambda task, setting: (Opaque(make(task, setting)), first, second)
 

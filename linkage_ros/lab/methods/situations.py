@@ -33,7 +33,7 @@ _SEED = 20_261_121
 def _situation(
     name: str, words: str, make: Callable[[Random, int], LinkageBench], *, exists: bool = True
 ) -> Situation:
-    """A situation whose cases are made one by one, each from its number and random numbers."""
+    """Makes a situation from a function of a case's number and random numbers."""
 
     def cases(count: int) -> list[LinkageBench]:
         random = np.random.default_rng([_SEED, *name.encode()])
@@ -43,7 +43,7 @@ def _situation(
 
 
 def _case(mechanism: Linkage, cranks: tuple[float, ...], *, decimal: bool = False) -> LinkageBench:
-    """The first guess is read off at the first angle."""
+    """Makes a case, with the first guess at the first angle."""
     return LinkageBench(Task.at(mechanism, cranks[0]), cranks, decimal=decimal)
 
 
@@ -53,7 +53,7 @@ def _turn(steps: int = 48, turns: int = 1) -> tuple[float, ...]:
 
 
 def _passing(*extra: float) -> tuple[float, ...]:
-    """Two turns in even steps, begun a quarter of a turn before 0, and further angles."""
+    """Two turns in even steps from a quarter turn before 0, and further angles."""
     even = (-math.pi / 2 + angle for angle in _turn(turns=2))
     return tuple(sorted((*even, *extra)))
 
@@ -99,10 +99,10 @@ def _no_assembly(random: Random, _: int) -> LinkageBench:
 
 
 def _denominator(random: Random, i: int) -> LinkageBench:
-    """Where the rocker of one assembly points against the frame.
+    """Crank angles where the rocker of one assembly points against the frame.
 
-    Its half angle's tangent is infinite there: the quadratic term vanishes, and the other
-    assembly's solution is 0/0.
+    The tangent of its half angle is infinite there: the quadratic term vanishes, and the formula
+    for the other assembly is 0/0.
     """
     if i == 0:
         return _case(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The formulas of all methods for linkages, but for torques (`torques`): positions and rates.
+"""Formulas of all methods for positions and rates of linkages; `torques` has the others.
 
 Each is traced (dynamics/program.py), like the package's own formulas, so that all are compared on
 equal terms. The loop equation is that of documents 1 (eq. 7 and 8) and 4 (eq. 2):
@@ -33,14 +33,14 @@ class Links(NamedTuple):
         r: Length of the crank, m.
         b: Length of the coupler, m.
         c: Length of the rocker, m; None: the output slides.
-        d: Length of the frame; of a slider its offset, m.
+        d: Length of the frame, or offset of a slider, m.
         angle: Angle of frame or guide, rad.
         side: 1.0 for the open assembly, -1.0 for the crossed one.
         speed: Crank speed, rad/s.
         change: Crank acceleration, rad/s^2.
         model: The package's own constants.
         acos: Inverse cosine, for floats or for arrays.
-        tool: What the formula of a method asks for besides: a number or functions.
+        tool: Further input of a method's formula: a number or functions.
     """
 
     r: Real
@@ -68,7 +68,7 @@ def factored(links: Links, crank: Real) -> Pair:
 def inverse_cosine(links: Links, crank: Real) -> Pair:
     """The triangle of coupler, rocker and the diagonal A-B0, by the law of cosines.
 
-    Of a slider-crank, the angle between the coupler and the normal of the guide.
+    For a slider-crank, the angle between the coupler and the normal of the guide.
     """
     r, b, c, d, angle, side, *_ = links
     if c is None:
@@ -110,7 +110,7 @@ def _half_angle_root(a: Real, b: Real, c: Real, sign: Real) -> Real:
 
 
 def looked_up(links: Links, crank: Real) -> Pair:
-    """By functions that no formula can hold: the tool, and both parts of its result."""
+    """Positions from opaque functions: the tool, and both parts of its result."""
     locate, first, second = links.tool
     found = locate(crank)
     return first(found), second(found)
@@ -127,7 +127,7 @@ class Arms(NamedTuple):
         coupler: From A to B.
         output: From B0 to B, or along the guide.
         slope: Derivative of B by the output.
-        gap: By how much the loop does not close.
+        gap: Gap of the loop.
     """
 
     crank: Vector
@@ -156,7 +156,7 @@ class Arms(NamedTuple):
 
 
 def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple[Real, ...]:
-    """Changes of coupler and output that close the loop but for second order; its gap now."""
+    """Changes of coupler and output that close the loop to first order; and its present gap."""
     arms = Arms.at(links, crank, coupler, output)
     return (*arms.solve(-arms.gap), *arms.gap)
 
@@ -168,7 +168,7 @@ Rates: TypeAlias = tuple[Pair, Pair, Pair]
 
 
 def analytic(links: Links, crank: Real, _: Locate) -> Rates:
-    """The package's own: the factored form differentiated, no division by sin(gamma - beta)."""
+    """The package's own derivative of the factored form, without division by a small sine."""
     second, third = links.model.loop.pose((crank,)).links[1:]
     return (
         (second.position, third.position),
@@ -180,7 +180,7 @@ def analytic(links: Links, crank: Real, _: Locate) -> Rates:
 def two_by_two(links: Links, crank: Real, locate: Locate) -> Rates:
     """The differentiated loop, solved for both unknowns.
 
-    Document 1, eq. 13 to 18; of a slider-crank document 4, eq. 5 to 8.
+    Document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
     """
     position = locate(crank)
     arms = Arms.at(links, crank, *position)
@@ -194,7 +194,7 @@ def two_by_two(links: Links, crank: Real, locate: Locate) -> Rates:
 def sine_formula(links: Links, crank: Real, locate: Locate) -> Rates:
     """Each rate by eliminating the other link (document 2, eq. 27 to 33).
 
-    The document leaves accelerations out; here they are eliminated in the same way.
+    The document omits accelerations; they are derived in the same way.
     """
     r, b, c, guide = links.r, links.b, links.c, links.angle
     coupler, output = position = locate(crank)

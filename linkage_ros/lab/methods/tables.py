@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Positions that no straight line of formulas gives: by iteration, from a table, from a series.
+"""Methods for positions by iteration, from a table, or from a series.
 
-Table and series are made from exact states of one period, and need a crank that turns fully. The
-textbooks: de Boor, A Practical Guide to Splines, ch. IV (cubic Hermite interpolation);
+Table and series are made from exact states of one period, and need a crank that turns fully.
+Sources: de Boor, A Practical Guide to Splines, ch. IV (cubic Hermite interpolation);
 Freudenstein, Harmonic Analysis of Crank-and-Rocker Mechanisms, J. Appl. Mech. 26 (1959).
 """
 
@@ -28,10 +28,10 @@ _OVERSAMPLED = 4
 
 
 class NewtonRaphson:
-    """Newton-Raphson on the loop equation, as document 1 has it (eq. 8 to 12).
+    """Newton-Raphson on the loop equation, as in document 1 (eq. 8 to 12).
 
-    The document's listing goes on until the step and the residual are below a tolerance, and has
-    no cap; here 50 iterations are one, and the last iterate stands.
+    The document's listing iterates until step and residual are below a tolerance, without a limit;
+    here the limit is 50 iterations, and the last iterate is returned.
 
     Attributes:
         iterations: Number of iterations in all calls so far.
@@ -40,7 +40,7 @@ class NewtonRaphson:
     def __init__(
         self, step: Callable[..., tuple[float, ...]], guess: Pair, tolerance: float, *, warm: bool
     ) -> None:
-        """Prepares it.
+        """Prepares the iteration.
 
         Args:
             step: `stages.newton_step` of the linkage.
@@ -54,7 +54,7 @@ class NewtonRaphson:
         self.iterations = 0
 
     def __call__(self, crank: float) -> Pair:
-        """The position at a crank angle: whatever the iteration came to."""
+        """The position at a crank angle: the last iterate, converged or not."""
         coupler, output = self._guess
         for _ in range(CAP):
             turn, move, x, y = self._step(crank, coupler, output)
@@ -70,13 +70,13 @@ class NewtonRaphson:
 class _Samples(NamedTuple):
     """Even samples of one period of coupler and output, as smooth curves.
 
-    A link that turns with the crank gains turns; the rest is periodic.
+    A link that turns with the crank adds turns; the rest is periodic.
 
     Attributes:
         length: Length of the period, rad.
         gain: Turns of coupler and output per turn of the crank.
-        values: The periodic rest of both; the last sample is the first one again.
-        slopes: Its derivatives by the crank angle.
+        values: Periodic part of both; the last sample repeats the first.
+        slopes: Derivatives of these by the crank angle.
     """
 
     length: float
@@ -134,7 +134,7 @@ def hermite(mechanism: Linkage, nodes: int) -> Locate:
 
 @lru_cache(maxsize=2)
 def fourier(mechanism: Linkage, harmonics: int) -> Locate:
-    """A truncated Fourier series of the period, its coefficients by the fast transform."""
+    """A truncated Fourier series of the period, by the fast Fourier transform."""
     length, gain, values, _ = _sample(mechanism, max(64, _OVERSAMPLED * harmonics))
     spectrum = np.fft.rfft(values[:, :-1], axis=1, norm='forward')[:, : harmonics + 1]
     spectrum[:, 1:] *= 2

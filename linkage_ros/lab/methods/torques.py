@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Formulas of the driving torque: by virtual power, by power balance, by all forces at once.
+"""Formulas of the driving torque: virtual power, power balance, and Newton-Euler.
 
-Each takes, for crank, coupler and output, positions, velocities per unit crank speed, velocities
-and accelerations, and returns the torque on the crank, N m.
+Each takes positions, velocities per unit crank speed, velocities and accelerations of crank,
+coupler and output, and returns the torque on the crank, N m.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def newton_euler(
 ) -> Real:
     """Three equations for each body, solved for all pin forces and the torque together.
 
-    A slider has no equation of moments, and the force of its guide is unknown. The textbook form,
-    for instance Norton, Design of Machinery, sec. 11.4 and 11.5.
+    A slider has no equation of moments, and an unknown guide force. This is the textbook form, for
+    instance Norton, Design of Machinery, sec. 11.4 and 11.5.
     """
     directions = [Vector.at(angle) for angle in position]
     axis, model = Vector.at(links.angle), links.model

@@ -54,13 +54,13 @@ FULL, QUICK = Effort(256, 14, 0.15), Effort(128, 8, 0.3)
 
 
 class Start(NamedTuple):
-    """A motion from a start that has a name.
+    """A motion from a named start.
 
     Attributes:
         name: Name of the start.
-        times: s.
-        speeds: Speeds of the crank at these times, rad/s.
-        state: Number of the steady state at which it settles; None: at none.
+        times: Times, s.
+        speeds: Crank speeds at these times, rad/s.
+        state: Number of the steady state at which it settles; None: none.
         ended: Why it ended; None: it did not.
     """
 
@@ -79,12 +79,12 @@ class Start(NamedTuple):
 
 
 class Analysis(NamedTuple):
-    """All that is found of one pump under one motor.
+    """The results for one pump under one motor.
 
     Attributes:
         motor: Motor of the pump.
-        states: Its steady states by growing speed, stable or not.
-        averaged_states: What averaging predicts instead.
+        states: Its steady states in order of speed, stable or not.
+        averaged_states: The states that averaging predicts.
         pieces: The load curve.
         averaged: The averaged load curve.
         sensitivities: Each stable state under the changed torques: number of the state, torque,
@@ -158,7 +158,7 @@ def analyse(
     quick: bool,
     progress: Callable[[Iterable[Any], str], Any],
 ) -> Analysis:
-    """Finds the steady states of a pump, from where they are reached, and for which torques.
+    """Finds the steady states of a pump, their basins of attraction, and their torques.
 
     Args:
         mechanism: The pump, with the start of its slider.

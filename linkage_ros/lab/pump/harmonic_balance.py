@@ -52,7 +52,7 @@ class HarmonicBalance:
     Attributes:
         solver: Solver of the pump.
         damping: Torque that the motor loses per crank speed, N m s.
-        turns: After which its motions repeat.
+        turns: Turns after which its motions repeat.
         angles: Crank angles in equal parts of these turns, rad.
     """
 
@@ -173,10 +173,10 @@ class HarmonicBalance:
         return None
 
     def _checked(self, unknowns: Array, row: Array) -> PeriodicMotion | None:
-        """The motion with these unknowns, with more harmonics where it takes them.
+        """Makes the motion with these unknowns, with more harmonics if needed.
 
         Returns:
-            None: its crank stops, or it takes too many.
+            The motion; None: its crank stops, or it needs too many harmonics.
         """
         cuts = np.cumsum(self._sizes)
         slider, crank, (torque,) = np.split(unknowns, cuts)
@@ -195,7 +195,7 @@ class HarmonicBalance:
         return finer.find(finer.unknowns(motion), finer.sized(*np.split(row, cuts)))
 
     def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
-        """What a turn multiplies small deviations of an averaged motion by, the largest first.
+        """Factors of small deviations of an averaged motion over a turn, the largest first.
 
         With slowly varying a1, b1 and w0 the equations become B (X0, a1, b1, w0)' = -J (...), J
         their Jacobian: xD'' = ... + 2 w0 (b1' cos phi1 - a1' sin phi1) + w0' dxD/dphi1, and X0

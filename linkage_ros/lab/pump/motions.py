@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions of a wind pump over time, from many starts at once.
+"""Integrates motions of a wind pump from many starts at once.
 
-Each motion has steps of its own, of Dormand and Prince's method of order 5. A step of many motions
-takes little longer than that of one.
+Each motion has its own step lengths, by Dormand and Prince's method of order 5. A step of many
+motions takes little longer than a step of one.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Motions:
     """Motions from many starts.
 
     Attributes:
-        ended: Whether each motion has left what the coordinates describe; of shape (n).
+        ended: Whether each motion has left the range of the coordinates; shape (n).
         times: At all steps, s; each of shape (n).
         phases: Crank angle, rad, slider position, m, and their rates; each of shape (4, n).
     """
@@ -59,7 +59,7 @@ class Motions:
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts]
 
     def advance(self, steps: int) -> None:
-        """Follows all motions by so many steps, some of which are tried again."""
+        """Advances all motions by a number of steps, some of which are repeated."""
         with np.errstate(all='ignore'):  # what is not finite has no slope
             for _ in range(steps):
                 self._try()
@@ -80,7 +80,7 @@ class Motions:
         self.ended |= self._step < self._shortest
 
     def _slopes(self, phases: Array) -> Array:
-        """The rates and accelerations; not a number where the coordinates describe nothing."""
+        """Rates and accelerations; nan outside the range of the coordinates."""
         angle, x, w, v = phases
         low, high = self._within
         square = x * x - 2 * self._length * x * np.cos(angle) + self._length**2
@@ -95,7 +95,7 @@ class Motions:
         """The last turns of a motion.
 
         Args:
-            number: Of the motion.
+            number: Number of the motion.
             turns: Of the crank, forwards.
 
         Returns:
@@ -109,10 +109,10 @@ class Motions:
         return rows[inside].T if forwards else None
 
     def require_going(self, number: int) -> None:
-        """Passes if a motion has not ended.
+        """Checks that a motion has not ended.
 
         Raises:
-            MotionError: It has; with time, place and what to do.
+            MotionError: It has ended; names time and place, and what to do.
         """
         if self.ended[number]:
             driven = DrivenMechanism(self._solver, self._motor.at)
@@ -120,7 +120,7 @@ class Motions:
             driven.fail(float(time), tuple(phase.tolist()), None)
 
     def reason(self, number: int) -> str | None:
-        """Why a motion has ended, in words; None: it has not."""
+        """The reason why a motion has ended; None: it has not."""
         try:
             self.require_going(number)
         except MotionError as error:

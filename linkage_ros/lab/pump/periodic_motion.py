@@ -29,14 +29,14 @@ _TINY = 1e-5  # wave that counts as none, in crank lengths
 
 
 def parts_of(turns: int, harmonics: int) -> Array:
-    """Crank angles over whose equal parts the mean of a product of two series is exact, rad.
+    """Even crank angles at which the mean of a product of two series is exact, rad.
 
     Args:
         turns: Turns of the crank.
         harmonics: Largest number of waves in a turn.
 
     Returns:
-        From 0.
+        Angles from 0 on.
     """
     count = turns * max(64, 4 * harmonics)
     return np.linspace(0, 2 * math.pi * turns, count, endpoint=False)
@@ -48,7 +48,7 @@ def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
     Args:
         angles: phi, of shape (m), rad.
         count: Number of functions, odd.
-        turns: n.
+        turns: Number of turns n.
         derivative: Order of the derivative.
 
     Returns:
@@ -110,7 +110,7 @@ class PeriodicMotion:
         return np.array((position, speed, speed * slope))
 
     def distance(self, phases: Array) -> Array:
-        """How far other motions are from this one, in crank lengths and shares of its speed.
+        """Distances of other motions from this one, in crank lengths and shares of its speed.
 
         Args:
             phases: Crank angle, slider position and their rates, of shape (4, rows, motions).
@@ -129,18 +129,18 @@ class PeriodicMotion:
         return nearest
 
     def is_same(self, other: PeriodicMotion) -> bool:
-        """Whether another motion is this one, maybe some turns later."""
+        """Returns whether another motion is the same, up to a shift by whole turns."""
         ours, theirs = (np.array((one.speed, one.stroke, one.torque)) for one in (self, other))
         return self.turns == other.turns and bool(np.allclose(ours, theirs, rtol=_SAME, atol=0))
 
     def subharmonics(self, part: int) -> Array:
-        """Coefficients of the waves that vanish if it repeats after a part of its turns.
+        """Coefficients that vanish if the motion repeats after a fraction of its turns.
 
         Args:
-            part: How often it would repeat.
+            part: Number of repetitions within its turns.
 
         Returns:
-            Those of the slider, in crank lengths.
+            Coefficients of the slider, in crank lengths.
         """
         orders = np.arange(1, len(self.slider) // 2 + 1)
         chosen = np.repeat(orders % part > 0, 2)
@@ -148,7 +148,7 @@ class PeriodicMotion:
 
     @property
     def repeats_sooner(self) -> bool:
-        """Whether it repeats after a part of its turns."""
+        """Whether it repeats after a fraction of its turns."""
         parts = (part for part in range(2, self.turns + 1) if self.turns % part == 0)
         return any(np.abs(self.subharmonics(part)).max() < _TINY for part in parts)
 
@@ -172,7 +172,7 @@ class PeriodicMotion:
 
     @functools.cached_property
     def turning_points(self) -> Array:
-        """Positions at which the slider turns back, one after the other, m."""
+        """Positions at which the slider reverses, in order, m."""
         grid: Any = np.arange(self.turns * _FINE) * (2 * math.pi / _FINE)
         slope = waves(grid, len(self.slider), self.turns, 1) @ self.slider
         angles = grid[np.sign(slope) != np.sign(np.roll(slope, -1))]
@@ -187,19 +187,19 @@ class PeriodicMotion:
 
     @property
     def stroke(self) -> float:
-        """Way of the slider from end to end, m."""
+        """Distance between the ends of the slider's motion, m."""
         return float(np.ptp(self.turning_points))
 
     @property
     def flow(self) -> float:
-        """Way of the slider forth in a turn x speed, m/s: proportional to the flow of water."""
+        """Forward travel of the slider per turn x speed, m/s; proportional to the flow."""
         points = self.turning_points
         forth = np.abs(points - np.roll(points, 1)).sum() / 2
         return float(forth / self.turns * self.speed)
 
     @functools.cached_property
     def efficiency(self) -> float | None:
-        """Share of the crank's power that goes into the lift load; None: there is none.
+        """Share of the crank's power that reaches the lift load; None: no such load.
 
         The lift load is the slider's force and load curve; a constant force takes no power.
         """
@@ -216,12 +216,12 @@ class PeriodicMotion:
 
     @functools.cached_property
     def multipliers(self) -> tuple[complex, ...]:
-        """Floquet multipliers, the largest first: a period multiplies small deviations by them."""
+        """Floquet multipliers, the largest first: factors of small deviations over a period."""
         return self.slow_multipliers or by_size(np.linalg.eigvals(_monodromy(self)))
 
     @property
     def stable(self) -> bool:
-        """Whether small deviations die away."""
+        """Whether small deviations decay."""
         return abs(self.multipliers[0]) < 1
 
     def record(self) -> dict[str, Any]:
@@ -242,13 +242,13 @@ class PeriodicMotion:
 
 
 def by_size(values: Any) -> tuple[complex, ...]:
-    """Multipliers, the largest first, and of a pair the one with the positive imaginary part."""
+    """Sorts multipliers, the largest first; in pairs, the positive imaginary part first."""
     ordered = sorted(values.tolist(), key=lambda one: (-round(abs(one), 9), -one.imag))
     return tuple(map(complex, ordered))
 
 
 def _monodromy(motion: PeriodicMotion) -> Array:
-    """Derivatives of the values of `at` after a period by those before.
+    """Derivatives of the values of `at` after a period by the values before it.
 
     By Magnus' method of order 4 (S. Blanes and others, Physics Reports 470 (2009), 151-238).
     """

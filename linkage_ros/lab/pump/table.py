@@ -10,13 +10,13 @@ _LARGE = 1e4  # multiplier of which the size alone is shown
 
 
 def states_table(analysis: Analysis) -> list[str]:
-    """The states, the stable ones under changed torques, and what is left, as tables.
+    """Tables of the states, of their changes with the torque, and of unexplained starts.
 
     Args:
         analysis: Analysis of a pump.
 
     Returns:
-        Lines, for a font of equal widths.
+        Lines for a monospaced font.
     """
     ends = {
         '{} end where coupler and rod are stretched or folded': analysis.ended,
@@ -56,7 +56,7 @@ def _states_lines(analysis: Analysis) -> list[str]:
 
 
 def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
-    """A state's row of the table, and of the averaged state that is nearest to it."""
+    """Row of a state, with the nearest averaged state."""
     state = analysis.states[number].motion
     averaged = min(
         (one.motion for one in analysis.averaged_states if state.turns == 1),
@@ -81,7 +81,7 @@ def _complex(value: complex) -> str:
 
 
 def _changes_lines(analysis: Analysis) -> list[str]:
-    """The stable states under changed torques: relative changes."""
+    """Relative changes of the stable states with the torque."""
     lines = []
     for number, (state, _) in enumerate(analysis.states):
         if state.stable:

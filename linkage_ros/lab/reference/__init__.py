@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""States and motions in many digits, by equations that the package does not use."""
+"""States and motions in many digits, by equations independent of the package."""

@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motions that integrators are measured against: right to 1e-17 in SI units.
+"""Reference motions for integrators, right to 1e-17 in SI units.
 
-The multibody equations are followed by extrapolation (Gragg, Bulirsch and Stoer: Hairer, Norsett
-and Wanner, Solving Ordinary Differential Equations I, II.9), which is no registered method. Unit
-vectors turn in place of angles, so that no trigonometry is left, and the numbers are decimals of
-34 digits, which C computes five times as fast as mpmath. Shorter steps, a quadrature of the energy
-and an oracle of another hand agree (test/test_integrators.py).
+The multibody equations are integrated by extrapolation (Gragg, Bulirsch and Stoer: Hairer, Norsett
+and Wanner, Solving Ordinary Differential Equations I, II.9), which no compared method uses. Unit
+vectors replace angles, so that no trigonometry is needed, and the numbers are decimals of 34
+digits, which are five times as fast as mpmath. Shorter steps, a quadrature of the energy and an
+independent implementation agree (test/test_integrators.py).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _State: TypeAlias = Any  # an array of Decimals; NumPy has no type for it
 
 
 class MotionReference:
-    """Follows one motion."""
+    """Integrates one motion."""
 
     def __init__(self, problem: InitialValueProblem, longest: float = 0.1) -> None:
         """Closes the loop at the start.
@@ -56,13 +56,13 @@ class MotionReference:
         return state[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def end(self, until: float) -> float | None:
-        """When coupler and third link first come into line: there the coordinates end.
+        """Finds the first time at which coupler and third link are in line, where coordinates end.
 
         Args:
-            until: Where the search ends, s.
+            until: End of the search, s.
 
         Returns:
-            Time, s, right to 1e-15 s; None: never until then.
+            Time, right to 1e-15 s; None: not until then.
         """
         start, time = self._sine(0.0) > 0, 0.0
         while time < until:
@@ -77,7 +77,7 @@ class MotionReference:
         return float(cross(coupler, third))
 
     def _begin(self) -> _State:
-        """The crank angle; the place of each link as two numbers; all rates."""
+        """Initial values: the crank angle, the position of each link as two numbers, all rates."""
         count, bodies, zero = self._problem.count, self._bodies, Decimal(0)
         q, u = self._problem.start[:count], self._problem.start[count:]
         # From doubles, which serve as a first guess.
@@ -110,10 +110,10 @@ class MotionReference:
         return np.array([rates[0], *(x for vector in moving for x in vector), *found])
 
     def _state(self, time: float) -> _State:
-        """The state at a time, from the nearest that is known.
+        """The state at a time, from the nearest known one.
 
         Raises:
-            ArithmeticError: No step is short enough.
+            ArithmeticError: Even the shortest step fails.
         """
         end = Decimal(time)
         with localcontext(_CONTEXT):
@@ -136,7 +136,7 @@ class MotionReference:
         return state
 
     def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
-        """The state after a step, and its rows; None: they differ by more than the tolerance."""
+        """The state after a step, and its extrapolation table; None: not converged."""
         slope = self._slope(start)
         above: list[_State] = []
         for i in range(1, _ROWS + 1):
@@ -157,13 +157,13 @@ class MotionReference:
 
 
 def unit(angle: float) -> Vector:
-    """The unit vector in the direction of a double, rad, in Decimals."""
+    """The unit vector, in Decimals, in a direction given as a float, rad."""
     with mp.workdps(40):
         return Vector(Decimal(str(mp.cos(angle))), Decimal(str(mp.sin(angle))))
 
 
 def _turned_by(place: Vector, turn: Decimal) -> Vector:
-    """A unit vector turned by a little."""
+    """Turns a unit vector by a small angle."""
     moved = place + place.left() * turn
     length: Decimal = dot(moved, moved).sqrt()
     return moved * (1 / length)

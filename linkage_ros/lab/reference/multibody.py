@@ -1,16 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The bodies of any mechanism, its loop cut open: constraints and Lagrange multipliers.
+"""Multibody equations of any mechanism, with constraints and Lagrange multipliers.
 
-Every link has its own coordinate. A force closes the loop; it is found with the accelerations:
+Every link has its own coordinate. The force that closes the loop is solved with the accelerations:
 
     [ M   G^T ] [   q''    ]   [ Q - h        ]
     [ G    0  ] [ -lambda  ] = [ -(G' q')     ]
 
-The lower rows are the loop's closure, differentiated twice. This is the textbook form for any
-mechanism (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5). It needs no dyad, so
-it also holds where coupler and third link are in line at speed. It serves as a method in doubles
-and, in many digits, as the reference for states and motions.
+The lower rows are the loop closure, differentiated twice. This is the textbook form for any
+mechanism (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5). It needs no dyads, so
+it also holds where coupler and third link are in line in motion. It is a method in floats and, in
+many digits, the reference for states and motions.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ class Multibody:
         unit: Callable[[float], Vector],
         length: Callable[[float], Number] | None = None,
     ) -> None:
-        """Takes masses, lengths and loads from the mechanism's description.
+        """Reads masses, lengths and loads from the mechanism's description.
 
         Args:
             mechanism: The mechanism.
-            number: Makes a number of a double.
+            number: Converts a float to the kind of number.
             unit: Makes the unit vector of an angle, rad, in these numbers.
-            length: Makes the length that a double stands for; by default that of the double.
+            length: Converts a length, m; by default `number`.
         """
         structure, length = mechanism.structure(), length or number
         *_, last = links = structure.links
@@ -78,7 +78,7 @@ class Multibody:
         ]
 
     def gap(self, places: Sequence[Vector]) -> Vector:
-        """How far the loop is from being closed, m.
+        """The gap of the loop, m.
 
         Args:
             places: Unit vector of each link, or (position, 0) of one that slides.
@@ -100,7 +100,7 @@ class Multibody:
         return [[column.x for column in found], [column.y for column in found]], list(bias)
 
     def closed(self, places: Sequence[Vector], rates: Row, opening: Row) -> Row:
-        """Rates with those of coupler and third link that open the loop at a velocity, m/s."""
+        """Completes rates of coupler and third link so that the loop opens at a velocity, m/s."""
         free = [*rates[:1], self._zero, self._zero, *rates[3:]]
         closure, _ = self.closure(places, free)
         moved = [sum(map(operator.mul, row, free)) for row in closure]
@@ -111,7 +111,7 @@ class Multibody:
         """The equations above, without a torque on the crank.
 
         Args:
-            places: As for `gap`.
+            places: See `gap`.
             rates: Velocities of the links, rad/s or m/s.
 
         Returns:
@@ -139,10 +139,10 @@ class Multibody:
     def accelerations(
         self, places: Sequence[Vector], rates: Row, torque: Number, solve: Solve
     ) -> Sequence[Number]:
-        """The accelerations of the links that leave the gap as it is, rad/s^2 or m/s^2.
+        """Accelerations of the links that keep the gap constant, rad/s^2 or m/s^2.
 
         Args:
-            places: As for `gap`.
+            places: See `gap`.
             rates: Velocities of the links, rad/s or m/s.
             torque: On the crank, N m.
             solve: Solves a system of equations.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Initial value problems for integrators: a mechanism, where its motion starts, its motor."""
+"""Initial value problems for integrators: mechanism, start and motor."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class InitialValueProblem:
     """A motion from its start, in the crank angle and, of a wind pump, the slider's position.
 
     Attributes:
-        mechanism: What moves.
+        mechanism: The mechanism.
         start: Coordinates at t = 0, then their rates; rad and m, rad/s and m/s.
-        motor: That turns the crank.
+        motor: Motor of the crank.
     """
 
     mechanism: FourBar | WindPump
@@ -36,16 +36,16 @@ class InitialValueProblem:
 
     @cached_property
     def driven(self) -> DrivenMechanism:
-        """It as a system of first order, with the package's own equations of motion."""
+        """The first-order system, with the package's own equations of motion."""
         return DrivenMechanism(Solver(self.mechanism), lambda speed: self.motor.at(speed))
 
     @property
     def count(self) -> int:
-        """Of coordinates."""
+        """Number of coordinates."""
         return len(self.start) // 2
 
     def energy(self, phase: Phase) -> tuple[float, float]:
-        """Kinetic energy and that of the weights, the latter but for a constant, J."""
+        """Kinetic energy plus the potential energy of weights, up to a constant, J."""
         return self.driven.solver.energy(phase[: self.count], phase[self.count :])
 
 
@@ -56,7 +56,7 @@ def preset(name: str) -> Any:
 
 
 def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
-    """The wind pump of document 3 with its motor and its water.
+    """The wind pump of document 3 with its motor and load.
 
     Args:
         speed: Speed of the crank at t = 0, rad/s.
@@ -71,12 +71,12 @@ def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
 
 
 def free_pump(speed: float) -> InitialValueProblem:
-    """The pump without motor and water, which keeps its energy; from a crank speed, rad/s."""
+    """The pump without motor and load, which conserves energy, from a crank speed, rad/s."""
     pump = preset('wind_pump').mechanism
     pump = replace(pump, slider=replace(pump.slider, damping=0.0))
     return InitialValueProblem(pump, (0.0, pump.slider.position, speed, 0.0))
 
 
 def coasting() -> InitialValueProblem:
-    """The quadrilateral of document 1 from 150 rpm without a motor, which keeps its energy."""
+    """The quadrilateral of document 1 from 150 rpm without a motor, which conserves energy."""
     return InitialValueProblem(preset('quadrilateral').mechanism, (0.0, 5 * math.pi))

@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The states that methods are measured against, in 130 digits.
+"""Reference states for methods, in 130 digits.
 
-Circles are intersected for the position; rates, accelerations and the torque are a solution of
-the multibody equations: virtual power rids them of the force that closes the loop. All of this
-cancels near change points: 100 digits are left in every situation (test/test_methods.py). At a
-change point itself it is 0/0; the motion is smooth there, so the limit is the mean of two states
-1e-60 rad to either side.
+Positions are intersections of circles; rates, accelerations and torque solve the multibody
+equations, from which virtual power eliminates the force that closes the loop. Digits cancel near
+change points, but 100 digits remain in every situation (test/test_methods.py). At a change point
+the formulas are 0/0; the motion is smooth there, so the state is the mean of two states 1e-60 rad
+to either side.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ class Reference:
         *,
         decimal: bool = False,
     ) -> None:
-        """Takes the mechanism's numbers.
+        """Reads the mechanism's numbers.
 
         Args:
             mechanism: The linkage.
             speed: Crank speed, rad/s.
             acceleration: Crank acceleration, rad/s^2.
-            decimal: Whether lengths are meant as they are typed, 0.1 as a tenth; otherwise, as
-                all other numbers, as the doubles that they are.
+            decimal: Whether lengths have their typed decimal value, 0.1 being a tenth; otherwise,
+                like all other numbers, that of the float.
         """
         self._mechanism, self._motion = mechanism, (speed, acceleration)
         self.slides = not isinstance(mechanism, FourBar)
@@ -77,7 +77,7 @@ class Reference:
         """The state at a crank angle.
 
         Args:
-            crank: rad.
+            crank: Crank angle, rad.
 
         Returns:
             The state.
@@ -95,7 +95,7 @@ class Reference:
             return {name: tuple(map(_mean, before[name], after[name])) for name in before}
 
     def _locate(self, crank: _Number) -> tuple[_Number, _Number, _Number]:
-        """Where circles intersect: unit vectors of coupler and rocker, or the place of a slider.
+        """Intersects circles: unit vectors of coupler and rocker, or the position of a slider.
 
         The last is the sine of the transmission angle.
         """
@@ -124,7 +124,7 @@ class Reference:
         """The root of p q with the sign of the assembly, which alternates at change points.
 
         Raises:
-            UnreachableError: There is none.
+            UnreachableError: The root does not exist.
         """
         # At an exact change point rounding may leave less than nothing.
         rounding = mp.mpf(10) ** (10 - mp.dps) * (abs(p) + abs(q)) if any(folds) else 0
@@ -136,7 +136,7 @@ class Reference:
         return height
 
     def _solve(self, crank: _Number, coupler: _Number, output: _Number, _: _Number) -> Exact:
-        """The accelerations that give the crank its motion, and by virtual power the torque."""
+        """Solves the accelerations for the crank's motion, and the torque by virtual power."""
         speed, change = map(mp.mpf, self._motion)
         zero, bodies = mp.mpf(0), self._bodies
         places = [_unit(crank), _vector(coupler), _vector(output)]
