@@ -315,7 +315,10 @@ def test_links_pictures_and_named_files_exist(page):
 # ---------------------------------------------------------------- README
 
 
-@pytest.mark.parametrize(('page', 'most'), [('README.md', 1200), ('CONTRIBUTING.md', 900)])
+@pytest.mark.parametrize(
+    ('page', 'most'),
+    [('README.md', 1200), ('CONTRIBUTING.md', 900), ('docs/reliability.md', 1200)],
+)
 def test_page_is_short(page, most):
     assert len(read(page).split()) <= most
 

@@ -133,7 +133,7 @@ def parameter_file(values: Mapping[str, object]) -> str:
 
 
 def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
-    """Writes Writes Writes RViz's configuration for the frames of a launch.
+    """Writes RViz's configuration for the frames of a launch.
 
     Args:
         template: The file for a linkage without prefixes.
