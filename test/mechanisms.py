@@ -1,18 +1,17 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mechanisms for tests, the references that go with them, and their mirror images and the like.
+"""Mechanisms for tests, and their answers compared with those of the reference.
 
-All have mass everywhere and no symmetry, so that no term of an equation vanishes.
+Most have mass everywhere and no symmetry, so that no term of an equation vanishes.
 """
 
-import cmath
 import math
 from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
 from mpmath import mp
-from oracle import Oracle, oracle_of, wrap
+from oracle import oracle_of, wrap
 
 from linkage_ros import (
     Body,
@@ -145,6 +144,15 @@ PUMPS = {
         'crossed',
     ),
 }
+# Where terms of the equations are absent.
+PENDULUM = replace(
+    four_bar(FULL['crank_rocker'], 1.1), coupler=Coupler(3.0, point=(0.4, 0.7)), rocker=Body(2.5)
+)
+LIGHT_ROD = replace(
+    slider_crank(FULL['offset_right'], 2.4),
+    coupler=Coupler(2.2),
+    slider=Slider(-0.7, 0.0, 6.0, 0.9),
+)
 # With springs, resistance, forces and curves.
 SPRUNG_ROCKER = replace(
     four_bar(FULL['crank_rocker'], 1.3),
@@ -189,11 +197,22 @@ ALL = {
         Slider(mass=2.0, force=-3.0, damping=0.4),
         Guide(),
     ),
+    'pendulum': PENDULUM,
+    'light_rod': LIGHT_ROD,
     **PUMPS,
+    'light_coupler': replace(PUMPS['pump'], coupler=Coupler(1.6)),
     'sprung_rocker': SPRUNG_ROCKER,
     'sprung_slider': SPRUNG_SLIDER,
     'sprung_pump': SPRUNG_PUMP,
 }
+
+
+def with_loads(mechanism, *loads):
+    """The mechanism with these loads, and none of its own on the output link."""
+    name = 'rocker' if isinstance(mechanism, FourBar) else 'slider'
+    part = getattr(mechanism, name)
+    bare = replace(part, **dict.fromkeys(part.load_fields, 0.0))
+    return replace(mechanism, **{name: bare}, loads=loads)
 
 
 def turning_parts(mechanism):
@@ -264,22 +283,6 @@ def kinds(mechanism):
     """For each of these quantities its order (0 to 2, torque 3), and whether a link slides."""
     slides = [link.slides for link in mechanism.structure().links]
     return [(order, slide) for order in range(3) for slide in slides] + [(3, False)]
-
-
-def is_close(got, expected, ulps, mechanism):
-    """Whether quantities over many angles agree within some ulp of each one's largest value.
-
-    The slider of a folded mechanism stays at 0: it is held to the crank's length.
-    """
-    largest = np.max(np.abs(expected), axis=1, keepdims=True)
-    difference = np.abs(got - expected)
-    for i, (order, slides) in enumerate(kinds(mechanism)):
-        if slides and largest[i] < 1e-10 * mechanism.crank.length:
-            largest[i] = 4 * mechanism.crank.length
-        elif not slides and order == 0:
-            difference[i] = np.abs(np.remainder(difference[i] + math.pi, TURN) - math.pi)
-            largest[i] = math.pi
-    return bool(np.all(difference <= ulps * np.spacing(largest)))
 
 
 def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, period=8, floor=1e-20):
@@ -366,22 +369,31 @@ def _point_errors(solver, traced, usual, asked, units):
 
 
 def force_errors(solver, angles, speed=2.0, acceleration=1.5):
-    """Errors of the pin forces, the guide's, the shaking force, its moment, and the torque.
+    """Errors of pin forces, guide's, shaking force, its moment, torque, and what loads exert.
 
     Forces count relative to the largest in any joint at the same crank angle, moments to that
-    times the largest length. Each angle is asked for alone and as one array.
+    times the largest length, loads to the largest at any of the angles. Each angle is asked for
+    alone and as one array.
     """
     mechanism = solver.mechanism
-    oracle, worst = oracle_of(mechanism), [0.0] * 5
-    together = solver.reactions(moving(solver, np.array(angles), speed, acceleration))
-    for i, crank in enumerate(angles):
-        right = oracle.state(*asked_of_oracle(mechanism, crank, speed, acceleration))
+    oracle, worst = oracle_of(mechanism), [0.0] * 6
+    together = moving(solver, np.array(angles), speed, acceleration)
+    forces, loads = solver.reactions(together), solver.load_forces(together)
+    asked = (asked_of_oracle(mechanism, crank, speed, acceleration) for crank in angles)
+    expected = [oracle.state(*motion) for motion in asked]
+    most = max(abs(x) for right in expected for x in right.exerted) or 1
+    for i, (crank, right) in enumerate(zip(angles, expected, strict=True)):
         with mp.workdps(100):
             shaking = oracle.shaking(right)
-        alone = solver.reactions(moving(solver, crank, speed, acceleration))
-        for got in (alone, at(together, i)):
+        alone = moving(solver, crank, speed, acceleration)
+        row = {link: float(np.broadcast_to(x, len(angles))[i]) for link, x in loads.items()}
+        for got, exerted in (
+            (solver.reactions(alone), solver.load_forces(alone)), (at(forces, i), row),
+        ):  # fmt: skip
             pins = [abs(mp.mpc(*force) - right.joints[pin]) for pin, force in got.pins.items()]
             guide = mp.mpf(got.guide_force or 0) - right.joints.get('guide', 0)
+            pushes = zip(solver.links, right.exerted, strict=True)
+            pushed = max(abs(exerted.get(link, 0.0) - x) for link, x in pushes)
             force = max(map(abs, right.joints.values()))
             moment = force * longest(mechanism)
             errors = (
@@ -389,6 +401,7 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
                 abs(mp.mpc(*got.shaking_force) - shaking[0]) / force,
                 abs(mp.mpf(got.shaking_moment) - shaking[1]) / moment,
                 abs(mp.mpf(got.torque) - right.torque) / moment,
+                pushed / most,
             )  # fmt: skip
             worst = [max(x, float(y)) for x, y in zip(worst, errors, strict=True)]
     return worst
@@ -402,110 +415,6 @@ def at(forces, i):
         pins, None if guide is None else float(guide[i]), (float(x[i]), float(y[i])),
         float(forces.shaking_moment[i]), float(forces.torque[i]),
     )  # fmt: skip
-
-
-# What the laws do to a mechanism.
-
-
-def _bodies(mechanism, change):
-    return {name: change(getattr(mechanism, name)) for name in turning_parts(mechanism)}
-
-
-def mirrored(mechanism):
-    """About the x axis."""
-    changes = _bodies(
-        mechanism, lambda body: replace(body, center=(body.center[0], -body.center[1]))
-    )
-    if mechanism.coupler.point is not None:
-        along, across = mechanism.coupler.point
-        changes['coupler'] = replace(changes['coupler'], point=(along, -across))
-    changes['gravity'] = mechanism.gravity[0], -mechanism.gravity[1]
-    if not isinstance(mechanism, WindPump):
-        changes['frame'] = replace(mechanism.frame, angle=-mechanism.frame.angle)
-    if isinstance(mechanism, SliderCrank):
-        changes['slider'] = replace(mechanism.slider, offset=-mechanism.slider.offset)
-    # Where a change point at theta = 0 is passed, the mirrored branch has the same name.
-    elif not (isinstance(mechanism, FourBar) and Oracle(mechanism).folded):
-        changes['assembly'] = ASSEMBLIES[mechanism.assembly == 'open']
-    return with_loads_of(mechanism, changes, -1, 0.0)
-
-
-def with_loads_of(mechanism, changes, sign, angle):
-    """The changed mechanism with loads that are mirrored about the x axis, or turned.
-
-    Args:
-        mechanism: From which the changes come.
-        changes: Its new fields.
-        sign: -1 where angles and torques are mirrored.
-        angle: By which directions are turned, rad.
-    """
-    rocks = isinstance(mechanism, FourBar)
-    if rocks:
-        rocker = changes.get('rocker', mechanism.rocker)
-        changes['rocker'] = replace(
-            rocker, torque=sign * rocker.torque, rest_angle=sign * rocker.rest_angle + angle
-        )
-    flips = isinstance(mechanism, WindPump) and bool(angle)  # its guide stays the x axis
-    if flips:
-        slider = mechanism.slider
-        turned_over = {'force': -slider.force, 'rest_position': -slider.rest_position}
-        changes['slider'] = replace(slider, **turned_over)
-    loads = []
-    for curve in mechanism.loads:
-        way = sign if rocks or curve.link == 'crank' else -1 if flips else 1
-        moves = way if curve.over == 'position' else sign
-        shift = angle if moves == sign and (rocks or curve.over == 'crank_angle') else 0.0
-        at, value, back = ((x or ())[::moves] for x in (curve.at, curve.value, curve.return_value))
-        value, back = (tuple(way * x for x in row) for row in (value, back))
-        if moves < 0 and back:
-            value, back = back, value
-        at = tuple(moves * x + shift for x in at)
-        loads.append(replace(curve, at=at, value=value, return_value=back or None))
-    return replace(mechanism, **changes, loads=tuple(loads))
-
-
-def turned(mechanism, angle, onto=None):
-    """With its gravity, about A0; a wind pump by half a turn alone, its guide is the x axis."""
-    gravity = complex(*mechanism.gravity) * cmath.exp(1j * angle)
-    changes = {'gravity': (gravity.real, gravity.imag)}
-    if not isinstance(mechanism, WindPump):
-        onto = mechanism.frame.angle + angle if onto is None else onto
-        changes['frame'] = replace(mechanism.frame, angle=onto)
-    return with_loads_of(mechanism, changes, 1, angle)
-
-
-def scaled(mechanism, factor):
-    """Lengths and gravity by the factor, so that the motion is the same in time."""
-
-    def larger(body):
-        return replace(
-            body, length=body.length * factor, inertia=body.inertia * factor**2,
-            center=tuple(x * factor for x in body.center),
-        )  # fmt: skip
-
-    def larger_curve(curve):
-        slides = curve.link == 'slider'
-        if slides and curve.over == 'position':
-            curve = replace(curve, at=tuple(x * factor for x in curve.at))
-        power = factor if slides else factor**2
-        back = curve.return_value and tuple(x * power for x in curve.return_value)
-        value = tuple(x * power for x in curve.value)
-        return replace(curve, value=value, return_value=back)
-
-    changes = _bodies(mechanism, larger)
-    changes['gravity'] = tuple(x * factor for x in mechanism.gravity)
-    if isinstance(mechanism, FourBar):
-        changes['frame'] = replace(mechanism.frame, length=mechanism.frame.length * factor)
-        rocker = changes['rocker']
-        names = 'torque', 'damping', 'stiffness'
-        torques = {name: getattr(rocker, name) * factor**2 for name in names}
-        changes['rocker'] = replace(rocker, **torques)
-    else:
-        own = 'position' if isinstance(mechanism, WindPump) else 'offset'
-        names = own, 'force', 'rest_position'
-        sizes = {name: getattr(mechanism.slider, name) * factor for name in names}
-        changes['slider'] = replace(mechanism.slider, **sizes)
-    return replace(mechanism, **changes, loads=tuple(map(larger_curve, mechanism.loads)))
 
 
 # Mechanisms whose lengths are whole multiples of a power of two: sums of them are exact, so that

@@ -13,7 +13,6 @@ All of this is singular at a change point, but the motion is analytic there: the
 positions 1e-60 rad to either side is the limit.
 """
 
-import cmath
 import functools
 import math
 from fractions import Fraction
@@ -409,11 +408,8 @@ class Oracle:
 
     @functools.cached_property
     def middle(self):
-        """The middle of the swing of a rocker, followed through it; in [-pi, pi]."""
-        start = 0.01 - float(self.angle(0))
-        cranks = tuple(start + 4 * math.pi * i / 120 for i in range(120))
-        sides = tuple(map(self._side, cranks))
-        return mp.mpf(swing_middle(self.lengths, complex(self.pivot()), cranks, sides))
+        """The middle of the swing of a rocker, by the package; test_loads.py judges it."""
+        return mp.mpf(self.mechanism.swing_middle(2, ''))
 
     def reduced(self, at):
         """The places of a curve, of a rocker less whole turns."""
@@ -430,10 +426,6 @@ class Oracle:
             return mp.mpf(0)
         rest = self.middle + wrap(mp.mpf(self.mechanism.rocker.rest_angle) - self.middle)
         return self.place(vectors) - rest
-
-    def spring_energy(self, vectors):
-        """J."""
-        return mp.mpf(self.bodies[-1].stiffness) * self.stretch(vectors) ** 2 / 2
 
     def _rubbing(self, rates):
         """The joints in which something rubs."""
@@ -470,17 +462,6 @@ class Oracle:
             moment -= cross(place['D' if self.is_free else 'B'], of_guide)
         return force, moment
 
-    def momenta(self, q, u):
-        """Linear momentum, and angular momentum about A0; in the caller's precision."""
-        linear, angular = mp.mpc(0), mp.mpf(0)
-        vectors, rates = self.motion(q, u)
-        for body, center, rate in zip(self.bodies, self.centers(vectors), rates, strict=True):
-            place, velocity, _ = self.follow(center, vectors, rates, rates)
-            linear += mp.mpf(body.mass) * velocity
-            angular += mp.mpf(body.mass) * cross(place, velocity)
-            angular += mp.mpf(getattr(body, 'inertia', 0)) * rate
-        return linear, angular
-
     def energy(self, q, u):
         """Kinetic plus potential energy, J, in the caller's precision; not at change points."""
         total = mp.mpf(0)
@@ -490,7 +471,7 @@ class Oracle:
             height = dot(complex_of(self.mechanism.gravity), place)
             total += mp.mpf(body.mass) * (abs(velocity) ** 2 / 2 - height)
             total += mp.mpf(getattr(body, 'inertia', 0)) * rate**2 / 2
-        return total + self.spring_energy(vectors)
+        return total + mp.mpf(self.bodies[-1].stiffness) * self.stretch(vectors) ** 2 / 2
 
     def natural(self, speed, acceleration):
         """What each quantity is like in a mechanism of this size at this speed."""
@@ -547,31 +528,6 @@ def eliminate(rows):
             for n, side in enumerate(rows[i][size:])
         ]
     return found
-
-
-@functools.cache
-def swing_middle(lengths, pivot, cranks, sides):
-    """The middle of the swing of a rocker at these crank angles, in double precision."""
-    swung = []
-    for crank, side in zip(cranks, sides, strict=True):
-        r, b, c, _ = map(float, lengths)
-        A = cmath.rect(r, crank)
-        distance = abs(pivot - A)
-        along = (b * b - c * c + distance * distance) / (2 * distance)
-        if abs(along) < b:
-            across = side * math.sqrt(b * b - along * along)
-            B = A + (pivot - A) / distance * complex(along, across)
-        swung.append(cmath.phase(B - pivot) if abs(along) < b else None)
-    if None in swung:  # from the beginning of an arc to its end
-        gap = swung.index(None)
-        swung = swung[gap:] + swung[:gap]
-        begin = next(i for i, angle in enumerate(swung) if angle is not None)
-        swung = swung[begin : [*swung, None].index(None, begin)]
-    angles = swung[:1]
-    for angle in swung[1:]:
-        angles.append(angles[-1] + math.remainder(angle - angles[-1], math.tau))
-    assert max(angles) - min(angles) < math.tau, 'the rocker turns fully'
-    return math.remainder((max(angles) + min(angles)) / 2, math.tau)
 
 
 def settle(rubbing, joints):

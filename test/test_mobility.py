@@ -25,36 +25,6 @@ def mobility(lengths, angle=0.0):
     return Solver(made_of(lengths, angle)).reach
 
 
-# Crank, coupler, rocker, frame; what each link is, read off a textbook's definition.
-@pytest.mark.parametrize(
-    ('lengths', 'grashof', 'turns_fully', 'arcs'),
-    [
-        ((1, 3, 2.5, 2.2), 'crank-rocker', True, 1),
-        ((0.1, 0.315, 0.5, 0.425), 'crank-rocker', True, 1),
-        ((3, 2.5, 2.2, 1), 'double-crank', True, 1),
-        ((3, 1, 2.5, 2.2), 'double-rocker', False, 2),
-        ((3, 2.5, 1, 2.2), 'rocker-crank', False, 2),
-        ((2.2, 3, 1, 2.5), 'rocker-crank', False, 2),
-        ((2, 2.1, 2.2, 4), 'triple-rocker', False, 1),
-        ((4, 2.1, 2.2, 2), 'triple-rocker', False, 1),
-        ((2, 4, 2.1, 2.2), 'triple-rocker', False, 1),
-        ((2, 2.1, 4, 2.2), 'triple-rocker', False, 1),
-        ((1, 2, 1, 2), 'change-point', True, 1),
-        ((1, 1, 1, 1), 'change-point', True, 1),
-        ((1, 2, 2, 1), 'change-point', True, 1),
-        ((1, 2.5, 1.5, 3), 'change-point', True, 1),
-        ((2, 4, 1, 3), 'change-point', False, 1),
-        ((2, 2, 1, 3), 'change-point', False, 1),
-    ],
-)
-def test_grashof_class_and_reach(lengths, grashof, turns_fully, arcs):
-    found = mobility(lengths, 0.7)
-    assert (found.grashof, found.turns_fully, len(found.arcs)) == (grashof, turns_fully, arcs)
-    assert bool(found.limits) != turns_fully
-    if turns_fully:
-        assert found.arcs == ((0.0, TURN),)
-
-
 any_lengths = st.tuples(*[st.integers(1, 40)] * 4).filter(lambda x: 2 * max(x) < sum(x))
 
 

@@ -6,19 +6,13 @@ test_fifty_digits.py compares them with 50 digits, test_laws.py with their mirro
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from mechanisms import (
-    ALL,
     force_errors,
     four_bar,
-    is_free,
-    moving,
     slider_crank,
-    turning_parts,
-    vector,
 )
 from mpmath import mp
 
@@ -33,8 +27,6 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-
-CRANKS = np.linspace(-6.0, 6.5, 21)
 
 # By hand.
 
@@ -72,50 +64,6 @@ def test_weights_of_a_square_hang_on_the_pivots():
     assert complex(*found.shaking_force) == pytest.approx(-120j, abs=1e-13)
     # About A0: half the coupler's weight stands above A0, the rest and the rocker's at 1 m.
     assert found.shaking_moment == pytest.approx(-70, rel=1e-13)
-
-
-def massless(mechanism):
-    """The mechanism without masses; loads on its slider stay."""
-    bodies = {name: Body(getattr(mechanism, name).length) for name in turning_parts(mechanism)}
-    bodies['coupler'] = Coupler(mechanism.coupler.length)
-    if hasattr(mechanism, 'slider'):
-        bodies['slider'] = replace(mechanism.slider, mass=0.0)
-    return Solver(replace(mechanism, **bodies))
-
-
-@pytest.mark.parametrize('name', ['crank_rocker', 'antiparallelogram', 'offset_right', 'lower'])
-def test_massless_mechanism_has_forces_from_the_slider_alone(name):
-    mechanism, solver = ALL[name], massless(ALL[name])
-    state = solver.state(CRANKS, 2.0, 1.5)
-    found = solver.reactions(state)
-    if not hasattr(mechanism, 'slider'):
-        assert all(np.all(vector(x) == 0) for x in found.pins.values())
-        assert not np.any([state.torque, found.torque, found.shaking_moment])
-        return
-    slider = mechanism.slider
-    push = slider.force - slider.damping * state.velocity[2]
-    assert np.allclose(state.torque, -push * state.velocity[2] / 2.0, rtol=1e-13, atol=1e-12)
-    guide = np.exp(1j * mechanism.frame.angle)
-    rod = -push * guide * (1 + 1j * np.tan(state.position[1] - mechanism.frame.angle))
-    for pin in ('A0', 'A', 'B'):
-        assert np.allclose(vector(found.pins[pin]), rod, rtol=1e-12, atol=0)
-    # The frame feels the external force, whose line is the guide, and nothing more.
-    assert np.allclose(vector(found.shaking_force), slider.force * guide, rtol=0, atol=1e-11)
-    assert np.allclose(found.shaking_moment, -slider.force * slider.offset, rtol=0, atol=1e-11)
-
-
-def test_coupler_without_mass_is_a_rod_in_line():
-    """No mass and no weight between its pins: what enters at A leaves at B along the line."""
-    for name in ('crank_rocker', 'offset_right', 'pump'):
-        solver = Solver(replace(ALL[name], coupler=Coupler(ALL[name].coupler.length)))
-        state = moving(solver, CRANKS)
-        found = solver.reactions(state)
-        A, B = vector(found.pins['A']), vector(found.pins['B'])
-        assert np.allclose(A, B, rtol=1e-13, atol=0)
-        across = (A * np.exp(-1j * state.position[1])).imag
-        assert np.max(np.abs(across)) < 1e-13 * np.max(np.abs(A))
-        assert (found.guide_force is None) == (name == 'crank_rocker')
-        assert ('D' in found.pins) == is_free(solver.mechanism)
 
 
 # At change points. Where an angle is rounded, an exact comparison would not see them.
@@ -164,20 +112,6 @@ def test_angles_meant_as_change_points_miss_them(name):
             apart -= mp.pi / 2 if hasattr(mechanism, 'slider') else 0
             apart -= mp.pi * mp.nint(apart / mp.pi)
         assert 0 < abs(apart) < 2 * math.ulp(abs(crank) + abs(mechanism.frame.angle))
-
-
-def test_each_multiple_of_pi_is_refused_however_it_is_computed():
-    solver = Solver(PASSED['small_parallelogram'][0])
-    ways = (
-        lambda k: k * math.pi,
-        lambda k: math.radians(180.0 * k),
-        lambda k: math.copysign(np.linspace(0, 4000 * math.pi, 4001)[abs(k)], k),
-        lambda k: math.nextafter(k * math.pi, 0.0),
-    )
-    for k in (*range(-12, 13), 999, -1234, 3001, 4000):
-        for way in ways:
-            with pytest.raises(UnreachableError):
-                solver.reactions(solver.state(way(k), 1.0))
 
 
 @passed
