@@ -11,8 +11,7 @@ import struct
 import subprocess
 import sys
 import traceback
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from linkage_ros import (
     Body,
     ConfigurationError,
     Coupler,
-    FourBar,
     Friction,
     LinkageError,
     LinkLoad,
@@ -34,17 +32,8 @@ from linkage_ros import (
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import Opaque, cos, require, sin, sqrt, total, where
-from linkage_ros.model.loads import LinkForce
 
 STRICT = np.errstate  # the real one: a test replaces the package's
-
-
-@dataclass(frozen=True)
-class Loaded(FourBar):
-    """A four-bar with a constant torque and a resistance on its rocker."""
-
-    def link_loads(self):
-        return (LinkForce(2, 3.0, 0.5),)
 
 
 def massless(linkage):
@@ -58,7 +47,7 @@ MECHANISMS = {
     'crank-rocker': CRANK_ROCKER,
     'straight links': DOCUMENT_1,
     'without gravity': replace(CRANK_ROCKER, gravity=(0.0, 0.0)),
-    'loaded': Loaded(*(getattr(CRANK_ROCKER, name) for name in FourBar.__match_args__)),
+    'loaded': replace(CRANK_ROCKER, loads=(LinkLoad('rocker', 3.0, 0.5),)),
     'change point': four_bar((1.0, 2.0, 2.5, 3.5), -2.0, 'crossed'),
     'rhombus': four_bar((1.5, 1.5, 1.5, 1.5)),
     'limited twice': four_bar((2.0, 1.5, 1.0, 2.2)),
@@ -397,19 +386,6 @@ def test_arrays_by_math_have_the_bits_of_the_scalar_program(name, count):
 # ------------------------------------------ 6: a program can be read, pickled and shared
 
 
-@pytest.mark.parametrize('name', ['crank-rocker', 'pump'])
-def test_each_line_holds_one_statement_and_each_name_one_value(name):
-    (bind,) = ast.parse(programs_of(name)['state 1'].source).body
-    *before, inner, _ = bind.body
-    rows = [part.lineno for part in (*before, inner, *inner.body)]
-    assert len(set(rows)) == len(rows)
-    assigned = [x.targets[0].id for x in (*before, *inner.body) if isinstance(x, ast.Assign)]
-    assert len(set(assigned)) == len(assigned)
-    assert {'half', 'mean', 'turn'} <= set(assigned) or name == 'pump'
-    read = {x.id for x in ast.walk(bind) if isinstance(x, ast.Name) and type(x.ctx) is ast.Load}
-    assert set(assigned) <= read, 'what nothing reads falls out'
-
-
 def frames(error):
     """The frames of an error's traceback that lie in programs."""
     found = traceback.extract_tb(error.__traceback__)
@@ -494,40 +470,6 @@ def test_a_table_works_in_all_forms_and_tracebacks_pass_it():
         with pytest.raises(ZeroDivisionError) as raised:
             call()
         assert [frame.line.partition(' = ')[0] for frame in frames(raised.value)] == ['height']
-
-
-class Table(NamedTuple):
-    """A load that the package does not know: a torque from a table over the rocker's angle."""
-
-    table: Opaque
-
-    def forces(self, links, rates):
-        del rates
-        return {2: self.table(links[2].position)}
-
-    def resistance(self, rates):
-        del rates
-        return {}
-
-    def potential(self, links):
-        del links
-
-
-@dataclass(frozen=True)
-class Measured(FourBar):
-    """A four-bar with a measured torque on its rocker."""
-
-    def link_loads(self):
-        return (Table(Opaque(lookup)),)
-
-
-def test_a_load_may_read_a_table():
-    fields = [getattr(CRANK_ROCKER, name) for name in FourBar.__match_args__]
-    held, cranks = Solver(Measured(*fields)), np.linspace(-4, 9, 50)
-    free = Solver(CRANK_ROCKER).state(cranks, 2.0)
-    expected = free.torque - lookup(free.position[2]) * free.velocity[2] / 2.0
-    assert held.state(cranks, 2.0).torque == pytest.approx(expected, rel=1e-12)
-    assert held.state(float(cranks[7]), 2.0).torque == pytest.approx(expected[7], rel=1e-12)
 
 
 def series(factors, x):

@@ -22,7 +22,6 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.motion.integrators import live_steps, record_steps
-from linkage_ros.motion.stiff_integrator import StiffSteps
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.parameters.configuration import load
@@ -31,6 +30,8 @@ PUMP = load('wind_pump').mechanism
 FREE = replace(PUMP, slider=replace(PUMP.slider, damping=0.0))
 QUADRILATERAL = load('quadrilateral').mechanism
 TWO_TURNS = 4 * math.pi
+# Of even inertia, without weight.
+WHEEL = FourBar(Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0))
 both = pytest.mark.parametrize('integrate', [FixedSteps, AdaptiveSteps])
 
 
@@ -68,11 +69,8 @@ def test_a_step_that_is_too_long_is_halved_until_it_is_not():
 
 def test_without_gravity_a_lone_flywheel_turns_evenly():
     """A closed answer: constant torque, damping, constant inertia."""
-    wheel = FourBar(
-        Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0)
-    )
     for integrate in (FixedSteps, AdaptiveSteps):
-        steps = begun(integrate, wheel, (0.5, 0.0), lambda speed: 3.0 - 0.8 * speed)
+        steps = begun(integrate, WHEEL, (0.5, 0.0), lambda speed: 3.0 - 0.8 * speed)
         steps.advance(4.0)
         rate = 0.8 / 2.0
         speed = 3.0 / 0.8 * (1 - math.exp(-rate * 4.0))
@@ -83,10 +81,7 @@ def test_without_gravity_a_lone_flywheel_turns_evenly():
 
 @both
 def test_a_command_acts_from_its_stamp_on(integrate):
-    wheel = FourBar(
-        Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0)
-    )
-    motion = TorqueMotion(Solver(wheel), TorqueDrive(Motor(3.0)), 0, 10**7, integrate)
+    motion = TorqueMotion(Solver(WHEEL), TorqueDrive(Motor(3.0)), 0, 10**7, integrate)
     assert motion.at(10**9).u[0] == pytest.approx(3.0 / 2.0, rel=1e-12)
     motion.command(10**9, -1.0)
     assert motion.at(3 * 10**9).u[0] == pytest.approx((3.0 + 2 * 2.0) / 2.0, rel=1e-12)
@@ -113,19 +108,6 @@ def test_a_steep_motor_line_keeps_its_speed_with_bounded_work(integrate, damping
     assert len(calls) < {live_steps: 11_000, record_steps: 60_000}[integrate]
 
 
-def test_strong_damping_alone_is_followed_implicitly():
-    """Without load curves that leap at rest, and where a massless crank has no inertia."""
-    compressor = load('compressor').mechanism
-    for mechanism, damping, kind in (
-        (QUADRILATERAL, 50.0, FixedSteps),
-        (QUADRILATERAL, 1e3, StiffSteps),
-        (compressor, 1.0, FixedSteps),
-        (replace(QUADRILATERAL, rocker=replace(QUADRILATERAL.rocker, damping=1e4)), 0, StiffSteps),
-    ):
-        steps = begun(live_steps, mechanism, (0.3, 0.0), lambda u, d=damping: 1e3 - d * u)
-        assert type(steps) is kind
-
-
 def test_after_days_time_constants_shorter_than_the_clock_resolves_are_followed():
     """In double precision, 300 days are known to 4 ns; here 2 ps count."""
     ends = []
@@ -139,21 +121,28 @@ def test_after_days_time_constants_shorter_than_the_clock_resolves_are_followed(
 # ---------------------------------------------------------------- everywhere
 
 
+BODY = {'mass': 1.0, 'inertia': 0.02}
+PARALLELOGRAM = FourBar(
+    Frame(0.4, 0.3), Body(0.1, **BODY), Coupler(0.4, **BODY, center=(0.2, 0.05)),
+    Body(0.1, **BODY),
+)  # fmt: skip
+MISSED_BY_A_HAIR = FourBar(
+    Frame(0.425, 0.3), Body(0.1, **BODY), Coupler(0.315, **BODY), Body(0.21 + 1e-9, **BODY)
+)
+
+
 @both
-def test_change_points_are_passed(integrate):
-    """A parallelogram turns on through the line in which its links could change assembly."""
-    body = {'mass': 1.0, 'inertia': 0.02}
-    linkage = FourBar(
-        Frame(0.4, 0.3), Body(0.1, **body), Coupler(0.4, **body, center=(0.2, 0.05)),
-        Body(0.1, **body),
-    )  # fmt: skip
+@pytest.mark.parametrize('linkage', [PARALLELOGRAM, MISSED_BY_A_HAIR])
+def test_change_points_are_passed(integrate, linkage):
+    """The links turn on through the line in which they could change assembly."""
     steps = begun(integrate, linkage, (0.2, 9.0))
     start = energy(steps)
     for tick in range(1, 301):
         steps.advance(tick * 0.01)
-        assert energy(steps) == pytest.approx(start, rel=1e-9)
-    assert with_turns(steps.phase[0], steps.pairs) > 20
-    assert Solver(linkage).state(*steps.phase).velocity[1] == pytest.approx(0, abs=1e-9)
+        assert energy(steps) == pytest.approx(start, rel=1e-6)
+    assert with_turns(steps.phase[0], steps.pairs) > 15
+    coupler = Solver(linkage).state(*steps.phase).velocity[1]
+    assert linkage is not PARALLELOGRAM or coupler == pytest.approx(0, abs=1e-9)
 
 
 LIMITED = FourBar(
@@ -183,20 +172,6 @@ def test_a_limited_crank_swings_inside_its_arc(integrate):
         assert energy(steps) == pytest.approx(start, abs=1e-9 * abs(start))
     assert low < min(seen) < rest - 0.01
     assert rest + 0.01 < max(seen) < high
-
-
-@both
-@pytest.mark.parametrize('gap', [1e-3, 1e-9])
-def test_change_points_that_are_missed_by_a_hair_are_passed(integrate, gap):
-    body = {'mass': 1.0, 'inertia': 0.02}
-    linkage = FourBar(
-        Frame(0.425, 0.3), Body(0.1, **body), Coupler(0.315, **body), Body(0.21 + gap, **body)
-    )
-    steps = begun(integrate, linkage, (0.2, 8.0))
-    start = energy(steps)
-    steps.advance(2.0)
-    assert energy(steps) == pytest.approx(start, abs=1e-6 * abs(start))
-    assert with_turns(steps.phase[0], steps.pairs) > 7
 
 
 # ---------------------------------------------------------------- the edge
@@ -249,10 +224,7 @@ def test_turns_are_cut_and_added_exactly(pairs):
 
 @both
 def test_the_crank_is_kept_within_two_turns_and_turns_are_counted(integrate):
-    wheel = FourBar(
-        Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0)
-    )
-    steps = begun(integrate, wheel, (0.5 - 40 * TWO_TURNS, -100.0))
+    steps = begun(integrate, WHEEL, (0.5 - 40 * TWO_TURNS, -100.0))
     for second in range(1, 6):
         steps.advance(float(second))
         assert abs(steps.phase[0]) <= TWO_TURNS
