@@ -172,18 +172,6 @@ def test_pins_are_named_in_the_drawing(drawn, preset):
         assert np.argmin(np.hypot(*(places - middle).T)) == number
 
 
-@pytest.mark.parametrize(
-    ('preset', 'words'),
-    [
-        ('slider_crank', 'slider_crank, open, crank-slider, 90 rpm, 2.5 rad/s^2, '),
-        ('wind_pump', 'wind_pump, crossed, motor 8.4 N m - 1.2 N m s x speed, '),
-        ('compressor', 'compressor, slider_crank, open, '),
-    ],
-)
-def test_the_name_of_file_and_kind_is_said_once(drawn, preset, words):
-    assert drawn[preset].said.startswith(words)
-
-
 def test_a_wind_pump_is_drawn_as_it_settles(drawn):
     speed, stroke = 2.604, 0.519
     assert f'settled at {speed} rad/s' in drawn['wind_pump'].said

@@ -220,24 +220,6 @@ def test_what_gives_no_trajectory_is_refused(values, words):
 # ---------------------------------------------------------------- the controller takes them
 
 
-def test_spline_and_line_between_the_points_are_the_motion_and_the_torque():
-    one = machine(start_rpm=20.0, crank_acceleration=3.0)
-    controller, motion = Controller(parameters_of_the_page()), one.begin(T0)
-    ahead = CrankTrajectory.of(one)
-    effort, places = [], []
-    for tick in range(1000):
-        stamp = T0 + tick * NS_PER_MS
-        if data := ahead.message_at(motion, stamp):
-            controller.receive(data, stamp + 200_000)
-        found = controller.sample(stamp + 777_777)
-        (q,), (u,), (a,), unwrapped, _ = motion.at(stamp + 777_777)
-        places.append((found[0] - unwrapped, found[1] - u))
-        effort.append((found[2], one.solver.state(q, u, a).torque))
-    assert np.abs(places).max() < 1e-9
-    found, exact = np.transpose(effort)
-    assert np.abs(found - exact).max() < 2e-4 * np.abs(exact).max()
-
-
 @pytest.mark.parametrize('changed', ['joints', 'end', 'past'])
 def test_the_controller_refuses_what_is_not_for_it(changed):
     """Negative control."""

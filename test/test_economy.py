@@ -118,22 +118,16 @@ def test_errors_of_the_quadrilateral_are_those_known(savings, name, error):
     assert float(f'{of(savings, name).error:.3g}') == error
 
 
-def test_without_inertia_weights_remain():
-    """The static torque is the slope of the potential energy; no load, no damping."""
-    step = 1e-5
-    solver = Solver(FULL)
-    high, low = (solver.energy(ANGLES + shift, 1.0)[1] for shift in (step, -step))
-    static = run(torque_program(FULL, static=True))
-    assert static == pytest.approx((high - low) / (2 * step), abs=1e-8 * np.abs(static).max())
-
-
-def test_without_inertia_loads_remain():
-    static = run(torque_program(PRESS, static=True))
-    bare = replace(PRESS, gravity=(0.0, 0.0), slider=Slider(0.02, 1.5))
-    (inertia,) = inertia_program(PRESS).arrays(ANGLES, SPEED, 30.0)
-    assert inertia == pytest.approx(Solver(bare).state(ANGLES, SPEED, 30.0).torque, rel=1e-12)
-    (inertia,) = inertia_program(PRESS).arrays(ANGLES, SPEED, 0.0)
-    assert static + inertia == pytest.approx(torque(PRESS), abs=1e-12 * np.abs(inertia).max())
+@pytest.mark.parametrize(
+    ('mechanism', 'parts'), [(FULL, {}), (PRESS, {'slider': Slider(0.02, 1.5)})]
+)
+def test_without_inertia_weights_and_loads_remain(mechanism, parts):
+    bare = Solver(replace(mechanism, gravity=(0.0, 0.0), **parts))
+    (inertia,) = inertia_program(mechanism).arrays(ANGLES, SPEED, 30.0)
+    assert inertia == pytest.approx(bare.state(ANGLES, SPEED, 30.0).torque, rel=1e-11)
+    (inertia,) = inertia_program(mechanism).arrays(ANGLES, SPEED, 0.0)
+    static, full = run(torque_program(mechanism, static=True)), torque(mechanism)
+    assert static + inertia == pytest.approx(full, abs=1e-12 * np.abs(inertia).max())
 
 
 @pytest.mark.parametrize('mechanism', [FULL, PRESS])

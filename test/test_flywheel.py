@@ -55,22 +55,6 @@ def driven(mechanism, law, start, turns=1):
     return np.array(angles), np.array(speeds)
 
 
-@pytest.mark.parametrize('preset', ['quadrilateral', 'compressor'])
-def test_a_torque_driven_run_fluctuates_as_wanted(preset):
-    """Of the compressor, a load curve and damping take the torque."""
-    mechanism, motion = even(preset)
-    added = motion.inertia_for(0.02)
-    cycle = motion.cycle(added)
-    heavy, torque = with_crank_inertia(mechanism, added), float(cycle.torque[0])
-    angles, speeds = driven(heavy, lambda _: torque, float(cycle.velocity[0]))
-    assert np.ptp(speeds) / cycle.speed == pytest.approx(0.02, rel=1e-4)
-    # The angle that the mean speed goes through in the time of the run, which is a turn.
-    turn = cycle.speed * _STEP / float(cycle.velocity[0]) * (len(angles) - 1)
-    assert angles[-1] == pytest.approx(turn, rel=1e-5)
-    there = CubicSpline(cycle.crank, cycle.velocity)(angles[:-1])
-    assert speeds[:-1] == pytest.approx(there, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     'preset', ['quadrilateral', 'compressor', 'wiper', 'press', 'coupler_point']
 )
@@ -88,15 +72,6 @@ def test_the_mechanism_and_the_flywheel_take_the_torque_at_every_angle(preset):
     assert np.mean(cycle.torque) == pytest.approx(cycle.torque[0])
 
 
-def test_the_energy_of_bodies_and_weights_stays():
-    mechanism, motion = even('quadrilateral')
-    cycle = motion.cycle(1.0)
-    kinetic, potential = Solver(with_crank_inertia(mechanism, 1.0)).energy(
-        cycle.crank, cycle.velocity
-    )
-    assert np.ptp(kinetic + potential) < 1e-8 * np.ptp(kinetic)
-
-
 def test_direction_does_not_matter_to_inertia():
     mechanism = replace(load('quadrilateral').mechanism, gravity=(0.0, 0.0))
     found = [EvenTorque(mechanism, speed).inertia_for(0.05) for speed in (15.0, -15.0, 30.0)]
@@ -108,7 +83,9 @@ def test_an_even_crank_needs_no_flywheel():
     assert EvenTorque(mechanism, 5 * math.pi).inertia_for(0.02) == 0.0
 
 
-def test_a_crank_without_inertia_has_no_even_torque():
+def test_a_crank_without_inertia_and_one_too_slow_have_no_even_torque():
+    with pytest.raises(UnsteadyError, match='no steady cycle'):
+        EvenTorque(load('quadrilateral').mechanism, 1e-4).cycle(0.0)
     _, motion = even('slider_crank')
     with pytest.raises(UnsteadyError, match='without a mass'):
         motion.cycle(0.0)

@@ -227,23 +227,6 @@ def test_the_launch_ends_with_each_node_and_fails_if_it_failed(file, launched):
             node.on_exit(SimpleNamespace(process_name=name, returncode=2), None)
 
 
-def test_the_node_takes_what_the_demo_gives_it(launched, tmp_path):
-    (tmp_path / 'own.yaml').write_text(OWN)
-    nodes, _ = launched(
-        DEMO, params=str(tmp_path / 'own.yaml'), namespace='left', rpm='45', joint_prefix='1e3',
-        frame_prefix='left/', log=str(tmp_path / 'run.mcap'),
-    )  # fmt: skip
-    point = {'/left/coupler_point': 'geometry_msgs/msg/PointStamped'}
-    arguments, domain = ros_arguments(nodes['linkage_node']), fresh_domain()
-    with Listener(domain, point) as heard, running('node', *arguments, domain=domain) as node:
-        wait_for(lambda: heard.received['/left/coupler_point'])
-        code, output = stop(node)
-    assert code == 0, output
-    assert '45 rpm' in output
-    assert (tmp_path / 'run.mcap').exists()
-    assert b'left/base_link\0' in heard.received['/left/coupler_point'][0]
-
-
 def test_controller_and_plant_take_what_their_launch_file_gives_them(launched):
     nodes, _ = launched(CONTROLLER, namespace='left', joint_prefix='l_', rpm='60', viewer='')
     plant, controller = (

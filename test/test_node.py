@@ -30,7 +30,6 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path
-from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 
@@ -81,16 +80,6 @@ def test_the_log_explains_every_state_to_the_bit(run):
         stamp, _ = CODEC.decode(published[0].data)
         snapshot = simulator.snapshot_at(motion, stamp)
         assert snapshot.messages == tuple(message.data for message in published)
-
-
-def test_node_and_record_give_equal_bits_at_equal_elapsed_times(run, tmp_path):
-    log, messages, *_ = run
-    duration = (log.end - log.start) * 1e-9 + 1.0
-    record(load('quadrilateral'), tmp_path / 'record.mcap', duration=duration)
-    recorded = logged(tmp_path / 'record.mcap')[1][STATES]
-    by_elapsed = dict(decoded(message.data for message in recorded))
-    for stamp, numbers in decoded(message.data for message in messages[STATES]):
-        assert by_elapsed[stamp - log.motions[0].stamp] == numbers
 
 
 def test_diagnostics_come_once_a_second_with_figures(run):

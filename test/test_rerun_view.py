@@ -20,8 +20,8 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
+from ros_harness import wait_for
 
 from linkage_ros import ViewerError
 from linkage_ros.log.writer import LogWriter
@@ -291,13 +291,6 @@ def listening():
     return found
 
 
-def wait_until(condition):
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
 def stamps_in(path):
     """The stamps in a file that is being written; () where there are none yet."""
     try:
@@ -316,11 +309,11 @@ def test_window_that_connects_late_gets_everything(tmp_path, window):
     with opened('spawn') as (view, _):
         for start in range(0, 400, 10):
             feed(view, samples[start : start + 10])
-        wait_until(lambda: stamps_in(saved))
+        wait_for(lambda: stamps_in(saved))
         feed(view, samples[:1])
         assert view.dropped == 0
         view.close()
-        wait_until(lambda: len(stamps_in(saved)) > len(samples))
+        wait_for(lambda: len(stamps_in(saved)) > len(samples))
     assert stamps_in(saved) == [sample.stamp for sample in (*samples, samples[0])]
 
 
@@ -344,7 +337,7 @@ def test_data_is_served_only_on_viewer_bind(window, bind, address, exposed):
 def test_window_sends_no_statistics_and_listens_locally(tmp_path, window):
     window(f'(echo "$@"; env) >{tmp_path}/told~; mv {tmp_path}/told~ {tmp_path}/told')
     with opened('spawn') as (view, _):
-        wait_until((tmp_path / 'told').exists)
+        wait_for((tmp_path / 'told').exists)
     arguments, *environment = (tmp_path / 'told').read_text().splitlines()
     assert arguments.startswith(f'{view.sender.url} --bind 127.0.0.1 --port auto')
     assert 'CI=1' in environment
@@ -429,7 +422,7 @@ def test_page_needs_no_screen_and_ends_with_the_run(monkeypatch):
     for name in ('DISPLAY', 'WAYLAND_DISPLAY', 'WAYLAND_SOCKET'):
         monkeypatch.delenv(name, raising=False)
     with opened('web') as (view, process):
-        wait_until(lambda: 'rerun' in reached(view.page).lower())
+        wait_for(lambda: 'rerun' in reached(view.page).lower())
         assert re.fullmatch(r'http://127\.0\.0\.1:\d+/\?url=rerun%2Bhttp%3A.*%2Fproxy', view.page)
         data = urllib.parse.parse_qs(urllib.parse.urlsplit(view.page).query)['url']
         assert data == [view.sender.url]
@@ -440,7 +433,7 @@ def test_page_needs_no_screen_and_ends_with_the_run(monkeypatch):
         assert served == [f'0100007F:{port:04X}']  # 127.0.0.1, and nothing else
         assert process.poll() is None
         process.send_signal(signal.SIGSTOP)  # even if it is stuck, it ends with the run
-        wait_until(lambda: ') T ' in Path(f'/proc/{process.pid}/stat').read_text())
+        wait_for(lambda: ') T ' in Path(f'/proc/{process.pid}/stat').read_text())
     assert process.poll() == -signal.SIGKILL
     assert reached(view.page) == ''
 
@@ -449,10 +442,10 @@ def test_page_that_ends_early_is_an_error_in_the_diagnostics():
     with opened('web') as (view, process):
         errors = []
         worker = Worker('view', view, capacity=10, period=0.01, on_error=errors.append)
-        wait_until(lambda: reached(view.page))
+        wait_for(lambda: reached(view.page))
         assert errors == []
         process.kill()
-        wait_until(lambda: worker.error)
+        wait_for(lambda: worker.error)
         worker.close(PATIENCE)
         health = Health('web', worker.dropped, worker.error, view.sender.trouble)
         _, status = HealthMonitor('linkage_node').report(TickCounts(), {}, {'viewer': health}, [])
@@ -466,10 +459,10 @@ def test_page_ends_with_a_killed_run():
         [sys.executable, '-c', HOSTING], stdout=subprocess.PIPE, text=True
     ) as run:
         pid, page = run.stdout.readline().split()
-        wait_until(lambda: reached(page))
+        wait_for(lambda: reached(page))
         run.kill()
-        wait_until(lambda: not reached(page))
-    wait_until(lambda: not Path(f'/proc/{pid}/exe').exists())
+        wait_for(lambda: not reached(page))
+    wait_for(lambda: not Path(f'/proc/{pid}/exe').exists())
 
 
 # ---------------------------------------------------------------- a viewer elsewhere
@@ -515,51 +508,19 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
                 feed(view, samples[:1])
                 return view.dropped == before
 
-            wait_until(is_taken)
+            wait_for(is_taken)
             assert view.sender.trouble == ''
             feed(view, samples[100:])
-            wait_until(lambda saved=saved: len(stamps_in(saved)) == 201)
+            wait_for(lambda saved=saved: len(stamps_in(saved)) == 201)
             process.kill()
             process.wait()
         # What never changes came again as well.
         assert read(saved)['/joint_states/effort']['SeriesLines:names'] == [list(JOINTS)]
         assert stamps_in(saved) == [s.stamp for s in (samples[0], *samples[100:])]
-        wait_until(lambda: feed(view, samples[:1]) or view.sender.trouble)
+        wait_for(lambda: feed(view, samples[:1]) or view.sender.trouble)
     start = time.monotonic()
     view.close()
     assert time.monotonic() - start < 6
-
-
-def test_viewer_that_hangs_loses_samples_until_it_reads_again():
-    rng = np.random.default_rng(1)
-    rows = [tuple(row) for row in rng.random((4000, 3)).tolist()]
-    samples = [Sample(k * 10**6, row, row, row) for k, row in enumerate(rows)]
-    with running('--serve-grpc') as (process, url):
-        view = View(CONFIGURATION, url)
-        feed(view, samples)
-        process.send_signal(signal.SIGSTOP)
-        longest = 0.0
-        for _ in range(100):
-            if view.dropped:
-                break
-            start = time.monotonic()
-            feed(view, samples)
-            longest = max(longest, time.monotonic() - start)
-        feed(view, samples)
-        assert view.dropped == 2 * len(samples)
-        assert longest < 6
-        process.send_signal(signal.SIGCONT)
-
-        def is_taken():
-            before = view.dropped
-            feed(view, samples[:1])
-            return view.dropped == before
-
-        wait_until(is_taken)
-        process.send_signal(signal.SIGSTOP)
-        start = time.monotonic()
-        view.close()
-        assert time.monotonic() - start < 6
 
 
 STUCK = """

@@ -11,7 +11,7 @@ from test_rerun_view import read, run_of, show
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.model.friction import Friction
-from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.view.drawing import Drawing
@@ -270,22 +270,16 @@ def test_rail_is_as_long_as_the_slider_can_travel(lengths, start, low, high):
     assert high < rail.max()
 
 
-def test_path_of_a_limited_crank_ends_where_its_arc_ends():
-    mechanism = configure(HANGING).mechanism
-    ((start, end),) = Solver(mechanism).mobility.arcs
-    rocker = Drawing(mechanism).paths['rocker'] @ (1, 1j)
-    for crank, place in ((start, rocker[0]), (end, rocker[-1])):
-        # Coupler and rocker are in line there, 0.2 + 0.25 m from the crank's pin.
-        line = 0.3 * np.exp(1j * crank) + 0.4j
-        assert place == pytest.approx(-0.4j + 0.25 / 0.45 * line, abs=1e-3)
-
-
 def test_only_the_reachable_arc_is_drawn():
     lengths = {'frame': 0.3, 'crank': 0.3, 'coupler': 0.1, 'rocker': 0.25}
     values = {f'{link}.length': length for link, length in lengths.items()}
-    mechanism = configure({**HANGING, **values, 'crank_angle': -1.0}).mechanism
+    configuration = configure({**HANGING, **values, 'crank_angle': -1.0})
+    mechanism = configuration.mechanism
     arcs = Solver(mechanism).mobility.arcs
     assert len(arcs) == 2
+    # A crank that is measured is expected within the first.
+    measured = Scene(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
+    assert np.array_equal(measured, Drawing(mechanism, sum(arcs[0]) / 2).paths['rocker'])
     for start, end in arcs:
         for turns in (-2, 0, 1):
             drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * TURN)
@@ -295,9 +289,6 @@ def test_only_the_reachable_arc_is_drawn():
             got, expected = drawing.paths['rocker'], np.stack(b, axis=-1)
             assert got.min(axis=0) == pytest.approx(expected.min(axis=0), abs=2e-3)
             assert got.max(axis=0) == pytest.approx(expected.max(axis=0), abs=2e-3)
-
-
-# ---------------------------------------------------------------- layouts and files
 
 
 # ---------------------------------------------------------------- curves

@@ -174,10 +174,3 @@ def test_a_stretched_dyad_ends_the_node_with_a_complete_log(tmp_path):
     assert 'coupler and rod are stretched' in said
     assert 'Traceback' not in output
     assert 0 < verified(path).states <= 400
-
-
-def test_a_spring_that_no_live_run_can_follow_is_refused_at_load():
-    done = finished('node', *node_arguments(**{'drive': 'torque', 'rocker.stiffness': 1e9}))
-    assert done.returncode == 2
-    (said,) = done.stderr.splitlines()
-    assert 'the linkage swings on its spring' in said
