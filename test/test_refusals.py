@@ -195,6 +195,7 @@ NO_ASSEMBLY = [
     (FOUR, (9, 1, 1, 1), f'the longest link, 9 m, … by 6 {NO_LOOP}'),
     (FOUR, (1, 9, 1, 1), f'the longest link, 9 m, … by 6 {NO_LOOP}'),
     (FOUR, (1, 1, 9, 1), f'the longest link, 9 m, … by 6 {NO_LOOP}'),
+    (FOUR, (1, 2, 3, 6.0000001), f'the longest link, 6 m, … by 1e-07 {NO_LOOP}'),
     (FOUR, (1, 1, 1, 3.01), f'the longest link, 3.01 m, … by 0.01 {NO_LOOP}'),
     (SLIDER, (1, 2, 3.5), f'the offset of the slider, 3.5 m, … by 0.5 {NO_REACH}'),
     (SLIDER, (0.2, 2.8, 3.01), f'the offset of the slider, 3.01 m, … by 0.01 {NO_REACH}'),
