@@ -273,11 +273,11 @@ def test_rail_is_as_long_as_the_slider_can_travel(lengths, start, low, high):
 def test_only_the_reachable_arc_is_drawn():
     lengths = {'frame': 0.3, 'crank': 0.3, 'coupler': 0.1, 'rocker': 0.25}
     values = {f'{link}.length': length for link, length in lengths.items()}
-    configuration = configure({**HANGING, **values, 'crank_angle': -1.0})
+    configuration = configure({**HANGING, **values, 'frame.angle': 0.0, 'crank_angle': 0.6})
     mechanism = configuration.mechanism
     arcs = Solver(mechanism).mobility.arcs
     assert len(arcs) == 2
-    # A crank that is measured is expected within the first.
+    # A crank that is measured is expected within the first, an angle of 0 in the other.
     measured = Scene(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
     assert np.array_equal(measured, Drawing(mechanism, sum(arcs[0]) / 2).paths['rocker'])
     for start, end in arcs:
