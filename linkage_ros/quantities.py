@@ -12,7 +12,7 @@ import dataclasses
 import math
 import re
 import typing
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from decimal import Decimal
 from numbers import Real
@@ -146,16 +146,20 @@ def quantity(
     return dataclasses.field(default=default, metadata={'quantity': described})
 
 
-def groups(**kinds: type) -> Any:
-    """Declares a field that holds a tuple of dataclasses, each under a group name.
+def groups(base: type, kinds: Sequence[Any]) -> Any:
+    """Declares a dataclass field that holds a tuple of dataclasses of quantities.
 
     Args:
-        **kinds: Dataclasses of quantities by group name. A parameter file may set one of each.
+        base: Base class of all that it may hold.
+        kinds: Such classes. Each has the name of its group of parameters in `group`, or '' for
+            none. A parameter file may set one of each group.
 
     Returns:
         The field; empty by default.
     """
-    return dataclasses.field(default=(), metadata={'groups': kinds})
+    valid = f'{", ".join(kind.__name__ for kind in kinds)} or another {base.__name__}'
+    named = {kind.group: kind for kind in kinds if kind.group}
+    return dataclasses.field(default=(), metadata={'groups': named, 'base': base, 'valid': valid})
 
 
 class Checked:
@@ -180,10 +184,9 @@ class Checked:
     def _check_group(self, field: dataclasses.Field[Any], value: object) -> None:
         members = tuple(value) if isinstance(value, (list, tuple)) else (value,)
         for member in members:
-            if not isinstance(member, Checked):
-                kinds = ', '.join(kind.__name__ for kind in field.metadata['groups'].values())
+            if not isinstance(member, field.metadata['base']):
                 raise ConfigurationError(
-                    f'{field.name} holds {shown(member)}: must be a tuple of these: {kinds}'
+                    f'{field.name} holds {shown(member)}: each must be a {field.metadata["valid"]}'
                 )
         object.__setattr__(self, field.name, members)
 

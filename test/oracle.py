@@ -429,9 +429,10 @@ class Oracle:
 
     def _rubbing(self, rates):
         """The joints in which something rubs."""
-        friction, found = self.mechanism.friction, []
+        friction = next((x for x in self.mechanism.loads if hasattr(x, 'pin_radius')), None)
         if friction is None:
-            return found
+            return []
+        found = []
         spins = [rate if turns else 0 for rate, turns in zip(rates, self.turning, strict=True)]
         factor = mp.mpf(friction.pin) * mp.mpf(friction.pin_radius)
         for name, on, of in self.pins():

@@ -16,6 +16,7 @@ from mechanisms import (
     TURN,
     force_errors,
     four_bar,
+    motion,
     slider_crank,
     with_loads,
     worst_errors,
@@ -37,10 +38,12 @@ from linkage_ros import (
     travel,
 )
 from linkage_ros import record as record_module
+from linkage_ros.model.load_kinds import LOADS
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.numeric import with_turns
 from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.quantities import build, flatten
 
 SLIDER = 'mechanism: slider_crank, rpm: 60.0, crank: {length: 0.1}, coupler: {length: 0.3}'
 FOUR = (
@@ -68,6 +71,16 @@ FILES = {
     'falling.csv': b'at,value\n0,1\n-1,2\n',
     'empty.csv': b'at,value\n',
     'unequal.csv': b'at,value\n0,1,2\n',
+}
+CRANKS = np.linspace(-6.0, 6.5, 101)
+ON = {'rocker': ALL['crank_rocker'], 'slider': ALL['offset_right']}
+# Of every kind, on a rocker and on a slider.
+EXAMPLES = {
+    LinkLoad: lambda link: LinkLoad(link, 1.0, 2.0, 3.0, 0.4),
+    LoadCurve: lambda link: LoadCurve(
+        link, 'position', (-1.0, 1.5, 4.0), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)
+    ),
+    Friction: lambda link: Friction(0.1, 0.05, 0.2 if link == 'slider' else 0.0),
 }
 
 WRONG = {
@@ -197,6 +210,30 @@ def test_a_spreadsheet_gives_the_curve_of_its_columns(tmp_path):
     )
 
 
+@pytest.mark.parametrize('link', ON)
+@pytest.mark.parametrize('kind', LOADS)
+def test_laws_of_every_kind_of_load(link, kind):
+    loaded, bare = with_loads(ON[link], EXAMPLES[kind](link)), with_loads(ON[link])
+    solver, q, u, a = Solver(loaded), *motion(loaded, CRANKS)
+    state = solver.state(q, u, a)
+    # Its power is what the drive gives beside inertia and weights.
+    taken = (state.torque - Solver(bare).state(q, u, a).torque) * 2.0
+    forces = solver.load_forces(state)
+    power = sum(x * state.velocity[solver.links.index(name)] for name, x in forces.items())
+    size = np.max(np.abs(taken))
+    assert size > 0
+    assert np.allclose(taken, -power, rtol=0, atol=1e-11 * size)
+    # Newton's and Euler's equations need the same torque.
+    needed = solver.reactions(state).torque
+    assert np.allclose(needed, state.torque, rtol=0, atol=1e-12 * np.max(np.abs(state.torque)))
+    # An array has the bits of its states, where both are bound to the functions of `math`.
+    together = solver.state(q, u, a, by_math=True)
+    alone = [solver.state(x, *u, *a) for x in CRANKS.tolist()]
+    assert together.torque.tolist() == [one.torque for one in alone]
+    # Parameters hold it.
+    assert build(type(loaded), flatten(loaded)) == loaded != bare
+
+
 def test_a_link_load_is_what_the_link_itself_says():
     given = with_loads(ALL['crank_rocker'], LinkLoad('rocker', 1.0, 2.0, 3.0, 0.4))
     assert given.loads == ()
@@ -207,8 +244,10 @@ def test_a_link_load_is_what_the_link_itself_says():
 
 
 def test_what_is_no_load_is_refused():
-    with pytest.raises(ConfigurationError, match='must be a LinkLoad, LoadCurve or Friction'):
-        with_loads(ALL['crank_rocker'], Rocker(1.0))
+    expected = 'each must be a LinkLoad, LoadCurve, Friction or another AppliedLoad'
+    for wrong in (Rocker(1.0), 5.0, LoadCurve, None):
+        with pytest.raises(ConfigurationError, match=f'^loads holds .*: {expected}$'):
+            with_loads(ON['rocker'], wrong)
 
 
 def test_parameters_say_all_loads():

@@ -35,7 +35,7 @@ from linkage_ros.formulas import (
     total,
     where,
 )
-from linkage_ros.model.loads import Load
+from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.pose import LinkPose, Loop, Pose
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
@@ -93,11 +93,12 @@ class Model(NamedTuple):
         dyads: The dyads.
         other_dyads: The dyads in the other coordinates.
         gravity: Acceleration of gravity, m/s^2.
-        loads: Loads on the links besides their weights.
-        refuse: Rejects q, u and a that are not finite, or whose results are not finite.
-        refuse_torque: Rejects q, u and a torque in the same way.
-        refuse_straight: Rejects q at which joint forces are not finite.
-        massless: Rejects a mass matrix that is not positive definite.
+        loads: What acts on the links besides their weights, but for `joint_loads`.
+        joint_loads: What the forces in the joints make.
+        refuse: Refuses q, u and a that are not finite, or that make a result not finite.
+        refuse_torque: Refuses q, u and a torque, likewise.
+        refuse_straight: Refuses q at which forces in the joints have no finite value.
+        massless: Refuses a mass matrix that is not positive.
     """
 
     loop: Loop
@@ -108,6 +109,7 @@ class Model(NamedTuple):
     other_dyads: tuple[Dyad, ...]
     gravity: Vector
     loads: tuple[Load, ...]
+    joint_loads: tuple[JointLoad, ...]
     refuse: Opaque
     refuse_torque: Opaque
     refuse_straight: Opaque
@@ -125,10 +127,9 @@ class Model(NamedTuple):
         loop = loop or mechanism.loop()
         pins, gravity = structure.pins, Vector(*mechanism.gravity)
         places = tuple(structure.points[pin.name] for pin in pins)
-        loads = mechanism.link_loads()
         return cls(
             loop, structure.links, pins, places, structure.dyads, structure.other_dyads, gravity,
-            loads, *refusals,
+            mechanism.link_loads(), mechanism.joint_loads(), *refusals,
         )  # fmt: skip
 
     def all_loads(self) -> tuple[Load, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import Meeting, Model
-from linkage_ros.dynamics.friction import Round, friction_program, settle
+from linkage_ros.dynamics.joint_loads import Round, round_program, settle
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Reactions, reactions
 from linkage_ros.dynamics.refusals import refuse_massless, refuse_overflow
@@ -23,7 +23,6 @@ from linkage_ros.dynamics.state import PointMotion, State
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, is_finite, require
-from linkage_ros.model.friction import Friction
 from linkage_ros.model.loads import Load
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.model.reach import Reach
@@ -103,9 +102,9 @@ class Solver:
         self._driven = Program(equations.driven_state, model, (q, u, 'torque'))
         self._meetings = Program(equations.meetings, model, (q, u))
         self._points: dict[str, Program] = {}
-        self._friction = mechanism.friction
+        self._has_joint_loads = bool(self._model.joint_loads)
         # Floats of such a mechanism go straight to its programs.
-        self._is_plain = self._count == 1 and self._friction is None
+        self._is_plain = self._count == 1 and not self._has_joint_loads
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
         make = functools.partial(type(self), compiled=self._compiled, description=self.description)
@@ -133,7 +132,7 @@ class Solver:
     @property
     def source(self) -> str:
         """The program of `state` as Python text; with friction, that of one round."""
-        return self._moving.source if self._friction is None else self._round.source
+        return (self._round if self._has_joint_loads else self._moving).source
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
         """Solves positions, rates, accelerations and the driving torque.
@@ -158,7 +157,7 @@ class Solver:
             fast: State = self._moving.scalar(q, u, a) if a else self._steady.scalar(q, u)
             return fast
         changes = self._row('a', a)
-        if self._friction is not None:
+        if self._has_joint_loads:
             row = (*self._row('q', q), *self._row('u', u), *changes)
             return self._settle(*row, by_math=by_math).state
         if all(type(change) is float and not change for change in changes):
@@ -189,7 +188,7 @@ class Solver:
         """
         if type(q) is type(u) is type(torque) is float and self._is_plain:
             return self._forward.scalar(q, u, torque)[0]
-        if self._friction is not None:
+        if self._has_joint_loads:
             raise MechanismError(
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
@@ -327,10 +326,10 @@ class Solver:
                 f'joint forces of a {type(self.mechanism).__name__} are not known'
             )
         given = self._motion(state)
-        if self._friction is None:
-            forces, guides, *others = self._run(self._reactions, *given)
-        else:
+        if self._has_joint_loads:
             forces, guides, *others = self._settle(*given).reactions
+        else:
+            forces, guides, *others = self._run(self._reactions, *given)
         return Reactions(
             dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
         )
@@ -351,8 +350,8 @@ class Solver:
         position, velocity, _ = self._rows(state)
         links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
         loads: list[Load] = list(self._model.loads)
-        if self._friction is not None:
-            loads.append(self._settle(*self._motion(state)).friction)
+        if self._has_joint_loads:
+            loads.append(self._settle(*self._motion(state)).load)
         found: dict[str, Real] = {}
         for load in loads:
             for j, force in load.forces(links, velocity).items():
@@ -394,11 +393,10 @@ class Solver:
 
     @functools.cached_property
     def _round(self) -> Program:
-        friction = self._friction or Friction()
-        return friction_program(self._model, friction, tuple(self._names.values()))
+        return round_program(self._constants, tuple(self._names.values()))
 
     def _settle(self, *given: Any, by_math: bool = False) -> Round:
-        """The motion under friction."""
+        """The motion under loads that the forces in the joints make."""
 
         def refuse(where_not: Any) -> NoReturn:
             q, where_not = np.broadcast_arrays(given[0], where_not)

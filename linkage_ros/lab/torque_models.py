@@ -20,7 +20,8 @@ from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import ZERO, Opaque, Vector, total
-from linkage_ros.model.parts import LOADS, Body
+from linkage_ros.model.load_kinds import LOADS
+from linkage_ros.model.parts import Body
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array, Real, require_finite
 from linkage_ros.quantities import build, flatten
@@ -43,7 +44,7 @@ TERMS: dict[str, tuple[str, ...]] = {
     'slider.force': ('slider.force',),
     'slider.damping': ('slider.damping',),
     'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
-    **{name: (name,) for name in LOADS},
+    **{kind.group: (kind.group,) for kind in LOADS if kind.group},
 }
 _SLOW = 1e-6  # of the speed, at which inertia takes no torque
 _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
@@ -163,7 +164,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
     Returns:
         The program; with friction, the repeated rounds.
     """
-    if mechanism.friction is not None:
+    if mechanism.joint_loads():
         return _with_friction(mechanism, static=static)
     return _torque(_static_torque if static else _driving_torque, _model(mechanism))
 

@@ -28,6 +28,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, turned, where
+from linkage_ros.model.load_kinds import loads_field
 from linkage_ros.model.loads import Load, link_forces
 from linkage_ros.model.other_coordinates import ByRocker, half_turn_on
 from linkage_ros.model.parts import (
@@ -38,7 +39,6 @@ from linkage_ros.model.parts import (
     Frame,
     Rocker,
     gravity_quantity,
-    loads_field,
 )
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach

@@ -6,14 +6,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from linkage_ros.quantities import Checked, quantity
+from linkage_ros.model.loads import AppliedLoad
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.quantities import quantity
 
 _POSITIVE = (0.0, 1e12)
 
 
 @dataclass(frozen=True)
-class LinkLoad(Checked):
-    """A load on the output link; the mechanism merges it into that link.
+class LinkLoad(AppliedLoad):
+    """What the output link works against: the mechanism takes it into the link's own values.
 
     `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` is a four-bar whose rocker has torque -5 N m.
 
@@ -32,3 +34,8 @@ class LinkLoad(Checked):
     damping: float = quantity('number', 'resistance per rate', span=_POSITIVE, default=0.0)
     stiffness: float = quantity('number', 'of a spring', span=_POSITIVE, default=0.0)
     rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
+
+    def join(self, mechanism: Mechanism) -> tuple[()]:
+        """See `AppliedLoad`: the link takes it into its own values."""
+        mechanism.take_in(self.link, self.force, self.damping, self.stiffness, self.rest)
+        return ()

@@ -10,17 +10,18 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import open_file
 from linkage_ros.formulas import ZERO, Opaque, where
-from linkage_ros.model.loads import Loaded, continuous
+from linkage_ros.model.loads import AppliedLoad, continuous
 from linkage_ros.model.pose import LinkPose
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Real, without_turns
-from linkage_ros.quantities import Checked, quantity, shown
+from linkage_ros.quantities import quantity, shown
 
 _TURN = 2 * math.pi
 _PLACES = (-1e9, 1e9)
@@ -30,7 +31,7 @@ _MOST_BYTES = 1 << 22
 
 
 @dataclass(frozen=True)
-class LoadCurve(Checked):
+class LoadCurve(AppliedLoad):
     """A force or torque on a link, linear between points.
 
     Attributes:
@@ -44,6 +45,9 @@ class LoadCurve(Checked):
         file: A CSV file with columns at, value and optionally return_value; it is read at once,
             and not kept.
     """
+
+    group: ClassVar[str] = 'load'
+    has_corners: ClassVar[bool] = True
 
     link: str = quantity(
         'choice', 'link that the load curve acts on', choices=('crank', 'rocker', 'slider')
@@ -121,17 +125,12 @@ class LoadCurve(Checked):
                 f'load.at spans {span:g} rad: must be at most one turn, {_TURN!r}'
             )
 
-    def on(self, mechanism: Loaded) -> CurveForce:
-        """Makes the load of a mechanism.
-
-        Args:
-            mechanism: The mechanism.
-
-        Returns:
-            The load for formulas.
+    def on(self, mechanism: Mechanism) -> CurveForce:
+        """See `AppliedLoad`.
 
         Raises:
-            ConfigurationError: It has no such link, or the link turns fully, over: position.
+            ConfigurationError: The mechanism has no such link, or the link turns fully, over:
+                position.
         """
         link, at = mechanism.output(self.link, 'load.link'), self.at or ()
         if self.over == 'crank_angle':

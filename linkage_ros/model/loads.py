@@ -11,15 +11,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from linkage_ros.formulas import ZERO, where
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
+from linkage_ros.quantities import Checked
 
 
 class Load(Protocol):
-    """A load on links."""
+    """What acts on links.
+
+    One that acts on a single link may name its index in an attribute `link`: in MJCF it becomes
+    a motor on the joint of this link.
+    """
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """The generalised forces.
@@ -41,14 +46,84 @@ class Load(Protocol):
         """The potential energy up to a constant, J; ZERO: none."""
 
 
-class Loaded(Protocol):
-    """The mechanism as loads see it; see `Mechanism`."""
+class Contact(NamedTuple):
+    """A load that the force in a joint makes.
 
-    def output(self, name: str, what: str) -> int:
-        """The index of the crank or the output link."""
+    Attributes:
+        joint: Name of the pin; of a guide, of the link that slides on it.
+        is_inner: Whether the joint is a pin between two links that turn; else the frame exerts
+            the load.
+        levers: The load on links per force in the joint, by the index of the link: m, of a link
+            that slides a number.
+    """
 
-    def swing_middle(self, link: int, what: str) -> float | None:
-        """The middle of the swing of the output link, rad."""
+    joint: str
+    is_inner: bool
+    levers: dict[int, Real]
+
+
+class JointLoad(Protocol):
+    """What the forces in the joints make, such as friction: it is found together with them."""
+
+    def contacts(
+        self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
+    ) -> list[Contact]:
+        """The joints that make it.
+
+        Args:
+            pins: `Structure.pins` of the mechanism.
+            links: `Structure.links` of the mechanism.
+            rates: Velocities of the links, rad/s or m/s.
+
+        Returns:
+            A contact for each, in the same order at all rates.
+        """
+
+
+class AppliedLoad(Checked):
+    """Base of the kinds of load that mechanisms are given: frozen dataclasses of quantities.
+
+    `linkage_ros.model.load_kinds` lists them.
+
+    Attributes:
+        group: Group of the parameters that hold its quantities; empty: no parameters of its own.
+        has_corners: Whether its force may have a corner or a jump while the links move.
+    """
+
+    group: ClassVar[str] = ''
+    has_corners: ClassVar[bool] = False
+
+    def join(self, mechanism: Any) -> tuple[AppliedLoad, ...]:
+        """Joins a mechanism that is being made.
+
+        Args:
+            mechanism: The mechanism.
+
+        Returns:
+            What remains among its loads: nothing, where a part takes the load into its own values.
+
+        Raises:
+            ConfigurationError: The mechanism cannot have it.
+        """
+        del mechanism
+        return (self,)
+
+    def on(self, mechanism: Any) -> Load | None:
+        """The load for formulas; None: there is none, or forces in joints make it.
+
+        Args:
+            mechanism: The mechanism.
+
+        Raises:
+            ConfigurationError: It does not fit the mechanism.
+        """
+        del mechanism
+        return None
+
+    def in_joints(self, mechanism: Any) -> JointLoad | None:
+        """What the forces in the joints make; None: nothing. As `on`."""
+        del mechanism
+        return None
 
 
 class LinkForce(NamedTuple):

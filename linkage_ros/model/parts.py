@@ -11,9 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from linkage_ros.model.friction import Friction
-from linkage_ros.model.load_curve import LoadCurve
-from linkage_ros.quantities import Checked, groups, quantity
+from linkage_ros.quantities import Checked, quantity
 
 OPEN = 'open'
 CROSSED = 'crossed'
@@ -23,8 +21,6 @@ CROSSED = 'crossed'
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
 _FORCES = (-1e12, 1e12)
-# The kinds of load that are not a part's own, by their group of parameters; add a new one here.
-LOADS = {'load': LoadCurve, 'friction': Friction}
 _SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
 
 
@@ -33,11 +29,6 @@ def gravity_quantity() -> Any:
     return quantity(
         'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=(0.0, -9.81)
     )
-
-
-def loads_field() -> Any:
-    """Declares the field of a mechanism that holds its loads."""
-    return groups(**LOADS)
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2
+from linkage_ros.model.load_kinds import loads_field
 from linkage_ros.model.loads import Load, link_forces
 from linkage_ros.model.other_coordinates import BySlider
 from linkage_ros.model.parts import (
@@ -36,7 +37,6 @@ from linkage_ros.model.parts import (
     Guide,
     Slider,
     gravity_quantity,
-    loads_field,
 )
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach

@@ -4,15 +4,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector
-from linkage_ros.model.friction import Friction
-from linkage_ros.model.link_load import LinkLoad
-from linkage_ros.model.loads import Load
+from linkage_ros.model.loads import AppliedLoad, JointLoad, Load
 from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.model.pose import Loop
 from linkage_ros.model.reach import Reach
@@ -214,50 +213,36 @@ class Mechanism(Checked):
     crank: Body
     assembly: str
     gravity: tuple[float, float]
-    loads: tuple[Any, ...] = ()
+    loads: tuple[AppliedLoad, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for load in self.loads:
-            if isinstance(load, LinkLoad):
-                self._take_in(load)
-        rest = tuple(load for load in self.loads if not isinstance(load, LinkLoad))
+        rest = tuple(itertools.chain(*(load.join(self) for load in self.loads)))
         if rest != self.loads:
             object.__setattr__(self, 'loads', rest)
-        for load in rest:
-            if not isinstance(load, Friction) and not hasattr(load, 'on'):
-                raise ConfigurationError(
-                    f'loads holds {shown(load)}: must be a LinkLoad, LoadCurve or Friction, or '
-                    'have a method on(mechanism)'
-                )
-        if sum(isinstance(load, Friction) for load in rest) > 1:
-            raise ConfigurationError('friction is given twice: give it once')
-        guide = self.friction.guide if self.friction else 0.0
-        if guide and not hasattr(self, 'slider'):
-            raise ConfigurationError(
-                f'friction.guide = {guide:g}: this mechanism has no guide; leave it out'
-            )
 
-    def _take_in(self, load: LinkLoad) -> None:
-        """Merges a load of the output link into that part.
+    def take_in(self, name: str, *terms: float) -> None:
+        """Takes a load of the output link into that part: there is one place for it.
+
+        Args:
+            name: Name of the link.
+            *terms: Values of the part's `load_fields`.
 
         Raises:
             ConfigurationError: There is no such link, or it already has a load.
         """
-        part = getattr(self, load.link, None)
+        part = getattr(self, name, None)
         if part is None:
             names = [link.name for link in self.structure().links]
             raise ConfigurationError(
-                f'a load on link {shown(load.link)}: this mechanism has the links '
-                f'{", ".join(names)}'
+                f'a load on link {shown(name)}: this mechanism has the links {", ".join(names)}'
             )
-        if any(getattr(part, name) for name in part.load_fields):
+        if any(getattr(part, field) for field in part.load_fields):
             raise ConfigurationError(
-                f'the load on the {load.link} is given twice: in {load.link} and in loads'
+                f'the load on the {name} is given twice: in {name} and in loads'
             )
-        terms = load.force, load.damping, load.stiffness, load.rest
         taken = replace(part, **dict(zip(part.load_fields, terms, strict=True)))
-        object.__setattr__(self, load.link, taken)
+        object.__setattr__(self, name, taken)
 
     def structure(self) -> Structure:
         """The structure of the links."""
@@ -293,16 +278,12 @@ class Mechanism(Checked):
         raise NotImplementedError
 
     def link_loads(self) -> tuple[Load, ...]:
-        """Loads on the links for formulas, without weight and friction."""
-        return tuple(load.on(self) for load in self.loads if hasattr(load, 'on'))
+        """What acts on the links, besides weights and what the forces in joints make."""
+        return tuple(found for load in self.loads if (found := load.on(self)) is not None)
 
-    @property
-    def friction(self) -> Friction | None:
-        """Dry friction in the joints; None: no friction."""
-        found = [load for load in self.loads if isinstance(load, Friction)]
-        return (
-            found[0] if found and (found[0].pin * found[0].pin_radius or found[0].guide) else None
-        )
+    def joint_loads(self) -> tuple[JointLoad, ...]:
+        """What the forces in the joints make; usually nothing."""
+        return tuple(found for load in self.loads if (found := load.in_joints(self)) is not None)
 
     def output(self, name: str, what: str) -> int:
         """Index of a link on which loads may act: the crank or the output link.

@@ -37,6 +37,7 @@ from linkage_ros.formulas import (
     sqrt,
     where,
 )
+from linkage_ros.model.load_kinds import loads_field
 from linkage_ros.model.loads import Load, link_forces
 from linkage_ros.model.other_coordinates import ByCoupler, directions
 from linkage_ros.model.parts import (
@@ -46,7 +47,6 @@ from linkage_ros.model.parts import (
     Coupler,
     Piston,
     gravity_quantity,
-    loads_field,
 )
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point

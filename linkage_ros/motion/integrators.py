@@ -23,7 +23,6 @@ from __future__ import annotations
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Steps, Values
@@ -81,6 +80,6 @@ def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
     """Begins to integrate a motion as accurately as possible; see `live_steps`."""
     if driven.rates[0] > _STIFF:
         return live_steps(driven, phase, **_RECORD)
-    # A load curve has corners, between which long steps of high order lose their accuracy.
-    has_corners = any(isinstance(x, LoadCurve) for x in driven.solver.mechanism.loads)
+    # Between the corners of a load, long steps of high order lose their accuracy.
+    has_corners = any(load.has_corners for load in driven.solver.mechanism.loads)
     return (FixedSteps if has_corners else AdaptiveSteps)(driven, phase)

@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
-from linkage_ros.model.friction import Friction
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 
@@ -30,7 +29,7 @@ _HARDLY = 1e-300  # a rate with a sign, but without resistance
 
 
 class LoadArrows:
-    """Arrows whose length shows the sum of all loads on a link, without friction.
+    """Arrows as long as the sum of all loads on a link, but for those that joint forces make.
 
     The largest load so far has the longest arrow. Loads that do not depend on speed are known from
     the start.
@@ -52,8 +51,8 @@ class LoadArrows:
             output_pin: The pin of the output link there, x + iy, m, shape (n,).
         """
         bare: Any = mechanism
-        if mechanism.friction:
-            loads = tuple(load for load in mechanism.loads if not isinstance(load, Friction))
+        if mechanism.joint_loads():
+            loads = tuple(load for load in mechanism.loads if not load.in_joints(mechanism))
             bare = replace(mechanism, loads=loads)  # type: ignore[type-var]
         self._solver, self._mark = Solver(bare), mark
         self._largest: dict[str, float] = {}

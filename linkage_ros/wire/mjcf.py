@@ -11,7 +11,6 @@ from xml.etree import ElementTree as ET
 
 from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.model.load_curve import CurveForce
 from linkage_ros.model.loads import LinkForce, continuous
 from linkage_ros.model.structure import Mechanism, Structure
 from linkage_ros.wire.codecs import joint_rows
@@ -52,8 +51,8 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     world, bodies = _bodies(links, position)
     loop = _loop(structure, links, bodies)
     loads = [_load(load, links, position) for load in mechanism.link_loads()]
-    if mechanism.friction:
-        _refuse(mechanism.friction)
+    for of_joints in (load for load in mechanism.loads if load.in_joints(mechanism)):
+        _refuse(of_joints)
     if point := structure.points.get('C'):
         name = f'{joint_prefix}coupler_point'
         bodies[1].append(_site(name, point.weights[1]))
@@ -138,21 +137,22 @@ def _loop(
 def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -> ET.Element:
     """The actuator of a load.
 
-    Constant loads need no control: force - stiffness x stretch - damping x rate. MJCF has no
-    tables, so a load curve is a motor; set its control to the value of the curve.
+    One without control: force - stiffness x stretch - damping x rate. Of another kind, such as a
+    load curve, a motor whose control is to be set to the value of the load: MJCF has no tables.
 
     Raises:
-        ConfigurationError: The load is of another kind, or acts on a link that hangs on another:
-            there it would act on two.
+        ConfigurationError: The load acts on several links, or on one that hangs on another: there
+            it would act on two.
     """
-    if not isinstance(load, LinkForce | CurveForce) or links[load.link].joint.parent is not None:
+    link: int | None = getattr(load, 'link', None)
+    if link is None or links[link].joint.parent is not None:
         _refuse(load)
-    name = links[load.link].name
-    if isinstance(load, CurveForce):
+    name = links[link].name
+    if not isinstance(load, LinkForce):
         return element('motor', name=f'{name}_curve', joint=name)
     return element(
         'general', name=f'{name}_load', joint=name, gainprm='0', biastype='affine',
-        biasprm=text_of(*_affine(load, position[load.link])),
+        biasprm=text_of(*_affine(load, position[link])),
     )  # fmt: skip
 
 

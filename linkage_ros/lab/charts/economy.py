@@ -18,6 +18,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.lab.economy import POINT_MASSES, Cost, Saving, handover
 from linkage_ros.lab.torque_models import STATIC, TERMS
+from linkage_ros.model.load_kinds import LOADS
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -33,7 +34,8 @@ from linkage_ros.palette import (
 
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROOM = 0.88  # of the distance between two speeds, for bars
-_OTHERS = {'gravity': DARK, STATIC: PURPLE, 'load': ORANGE, 'friction': SKY}
+_OTHERS = {'gravity': DARK, STATIC: PURPLE}
+_OTHERS |= zip((kind.group for kind in LOADS if kind.group), (ORANGE, SKY), strict=False)
 _REDUCED = {'harmonic': ('o', BLUE), 'table': ('s', ORANGE), POINT_MASSES: ('*', PURPLE)}
 _LABELS = {
     'harmonic': 'harmonics', 'table': 'nodes of a table', POINT_MASSES: 'two point masses',

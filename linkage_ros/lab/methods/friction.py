@@ -100,7 +100,7 @@ def _newton(bench: FrictionBench) -> float:
 GROWN = 'Newton, growing'
 FRICTION_METHODS = [
     Method(
-        GROWN, 'friction', 'nothing', 'this package: dynamics/friction.py', _own,
+        GROWN, 'friction', 'nothing', 'this package: dynamics/force_search.py', _own,
     ),
     Method(
         'Newton, at once', 'friction', 'a first guess', 'Newton on N = abs(b + k N)', _newton,

@@ -16,7 +16,6 @@ from typing import Any, cast
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
@@ -204,8 +203,8 @@ class PeriodicMotion:
         The lift load is the slider's force and load curve; a constant force takes no power.
         """
         pump = cast('WindPump', self.solver.mechanism)
-        slider, curves = pump.slider, (one for one in pump.loads if isinstance(one, LoadCurve))
-        if not slider.force and all(curve.link != 'slider' for curve in curves):
+        slider, lifts = pump.slider, (getattr(load, 'link', '') for load in pump.loads)
+        if not slider.force and 'slider' not in lifts:
             return None
         x, w, v = self.at(self.angles)
         torque = Motor(self.torque, self.damping).at(w)

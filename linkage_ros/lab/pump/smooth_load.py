@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 from linkage_ros.formulas import Opaque, where
 from linkage_ros.model.load_curve import CurveForce, LoadCurve
-from linkage_ros.model.loads import Loaded
 from linkage_ros.model.pose import LinkPose
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Real
 
@@ -53,7 +53,7 @@ class SmoothLoad(LoadCurve):
 
     width: float = 0.0
 
-    def on(self, mechanism: Loaded) -> Any:
+    def on(self, mechanism: Mechanism) -> Any:
         """See `LoadCurve`."""
         force = super().on(mechanism)
         return _SmoothForce(force, force.return_value or force.value, self.width)
