@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from linkage_ros.errors import MechanismError
 from linkage_ros.formulas import ZERO, Vector, atan2, cos, sin
-from linkage_ros.model.loads import LinkForce, Load
+from linkage_ros.model.loads import Load
 from linkage_ros.model.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
@@ -150,14 +150,12 @@ class CardanGear(Mechanism):
         return Reach('crank-slider')
 
     def link_loads(self) -> tuple[Load, ...]:
-        """External force and resistance on the slider, and its spring."""
-        slider, spring = self.slider, self.spring
-        loads: list[Load] = []
-        if slider.force or slider.damping:
-            loads.append(LinkForce(2, slider.force or ZERO, slider.damping or ZERO))
-        if spring.stiffness:
-            loads.append(SpringLoad(2, spring.stiffness, spring.rest_position))
-        return tuple(loads)
+        """What the slider says, and the spring."""
+        spring = self.spring
+        springs = (
+            (SpringLoad(2, spring.stiffness, spring.rest_position),) if spring.stiffness else ()
+        )
+        return (*super().link_loads(), *springs)
 
     def structure(self) -> Structure:
         """How the links hang together: the loop is cut at B."""

@@ -29,7 +29,6 @@ from typing import Any, ClassVar, NamedTuple
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, turned, where
 from linkage_ros.model.load_kinds import loads_field
-from linkage_ros.model.loads import Load, link_forces
 from linkage_ros.model.other_coordinates import ByRocker, half_turn_on
 from linkage_ros.model.parts import (
     CROSSED,
@@ -349,16 +348,6 @@ class FourBar(Mechanism):
         elif at_most <= 0:
             equal = rounded((d + r) / 2, up=True)
             yield f'make coupler and rocker equal, at least {equal} m each'
-
-    def link_loads(self) -> tuple[Load, ...]:
-        """Loads on the rocker and the crank."""
-        rocker, middle, rest = self.rocker, None, 0.0
-        if rocker.stiffness:
-            middle = self.swing_middle(2, 'rocker.stiffness')
-            turns = round((rocker.rest_angle - middle) / (2 * math.pi))
-            rest = rocker.rest_angle - turns * 2 * math.pi
-        own = link_forces(2, rocker.torque, rocker.damping, rocker.stiffness, rest, middle)
-        return (*own, *super().link_loads())
 
     def swing_middle(self, link: int, what: str) -> float:
         """The middle of the rocker's swing; see `Mechanism.swing_middle`.

@@ -167,12 +167,6 @@ class LinkForce(NamedTuple):
         return continuous(links[self.link].position, self.middle) - self.rest
 
 
-def link_forces(link: int, force: float, damping: float, stiffness: float, *spring: Any) -> Any:
-    """The load on a link as a tuple, empty without load; see `LinkForce`."""
-    acts = force or damping or stiffness
-    return (LinkForce(link, force, damping, stiffness, *spring),) if acts else ()
-
-
 def continuous(position: Real, middle: Real) -> Real:
     """The position of a link without the jump from pi to -pi.
 

@@ -27,7 +27,6 @@ from typing import Any, ClassVar, NamedTuple, NoReturn
 from linkage_ros.errors import MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2
 from linkage_ros.model.load_kinds import loads_field
-from linkage_ros.model.loads import Load, link_forces
 from linkage_ros.model.other_coordinates import BySlider
 from linkage_ros.model.parts import (
     CROSSED,
@@ -215,12 +214,6 @@ class SliderCrank(Mechanism):
             crank_angle=math.nan,
             arcs=(),
         )
-
-    def link_loads(self) -> tuple[Load, ...]:
-        """Loads on the slider and the crank."""
-        slider = self.slider
-        terms = slider.force, slider.damping, slider.stiffness, slider.rest_position
-        return (*link_forces(2, *terms), *super().link_loads())
 
     def reach(self) -> Reach:
         """Reach of the crank."""

@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector
-from linkage_ros.model.loads import AppliedLoad, JointLoad, Load
+from linkage_ros.model.loads import AppliedLoad, JointLoad, LinkForce, Load
 from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.model.pose import Loop
 from linkage_ros.model.reach import Reach
@@ -279,7 +280,18 @@ class Mechanism(Checked):
 
     def link_loads(self) -> tuple[Load, ...]:
         """What acts on the links, besides weights and what the forces in joints make."""
-        return tuple(found for load in self.loads if (found := load.on(self)) is not None)
+        own = (self._own_load(name) for name, part in vars(self).items() if _is_loaded(part))
+        return (*own, *(found for load in self.loads if (found := load.on(self)) is not None))
+
+    def _own_load(self, name: str) -> Load:
+        """What the part of the output link says that it works against."""
+        part, link, middle = getattr(self, name), self.output(name, 'a load on link'), None
+        force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
+        if stiffness:
+            middle = self.swing_middle(link, f'{name}.stiffness')
+        if middle is not None:
+            rest -= round((rest - middle) / (2 * math.pi)) * 2 * math.pi
+        return LinkForce(link, force, damping, stiffness, rest, middle)
 
     def joint_loads(self) -> tuple[JointLoad, ...]:
         """What the forces in the joints make; usually nothing."""
@@ -328,3 +340,8 @@ class Mechanism(Checked):
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Other coordinates than the crank angle at t = 0, and their rates."""
         return (), ()
+
+
+def _is_loaded(part: Any) -> bool:
+    """Whether a part has a force, a resistance or a spring on its link."""
+    return any(getattr(part, name) for name in getattr(part, 'load_fields', ())[:3])

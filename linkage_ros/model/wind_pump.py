@@ -38,7 +38,6 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.model.load_kinds import loads_field
-from linkage_ros.model.loads import Load, link_forces
 from linkage_ros.model.other_coordinates import ByCoupler, directions
 from linkage_ros.model.parts import (
     CROSSED,
@@ -195,12 +194,6 @@ class WindPump(Mechanism):
         """The constants of the pose at the angles of crank and coupler."""
         lengths = self.crank.length, self.coupler.length, self.rod.length
         return ByCoupler(*lengths, 1 if assembly == OPEN else -1, Opaque(self._refuse_rod))
-
-    def link_loads(self) -> tuple[Load, ...]:
-        """Loads on the slider, including the resistance of the pump, and on the crank."""
-        slider = self.slider
-        terms = slider.force, slider.damping, slider.stiffness, slider.rest_position
-        return (*link_forces(3, *terms), *super().link_loads())
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The slider's position, m, and velocity, m/s, at t = 0."""
