@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mechanisms import LIMITED, of, wind_pump
 
 from linkage_ros import Solver
+from linkage_ros.dynamics import program
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.reference.problems import InitialValueProblem
@@ -190,6 +191,20 @@ def test_a_false_description_is_found(forged, words, tmp_path):
     with LogReader(path) as log:
         difference = verify(log).difference
     assert any(word in difference for word in words.split('|')), difference
+
+
+def test_a_live_run_has_compiled_what_its_dead_centres_need(monkeypatch):
+    """A first compilation would hold up hundreds of ticks there."""
+    simulator = Simulator(configuration(of((2.03, 1.5, 1.2, 2.2), 0.31)))
+    simulator.prepare_live()
+    motion, compiled, write = simulator.begin(0), [], program.Writer.text
+    monkeypatch.setattr(program.Writer, 'text', lambda one: compiled.append(one) or write(one))
+    described = set()
+    for tick in range(300):
+        simulator.snapshot_at(motion, tick * 10 * NS_PER_MS)
+        described.add(motion.segment.description)
+    assert len(described) > 2
+    assert compiled == []
 
 
 def test_without_other_coordinates_the_motion_ends_there(monkeypatch):

@@ -115,7 +115,7 @@ class DrivenMechanism:
         Raises:
             LinkageError: As `Solver.accelerations`.
         """
-        if not self._is_limited:
+        if not self.is_limited:
             return self, y, math.inf
         met, count = self.solver.meetings(y), len(self.solver.structure.dyads)
         own, others = met[:count], met[count:]
@@ -273,7 +273,7 @@ class DrivenMechanism:
         place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
         if len(q) > 1:
             place += f', slider at {q[1]:.6g} m'
-        if sine < _NEAR and self._is_limited:
+        if sine < _NEAR and self.is_limited:
             reason = (
                 f'{words}: the motion goes on in another assembly, which these coordinates do not '
                 'describe; start slower or from elsewhere, or change torque, masses or lengths'
@@ -289,7 +289,7 @@ class DrivenMechanism:
         raise MotionError(message, time=time, coordinates=q) from cause
 
     @functools.cached_property
-    def _is_limited(self) -> bool:
+    def is_limited(self) -> bool:
         """Whether the coordinates cannot describe every motion; change points do no harm."""
         mobility = self.solver.mobility
         return mobility is None or not mobility.turns_fully

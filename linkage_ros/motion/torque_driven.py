@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
+from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
@@ -171,6 +172,19 @@ class TorqueMotion:
         self._advance(old)
         self._begin(replace(self.segment, stamp=new, old_stamp=old))
         return self
+
+    def rehearse(self) -> None:
+        """Compiles what the motion needs where its coordinates end: there it would come late."""
+        own, mechanism = self._steps.driven, self._solver.mechanism
+        if not (own.is_limited and mechanism.other_coordinates):
+            return
+        for coordinates in (mechanism.other_coordinates, mechanism.coordinates):
+            driven, there = own.redescribed(self._steps.phase, coordinates)
+            for assembly in (OPEN, CROSSED):
+                driven = driven.described(Description(coordinates, assembly))
+                driven.ready(there)
+                driven.slope(there)
+                published(driven, there, 0)
 
     def _describe(self, stamp: int, driven: DrivenMechanism) -> None:
         """Begins a segment at a stamp if the motion is described in another way from there on."""

@@ -163,7 +163,9 @@ class Simulator:
             driven = DrivenMechanism(self.solver, drive.motor.at)
             require_live(driven, self.elapsed(1) / NS_PER_S)
             with suppress(LinkageError):  # a run reports it
-                self.begin(0).at(NS_PER_MS)
+                motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
+                self.snapshot_at(motion, NS_PER_MS)
+                motion.rehearse()
 
     def elapsed(self, tick: Whole) -> Whole:
         """Time from the first tick to another, ns, without accumulated error."""
