@@ -44,7 +44,12 @@ def test_it_goes_first_and_what_it_starts_does_not():
     def work():
         return scheduling.take_real_time_priority(), policy(), in_thread(policy)
 
+    def beside():
+        scheduling.accompany_ticker()
+        return policy(), os.sched_getparam(0).sched_priority
+
     granted, own, child = in_thread(work)
+    assert in_thread(beside) == (own, 40 if granted else 0)
     assert own == (os.SCHED_FIFO if granted else os.SCHED_OTHER)
     assert child == os.SCHED_OTHER
     assert policy() == os.SCHED_OTHER

@@ -8,6 +8,7 @@ from rclpy.node import Node
 
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.run.health import Health
+from linkage_ros.run.scheduling import accompany_ticker
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.rerun_view import Sample, View
 
@@ -40,7 +41,12 @@ class LiveView:
                 '127.0.0.1 keeps it on this machine'
             )
         self._worker: Worker[Sample] = Worker(
-            'view', view, capacity=_CAPACITY, period=view.period, on_error=self._report
+            'view',
+            view,
+            capacity=_CAPACITY,
+            period=view.period,
+            on_error=self._report,
+            on_start=accompany_ticker,
         )
 
     def offer(self, joint_states: bytes) -> None:

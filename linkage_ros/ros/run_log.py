@@ -13,6 +13,7 @@ from linkage_ros.log.writer import LogItem, LogWriter
 from linkage_ros.motion.drives import Drive, FollowDrive, TorqueDrive
 from linkage_ros.motion.segments import Segment
 from linkage_ros.run.health import Health
+from linkage_ros.run.scheduling import accompany_ticker
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.worker import Worker
 from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
@@ -63,7 +64,12 @@ class RunLog:
             on_error=self._report_sync_error,
         )
         self._worker: Worker[LogItem] = Worker(
-            'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._fail
+            'log',
+            log,
+            capacity=_CAPACITY,
+            period=_PERIOD,
+            on_error=self._fail,
+            on_start=accompany_ticker,
         )
 
     def write_row(self, row: bytes) -> None:

@@ -14,7 +14,8 @@ from contextlib import suppress
 from linkage_ros.units import NS_PER_MS
 
 _PR_SET_TIMERSLACK = 29  # of prctl
-_PRIORITY = 50  # as ros2_control's
+# Of the ticker, as ros2_control's; of other threads that use the interpreter.
+_PRIORITY, _COMPANION_PRIORITY = 50, 40
 # s for which a thread may keep the interpreter while another waits: Python's own, and where ticks
 # are due.
 _LONG_INTERVAL, _SHORT_INTERVAL = 5e-3, 1e-5
@@ -45,20 +46,31 @@ def minimize_timer_slack() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
 
 
-def take_real_time_priority() -> bool:
+def take_real_time_priority(priority: int = _PRIORITY) -> bool:
     """Gives the calling thread, but not threads that it starts, real-time priority.
 
     This needs root or rtprio in limits.conf, as ros2_control does.
+
+    Args:
+        priority: From 1 to 99; the thread with the highest runs first.
 
     Returns:
         Whether the system permits it.
     """
     try:
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        os.sched_setscheduler(0, policy, os.sched_param(_PRIORITY))
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
     except (AttributeError, OSError):
         return False
     return True
+
+
+def accompany_ticker() -> None:
+    """Gives the calling thread a real-time priority below the ticker's.
+
+    A thread that another program preempts while it holds the interpreter would delay the ticker.
+    """
+    take_real_time_priority(_COMPANION_PRIORITY)
 
 
 class SwitchInterval:

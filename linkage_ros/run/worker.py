@@ -43,6 +43,7 @@ class Worker(Generic[_T]):
         capacity: int,
         period: float,
         on_error: Callable[[Exception], None],
+        on_start: Callable[[], object] = lambda: None,
     ) -> None:
         """Starts the thread.
 
@@ -52,10 +53,11 @@ class Worker(Generic[_T]):
             capacity: Items that the queue holds.
             period: Time between batches, s.
             on_error: Called from the thread, once, if the consumer fails.
+            on_start: Called from the thread when it starts.
         """
         self.error: Exception | None = None
         self.dropped = 0
-        self._consumer, self._on_error = consumer, on_error
+        self._consumer, self._on_error, self._on_start = consumer, on_error, on_start
         self._capacity, self._period = capacity, period
         self._lock = threading.Lock()
         self._queue: deque[_T] = deque(maxlen=capacity)
@@ -84,6 +86,7 @@ class Worker(Generic[_T]):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
+        self._on_start()
         try:
             while not self._stop.wait(self._period):
                 self._consumer.consume(self._take())
