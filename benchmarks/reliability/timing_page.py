@@ -31,6 +31,11 @@ of the node's process.
 
 {ticks}
 
+A recorder in a process of its own, fed through shared memory, was measured in turns with the
+thread that writes the log, on a busy machine. That process took 9 to 12 us of processor time a
+tick, the thread about 10. 99 % of the ticks were at most 106 us late with the process, 99 us with
+the thread at its real-time priority, and 111 us without log. So the log stays a thread.
+
 ## Logs
 
 Processor time for a state (four messages) at 1 kHz, of the quadrilateral at a given speed and of
