@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -126,25 +125,25 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     """Draws the mean torque of the motions over their speed, and the motor's line."""
-    motor, top = analysis.motor, 1.0
     for number, piece in enumerate(analysis.averaged):
-        top = max(top, piece.motions[-1].speed)
         rows = np.array([(one.speed, one.load) for one in piece.motions]).T
         label = _AVERAGED if not number else ''
         axes.plot(*rows, linewidth=2.2, zorder=4, label=label, **_DOTS)
-    style: dict[str, Any] = {'color': _MOTOR, 'linewidth': 1.4}
-    lines = [('motor', motor.torque, style)]
+    _draw_branch(axes, analysis, colors, 'speed', 'load')
+    motor, grey = analysis.motor, {'color': _REST, 'linewidth': 1, 'linestyle': '-.'}
+    lines: dict[str, Any] = {_at('motor', motor.torque): (motor.torque, {'color': _MOTOR})}
     for piece in analysis.pieces:
         if piece.ends_at not in (END, LOST):
-            style = {'color': _REST, 'linewidth': 1, 'linestyle': '-.'}
-            lines.append((piece.ends_at, piece.motions[-1].torque, style))
-    labels = {f'{name}, M0 = {torque:.4g} N m': (torque, style) for name, torque, style in lines}
-    for label, (torque, style) in labels.items():
-        line = replace(motor, torque=torque).at(np.array((0.0, top)))
-        axes.plot((0.0, top), line, label=label, **style)
-    _draw_branch(axes, analysis, colors, 'speed', 'load')
-    axes.set(title='Load curve and motor line', xlim=(0, top))
+            torque = piece.motions[-1].torque
+            lines[_at(piece.ends_at, torque)] = torque, grey
+    for label, (torque, style) in lines.items():
+        axes.axline((0.0, torque), slope=-motor.damping, label=label, **style)
+    axes.set(title='Load curve and motor line')
     axes.legend()
+
+
+def _at(name: str, torque: float) -> str:
+    return f'{name}, M0 = {torque:.4g} N m'
 
 
 def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity: str) -> None:

@@ -36,21 +36,9 @@ _ASIDE = 0.02  # of the speed of an unstable state: how far from it motions star
 _SLOW, _SLIDING = 0.03, 2.0  # speeds of starts: of the crank, and of the slider per crank pin's
 
 
-class Effort(NamedTuple):
-    """How much is computed.
-
-    Attributes:
-        starts: Number of starts; a state that 2 % of 256 reach is missed once in 170 times.
-        looks: How often their motions are looked at before they are given up.
-        step: Along a curve, relative.
-    """
-
-    starts: int
-    looks: int
-    step: float
-
-
-FULL, QUICK = Effort(256, 14, 0.15), Effort(128, 8, 0.3)
+# Starts, looks at their motions before these are given up, and relative steps along a curve. A
+# state that 2 % of 256 starts reach is missed once in 170 times.
+_FULL, _QUICK = (256, 14, 0.15), (128, 8, 0.3)
 
 
 class Start(NamedTuple):
@@ -175,9 +163,9 @@ def analyse(
         UnreachableError: The pump cannot start from where its slider is.
     """
     given = require_forwards(mechanism, motor, speeds)
-    effort = QUICK if quick else FULL
+    count, looks, step = _QUICK if quick else _FULL
     limits = Limits(
-        _SLOWEST * min(speeds), _FASTEST * max(speeds), _STRONGEST * motor.torque, effort.step
+        _SLOWEST * min(speeds), _FASTEST * max(speeds), _STRONGEST * motor.torque, step
     )
     pace, balance = pace_of(motor, speeds), equations_of(mechanism, motor, speeds)
     pump = cast('WindPump', balance.solver.mechanism)
@@ -192,9 +180,9 @@ def analyse(
     aside = [state for state in known if not state.stable]
     for state in aside:
         names += [f'{_ASIDE:.0%} {word} {state.speed:.4g} rad/s' for word in ('below', 'above')]
-    box = _box(mechanism, effort.starts, pace)
+    box = _box(mechanism, count, pace)
     search = Search(balance, motor, np.hstack((given, *map(_beside, aside), box)), known)
-    search.run(progress, effort.looks)
+    search.run(progress, looks)
     pieces = with_curves(balance, pieces, search.states, limits)
     states = steady_states(balance, pieces, motor.torque)
     for found in search.states:
@@ -231,7 +219,7 @@ def analyse(
         float(np.mean(motions.ended[of_box])),
         float(np.mean(search.stopped[of_box])),
         float(np.mean(search.unidentified[of_box])),
-        effort.starts,
+        count,
         max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
     )  # fmt: skip
 

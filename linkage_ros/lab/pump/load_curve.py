@@ -122,22 +122,19 @@ def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
     Returns:
         For each range: low and high, N m; low_is and high_is, what ends it there.
     """
-    ends = []
-    for piece in pieces:
-        if piece.stable:
-            first, last = piece.motions[0].torque, piece.motions[-1].torque
-            lower, upper = sorted(((first, piece.begins_at), (last, piece.ends_at)))
-            ends += [(lower[0], 1, lower[1]), (upper[0], -1, upper[1])]
+    spans = [
+        sorted(((one.motions[0].torque, one.begins_at), (one.motions[-1].torque, one.ends_at)))
+        for one in pieces
+        if one.stable
+    ]
     ranges: list[dict[str, Any]] = []
-    exist = 0
-    for (low, change, low_is), (high, _, high_is) in itertools.pairwise(sorted(ends)):
-        exist += change
-        if exist >= 2:
-            one = {'low': low, 'high': high, 'low_is': low_is, 'high_is': high_is}
-            if ranges and low - ranges[-1]['high'] < _GAP * low:  # a doubled period takes over
-                one.update(low=ranges[-1]['low'], low_is=ranges[-1]['low_is'])
-                ranges.pop()
-            ranges.append(one)
+    for (low, low_is), (high, high_is) in itertools.pairwise(sorted(itertools.chain(*spans))):
+        if sum(start <= (low, low_is) and (high, high_is) <= end for start, end in spans) < 2:
+            continue
+        if ranges and low - ranges[-1]['high'] < _GAP * low:  # a doubled period takes over
+            ranges[-1].update(high=high, high_is=high_is)
+        else:
+            ranges.append({'low': low, 'high': high, 'low_is': low_is, 'high_is': high_is})
     return ranges
 
 
