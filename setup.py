@@ -93,9 +93,11 @@ setup(
         'fast': ['numba'],
         'docs': ['pdoc'],
         'package': ['twine'],
+        'sweep': ['dask[distributed]', 'matplotlib', 'scipy'],
         'test': [
             'colcon-bash',
             'colcon-ros',
+            'dask[distributed]',
             'hypothesis',
             'import-linter',
             'mcap-ros2-support',

@@ -25,6 +25,7 @@ _FLUCTUATION = Quantity(
     'number', 'largest less smallest speed over the mean, which a flywheel keeps', '', 1e-6, 1.0
 )
 _TOLERANCE = Quantity('number', 'error that is allowed, a share of the peak', '', 1e-9, 1.0)
+_WORKERS = Quantity('whole', 'processes that do the work', '', 1, 1024)
 _START = Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6)
 
 _OUT: cli.Option = (('--out',), None, {
@@ -93,6 +94,20 @@ def _commands() -> dict[str, cli.Command]:
             ),
             '%(prog)s PARAMS [options]',  # behind --rpm it would be one of them
         ),
+        'sweep': cli.Command(
+            _draw, 'many designs of one mechanism, measured and compared: CSV and PNG',
+            ('tolerances.yaml', 'study.yaml --out charts --workers 8',
+             'study.yaml --scheduler tcp://192.168.0.2:8786'),
+            (
+                (('study',), None,
+                 {'metavar': 'STUDY', 'help': 'study file; see docs/sizing.md'}),
+                (('--workers',), _WORKERS,
+                 {'metavar': 'N', 'note': ' (default: one for each processor)'}),
+                (('--scheduler',), None,
+                 {'metavar': 'ADDRESS', 'help': 'Dask cluster that does the work instead'}),
+                _OUT,
+            ),
+        ),
         'pump': cli.Command(
             _draw, 'steady states of a wind pump over start and motor torque: PNG and JSON',
             ('', 'my_pump.yaml --speeds 1 4 --quick --out charts'),
@@ -117,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
         ('motion quadrilateral', 'motion my_linkage.yaml --reactions --out charts',
          'motion slider_crank --rpm 30 --acceleration 1',
          'accuracy --quick --out charts', 'stability --out charts', 'economy quadrilateral',
-         'pump --out charts'),
+         'pump --out charts', 'sweep tolerances.yaml'),
     )  # fmt: skip
     cli.add_commands(parser, _commands())
     return parser

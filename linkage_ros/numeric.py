@@ -24,15 +24,34 @@ Real: TypeAlias = Any
 Array: TypeAlias = npt.NDArray[np.float64]
 
 
-def by_element(function: Callable[..., float]) -> Callable[..., Array]:
-    """Applies a function of floats to arrays; NumPy's functions may differ in the last bit."""
+def by_element(function: Callable[..., float]) -> Callable[..., Real]:
+    """Lets a function of floats take arrays; NumPy's functions may differ in the last bit."""
 
-    def apply(*values: Real) -> Array:
-        rows = (x.tolist() if isinstance(x, np.ndarray) else itertools.repeat(x) for x in values)
-        size = next(x.size for x in values if isinstance(x, np.ndarray))
-        return np.fromiter(map(function, *rows), float, size)
+    @functools.wraps(function)
+    def apply(*values: Real) -> Real:
+        array = next((x for x in values if isinstance(x, np.ndarray)), None)
+        if array is None:
+            return function(*values)
+        shape = np.broadcast_shapes(*map(np.shape, values))
+        rows = (
+            np.broadcast_to(x, shape).ravel().tolist()
+            if isinstance(x, np.ndarray)
+            else itertools.repeat(x)
+            for x in values
+        )
+        found = np.fromiter(map(function, *rows), float, math.prod(shape))
+        return found.reshape(shape).view(type(array))
 
     return apply
+
+
+largest = by_element(max)
+
+
+@by_element
+def exact_sum(*terms: float) -> float:
+    """The exact sum, rounded once."""
+    return math.fsum(terms)
 
 
 # pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
@@ -64,6 +83,7 @@ def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
     return (angle - turns * _TWO_PI[0]) - turns * _TWO_PI[1]
 
 
+@by_element
 def nearest_turns(angle: float) -> int:
     """Rounds an angle to the nearest whole number of turns, exactly.
 
@@ -121,6 +141,7 @@ def without_turns(angle: Real, first: float) -> Real:
     return (angle - turns * _SHORT_TWO_PI[0]) - turns * _SHORT_TWO_PI[1]
 
 
+@by_element
 def short_sum(longest: float, *terms: float) -> float:
     """Sums link lengths exactly and rounds once; a sum below 4 ulp of the longest counts as 0.
 

@@ -48,7 +48,7 @@ from linkage_ros.wire.topics import TOPICS, qualified
 
 MODULES = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool',
            'linkage_export': 'export_tool'}  # fmt: skip
-CHARTS = [('linkage_chart', 'motion'), ('linkage_chart', 'economy')]
+CHARTS = [('linkage_chart', word) for word in ('motion', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')
 # The programs of these pages need a log or a node to work on: tests of their own run them.
 PYTHON_ELSEWHERE = {
@@ -358,7 +358,9 @@ def test_sizing_shows_what_its_commands_print(run_page):
         ]
         if words[1] == 'economy' and words[2].endswith('.yaml'):
             lines = [text.splitlines()[0].partition(': ')[2]]
+        if words[1] == 'sweep':
+            lines = text.splitlines()[:-2]
         at_hand += len(lines)
         for line in lines:
             assert line in told, words
-    assert at_hand == 1 + 4 + 7
+    assert at_hand == 1 + 4 + 7 + 4 + 4

@@ -236,6 +236,22 @@ class Program:
         )
         return transformed(formulas.number, result)
 
+    def designs(self, *values: Real, by_math: bool = False) -> Any:
+        """The program where constants may be arrays, too: designs times angles.
+
+        Args:
+            *values: Floats, and arrays that broadcast with those among the constants.
+            by_math: As for `arrays`.
+
+        Returns:
+            The result; what nothing of an array enters is a float.
+        """
+        named = [line.text for line in self.tape.lines if line.operation == 'constant']
+        given = zip([*named, *self.names], [*self.constants.numbers, *values], strict=True)
+        varying = frozenset(name for name, value in given if isinstance(value, np.ndarray))
+        with np.errstate(all='ignore'):
+            return self._bind(varying, by_math=by_math)(*values)
+
     def arrays(self, *values: Real, by_math: bool = False) -> Any:
         """Runs the program on arrays of one shape.
 

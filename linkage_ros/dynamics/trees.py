@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
 
 from linkage_ros.formulas import ZERO, Opaque, Vector
 
@@ -45,14 +48,23 @@ class Constants:
     """
 
     def __init__(self, tree: Any) -> None:
-        """Splits nested tuples of floats, complex numbers, `Opaque` functions and other values."""
+        """Splits nested tuples of floats, complex numbers, `Opaque` functions and other values.
+
+        For many designs at once, numbers are arrays of a row for each design.
+        """
         self.numbers: list[Any] = []
         self.tree, self.structure = self._take(tree)
+
+    def part(self, rows: slice) -> Constants:
+        """The constants of some designs, where numbers are arrays of a row for each."""
+        chosen = copy.copy(self)
+        chosen.numbers = [x[rows] if isinstance(x, np.ndarray) else x for x in self.numbers]
+        return chosen
 
     def _take(self, tree: Any) -> tuple[Any, Any]:
         """Splits a part of the tree; returns it and its structure."""
         kind = type(tree)
-        if kind is complex:
+        if kind is complex or (isinstance(tree, np.ndarray) and np.iscomplexobj(tree)):
             return self._take(Vector(tree.real, tree.imag)) if tree else _NOTHING
         if isinstance(tree, tuple):
             parts, keys = [], [kind]
@@ -71,4 +83,4 @@ class Constants:
 
 def is_number(leaf: Any) -> bool:
     """Returns whether a value is a number or opaque function, not part of the structure."""
-    return isinstance(leaf, (float, Opaque))
+    return isinstance(leaf, (float, Opaque, np.ndarray))

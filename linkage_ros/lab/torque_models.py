@@ -166,7 +166,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
     """
     if mechanism.joint_loads():
         return _with_friction(mechanism, static=static)
-    return _torque(_static_torque if static else _driving_torque, _model(mechanism))
+    return _torque(_static_torque if static else driving_torque, _model(mechanism))
 
 
 def _torque(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
@@ -177,7 +177,7 @@ def _torque(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
 def inertia_program(mechanism: Mechanism) -> Program:
     """The torque of inertia alone, N m, from crank angle, speed and acceleration."""
     weightless = _model(mechanism)._replace(gravity=Vector(0.0, 0.0), loads=())
-    return Program(_driving_torque, Constants(weightless), ('angle', 'speed', 'acceleration'))
+    return Program(driving_torque, Constants(weightless), ('angle', 'speed', 'acceleration'))
 
 
 def _model(mechanism: Mechanism) -> Model:
@@ -193,7 +193,8 @@ def torques(program: TorqueProgram, angles: Array, speed: float) -> Array:
     return np.array([program.scalar(angle, speed)[0] for angle in angles.tolist()])
 
 
-def _driving_torque(model: Model, angle: Real, speed: Real, *change: Real) -> tuple[Real]:
+def driving_torque(model: Model, angle: Real, speed: Real, *change: Real) -> tuple[Real]:
+    """The driving torque at a crank angle and speed, N m, in a tuple."""
     pose = model.loop.pose((angle,))
     rates = velocities(pose, (speed,))
     return (balance(model, pose, rates, accelerations(pose, (speed,), change))[0],)

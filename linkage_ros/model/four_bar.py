@@ -20,14 +20,25 @@ decimals that should meet an equality do meet it.
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError, MechanismError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, turned, where
+from linkage_ros.formulas import (
+    ZERO,
+    Opaque,
+    Vector,
+    atan2,
+    cos,
+    cross,
+    dot,
+    sin,
+    sqrt,
+    turned,
+    where,
+)
 from linkage_ros.model.load_kinds import loads_field
 from linkage_ros.model.other_coordinates import ByRocker, half_turn_on
 from linkage_ros.model.parts import (
@@ -41,12 +52,23 @@ from linkage_ros.model.parts import (
 )
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
+from linkage_ros.model.structure import (
+    Dyad,
+    Link,
+    Mechanism,
+    Pin,
+    Point,
+    Structure,
+    coupler_point,
+    direction,
+)
 from linkage_ros.model.swing import middle, swing
 from linkage_ros.model.transmission import Halves, Square, Transmission
 from linkage_ros.numeric import (
     Real,
     equalities,
+    exact_sum,
+    largest,
     nearest_turns,
     rounded,
     short_sum,
@@ -247,8 +269,8 @@ class FourBar(Mechanism):
         """The sums d - r, d + r, b - c and b + c, m; 0 where a short sum counts as 0."""
         r, b, c, d = self._lengths()
         far, near, other = self._short_sums()
-        sum_dr, sum_bc = math.fsum((d, r)), math.fsum((b, c))
-        diff_dr, diff_bc = math.fsum((d, -r)), math.fsum((b, -c))
+        sum_dr, sum_bc = exact_sum(d, r), exact_sum(b, c)
+        diff_dr, diff_bc = exact_sum(d, -r), exact_sum(b, -c)
         if near == 0 and other == 0:
             diff_dr = diff_bc = 0.0
         elif near == 0 or other == 0:
@@ -256,7 +278,7 @@ class FourBar(Mechanism):
         return diff_dr, sum_dr, diff_bc, sum_dr if far == 0 else sum_bc
 
     def _short_sums(self) -> list[float]:
-        longest = max(self._lengths())
+        longest = largest(*self._lengths())
         return [short_sum(longest, *terms) for terms in self._sums().values()]
 
     def _transmission(self) -> Transmission:
@@ -264,11 +286,11 @@ class FourBar(Mechanism):
         _, sum_dr, _, sum_bc = self._differences()
         far, near, other = self._short_sums()
         delta, four_bc = self.frame.angle, 4 * b * c
-        at_far = math.fsum((d, r, -b, c)) * math.fsum((d, r, b, -c)) / four_bc
-        at_near = math.fsum((b, c, -d, r)) * math.fsum((b, c, d, -r)) / four_bc
+        at_far = exact_sum(d, r, -b, c) * exact_sum(d, r, b, -c) / four_bc
+        at_near = exact_sum(b, c, -d, r) * exact_sum(b, c, d, -r) / four_bc
         return Transmission(
             (delta, 0.0),
-            math.sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
+            sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
             cos=Square.of(far * (sum_bc + sum_dr) / four_bc, at_near),
             sin=Square.of(near * other / four_bc, at_far),
             refuse=Opaque(lambda crank: self.reach().refuse(crank)),
@@ -284,7 +306,7 @@ class FourBar(Mechanism):
         return FourBarLoop(
             transmission,
             side,
-            axis=(math.cos(delta), math.sin(delta)),
+            axis=(cos(delta), sin(delta)),
             ground=(diff_dr, sum_dr),
             dyad=(diff_bc, side * sum_bc),
             length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
@@ -292,7 +314,7 @@ class FourBar(Mechanism):
             arm=(-r * diff_dr, 2 * r * d),
             quotient=1 if side * transmission.kappa > 0 else -1,
             # A crank that cannot reach the near side never comes where L would be short.
-            close=not transmission.sin.limits and abs(diff_dr) < _CLOSE * sum_dr,
+            close=not transmission.sin.limits and bool(abs(diff_dr) < _CLOSE * sum_dr),
         )
 
     def other_loop(self, assembly: str) -> ByRocker:
@@ -369,7 +391,7 @@ class FourBar(Mechanism):
         """The structure; the loop is cut at B."""
         crank, coupler, rocker = self.crank, self.coupler, self.rocker
         A0 = Point.at(0j, 3)
-        B0 = Point.at(self.frame.length * cmath.exp(1j * self.frame.angle), 3)
+        B0 = Point.at(self.frame.length * direction(self.frame.angle), 3)
         A, B = A0.along(0, crank.length), B0.along(2, rocker.length)
         points = {'A0': A0, 'A': A, 'B': B, 'B0': B0, **coupler_point(coupler, A)}
         return Structure(

@@ -18,14 +18,13 @@ and beta = pi/2 -+ mu, x = r cos alpha + b cos beta follow without any division.
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, sin, sqrt
 from linkage_ros.model.load_kinds import loads_field
 from linkage_ros.model.other_coordinates import BySlider
 from linkage_ros.model.parts import (
@@ -39,12 +38,22 @@ from linkage_ros.model.parts import (
 )
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.model.reach import Reach
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
+from linkage_ros.model.structure import (
+    Dyad,
+    Link,
+    Mechanism,
+    Pin,
+    Point,
+    Structure,
+    coupler_point,
+    direction,
+)
 from linkage_ros.model.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
     equalities,
+    largest,
     nearest_turns,
     rounded,
     short_sum,
@@ -151,7 +160,8 @@ class SliderCrank(Mechanism):
         return self.crank.length, self.coupler.length, self.slider.offset
 
     def _longest(self) -> float:
-        return max(map(abs, self._lengths()))
+        longest: float = largest(*map(abs, self._lengths()))
+        return longest
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
         """The sums of lengths that vanish at a change point, in words and as signed terms."""
@@ -184,7 +194,7 @@ class SliderCrank(Mechanism):
         high, low = two_sum(guide, -HALF_PI[0])
         return Transmission(
             (high, low - HALF_PI[1]),
-            math.sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
+            sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
             cos=Square.of(far / (2 * b), short_sum(longest, b, e, r) / (2 * b)),
             sin=Square.of(near / (2 * b), short_sum(longest, b, -e, r) / (2 * b)),
             refuse=Opaque(lambda crank: self.reach().refuse(crank)),
@@ -196,7 +206,7 @@ class SliderCrank(Mechanism):
         return SliderCrankLoop(
             self._transmission(),
             1 if self.assembly == OPEN else -1,
-            Vector(math.cos(guide), math.sin(guide)),
+            Vector(cos(guide), sin(guide)),
             self.crank.length,
             self.coupler.length,
         )
@@ -248,7 +258,7 @@ class SliderCrank(Mechanism):
     def structure(self) -> Structure:
         """The structure; the loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
-        foot = 1j * slider.offset * cmath.exp(1j * self.frame.angle)
+        foot = 1j * slider.offset * direction(self.frame.angle)
         A0 = Point.at(0j, 3)
         A = A0.along(0, crank.length)
         B = A.along(1, coupler.length)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple, cast
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.formulas import ZERO, Vector
+from linkage_ros.formulas import ZERO, Vector, cos, sin
 from linkage_ros.model.loads import AppliedLoad, JointLoad, LinkForce, Load
 from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.model.pose import Loop
@@ -112,8 +112,17 @@ class Link(NamedTuple):
         """
         parent = max((j for j, weight in enumerate(pin.weights) if weight), default=None)
         origin = pin.fixed if parent is None else pin.weights[parent]
-        center = pin.along(index, complex(*body.center))
+        center = pin.along(index, _complex(*body.center))
         return cls(name, body.mass, body.inertia, center, parent, origin)
+
+
+def direction(angle: Real) -> Any:
+    """The unit vector in a direction, rad, as x + iy; floats and arrays have the same form."""
+    return _complex(cos(angle), sin(angle))
+
+
+def _complex(x: Real, y: Real) -> Any:
+    return x + 1j * y
 
 
 def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
@@ -126,7 +135,7 @@ def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
     Returns:
         The point, or nothing.
     """
-    return {} if coupler.point is None else {'C': pin.along(1, complex(*coupler.point))}
+    return {} if coupler.point is None else {'C': pin.along(1, _complex(*coupler.point))}
 
 
 class Pin(NamedTuple):

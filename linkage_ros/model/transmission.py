@@ -23,9 +23,9 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from linkage_ros.formulas import ZERO, Opaque, cos, require, sin, sqrt
+from linkage_ros.formulas import ZERO, Opaque, atan2, cos, number, require, sin, sqrt, where
 from linkage_ros.model.reach import Arc, Reach
-from linkage_ros.numeric import Real, two_sum
+from linkage_ros.numeric import Real, largest, two_sum
 
 
 class Square(NamedTuple):
@@ -47,8 +47,9 @@ class Square(NamedTuple):
     @classmethod
     def of(cls, least: float, most: float) -> Square:
         """Makes the square from its smallest and largest values."""
-        most = max(most, 0.0)  # of a loop that just closes, rounding could make it negative
-        return cls(least or ZERO, most, least < 0, least < 0 and most < -least)
+        most = largest(most, 0.0)  # of a loop that just closes, rounding could make it negative
+        limits = bool(least < 0)
+        return cls(least or ZERO, most, limits, limits and bool(most < -least))
 
     def root(self, x: Real, other: Real, refuse: Opaque, crank: Real) -> Real:
         """Computes cos m or sin m.
@@ -184,10 +185,10 @@ class Transmission(NamedTuple):
         They occur at h = 0 and h = pi/2; a crank that cannot reach these stops where the angle is
         0 (folded) or pi (stretched).
         """
-        near, far = max(float(self.sin.least), 0.0), max(float(self.cos.least), 0.0)
-        smallest = 2 * math.atan2(math.sqrt(near), math.sqrt(self.cos.most if near else 1.0))
-        largest = 2 * math.atan2(math.sqrt(self.sin.most if far else 1.0), math.sqrt(far))
-        return smallest, largest
+        near, far = (largest(number(square.least), 0.0) for square in (self.sin, self.cos))
+        low = 2 * atan2(sqrt(near), sqrt(where(near > 0, self.cos.most, 1.0)))
+        high = 2 * atan2(sqrt(where(far > 0, self.sin.most, 1.0)), sqrt(far))
+        return low, high
 
     def reach(
         self,

@@ -49,25 +49,41 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
     Raises:
         ConfigurationError: The file cannot be read, or rcl refuses or garbles it.
     """
-    file = str(path) if str(path).isprintable() else repr(str(path))
-    try:
-        with open_file(path) as stream:
-            data = stream.read(_MAX_BYTES + 1)
-    except OSError as error:
-        reason = error.strerror or error
-        raise ConfigurationError(f'{file}: {reason}; give the path of a parameter file') from error
-    if len(data) > _MAX_BYTES:
-        raise ConfigurationError(f'{file}: over {_MAX_BYTES} bytes; give a parameter file')
-    return _Reader(file, data, node_name).read()
+    return _Reader(path, 'parameter', node_name).read()
+
+
+def read_study_file(path: Path | str) -> Parameters:
+    """Reads a study: a file of names and values as below `ros__parameters`, without nodes.
+
+    Args:
+        path: The YAML file.
+
+    Returns:
+        The values by dotted name.
+
+    Raises:
+        ConfigurationError: The file cannot be read, or is no such file.
+    """
+    return _Reader(path, 'study', '').read_values()
 
 
 class _Reader:
     """One pass over the events of a file, with a method for each level of nesting."""
 
-    def __init__(self, file: str, data: bytes, node_name: str) -> None:
-        self.file, self.data, self.node_name = file, data, node_name
-        self.line = 1
-        self.events = yaml.parse(data, Loader=_LOADER)
+    def __init__(self, path: Path | str, kind: str, node_name: str) -> None:
+        self.file = str(path) if str(path).isprintable() else repr(str(path))
+        self.node_name, self.line = node_name, 1
+        try:
+            with open_file(path) as stream:
+                self.data = stream.read(_MAX_BYTES + 1)
+        except OSError as error:
+            reason = error.strerror or error
+            raise ConfigurationError(
+                f'{self.file}: {reason}; give the path of a {kind} file'
+            ) from error
+        if len(self.data) > _MAX_BYTES:
+            raise ConfigurationError(f'{self.file}: over {_MAX_BYTES} bytes; give a {kind} file')
+        self.events = yaml.parse(self.data, Loader=_LOADER)
         self.sections: dict[str, Parameters] = {}
 
     def read(self) -> Parameters:
@@ -77,6 +93,16 @@ class _Reader:
             elif isinstance(event, yaml.NodeEvent):
                 raise self.error(f'{_show(event)} where a mapping belongs; {_LAYOUT}')
         return {name: value for own in self.sections.values() for name, value in own.items()}
+
+    def read_values(self) -> Parameters:
+        """Reads a file that is one mapping of parameters."""
+        values: Parameters = {}
+        while not isinstance(event := self.next(), yaml.StreamEndEvent):
+            if isinstance(event, yaml.MappingStartEvent):
+                self.parameters(values, '', 0)
+            elif isinstance(event, yaml.NodeEvent):
+                raise self.error(f'{_show(event)} where a mapping belongs; write "name: value"')
+        return values
 
     def nodes(self, name: str, depth: int) -> str:
         """Reads a mapping of node names; returns rcl's prefix for the names after it."""

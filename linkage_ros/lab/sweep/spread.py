@@ -1,0 +1,149 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Spreads work over processes of this machine, or over a Dask cluster."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    ProcessPoolExecutor,
+    as_completed,
+)
+from contextlib import AbstractContextManager, contextmanager
+from importlib.metadata import version
+from typing import Any, cast
+
+from linkage_ros.errors import ConfigurationError
+
+_ATTEMPTS = 3
+_PATIENCE = 10  # s, for a scheduler to answer, and to have a worker
+
+
+def spread(
+    work: Callable[[Any], Any],
+    blocks: Sequence[Any],
+    connect: Callable[[], AbstractContextManager[Executor]],
+) -> Iterator[tuple[int, Any]]:
+    """Works on blocks; those that a broken executor leaves are given to a new one.
+
+    Args:
+        work: A function that can be pickled.
+        blocks: Its arguments.
+        connect: Starts an executor, and ends it.
+
+    Yields:
+        Number and result of each block, in any order.
+
+    Raises:
+        ConfigurationError: Executors break again and again without a result.
+    """
+    left, failures = dict(enumerate(blocks)), 0
+    while left:
+        try:
+            with connect() as executor:
+                numbers = {executor.submit(work, block): i for i, block in left.items()}
+                for future in as_completed(numbers):
+                    result = future.result()
+                    del left[numbers[future]]
+                    failures = 0
+                    yield numbers[future], result
+        except BrokenExecutor:  # noqa: PERF203, a block takes long
+            failures += 1
+            if failures == _ATTEMPTS:
+                raise ConfigurationError(
+                    f'worker processes died {_ATTEMPTS} times without a result: is memory short? '
+                    'Give fewer --workers, or fewer angles'
+                ) from None
+
+
+@contextmanager
+def processes(count: int) -> Iterator[Executor]:
+    """Processes of this machine."""
+    executor = ProcessPoolExecutor(
+        count, multiprocessing.get_context('spawn'), initializer=_end_with_parent
+    )
+    # Ctrl-C goes to all processes of a terminal. These never get it: they start with it blocked.
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        for _ in range(count):  # each starts one
+            executor.submit(int)
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    try:
+        yield executor
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """Ends this worker once the process that started it is gone; it would wait for ever."""
+    parent = multiprocessing.parent_process()
+
+    def end() -> None:
+        cast('Any', parent).join()
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """The workers of a Dask cluster, on which this package is installed too.
+
+    Args:
+        address: Address of its scheduler.
+
+    Yields:
+        An executor; the cluster gives the work of a worker that is lost to another one.
+
+    Raises:
+        ConfigurationError: No scheduler answers, it has no workers, or workers die.
+    """
+    from distributed import Client, KilledWorker
+    from distributed.comm.addressing import get_address_host_port
+
+    # It logs what becomes an error here, and that it repeats what a lost worker had.
+    logging.getLogger('distributed.client').setLevel(logging.CRITICAL)
+    try:
+        # A client that finds no scheduler takes 20 s to end.
+        socket.create_connection(get_address_host_port(address), _PATIENCE).close()
+        client = Client(address, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, ValueError, OverflowError) as error:
+        raise ConfigurationError(
+            f'--scheduler {address}: no Dask scheduler answers; start one with `dask scheduler`, '
+            'or leave --scheduler out'
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_PATIENCE)
+            client.run(version, 'linkage_ros')  # a worker without it ends, and the work waits
+            yield client.get_executor()
+        except TimeoutError as error:
+            raise ConfigurationError(
+                f'--scheduler {address}: it has no workers; start `dask worker {address}`'
+            ) from error
+        except KilledWorker as error:
+            raise ConfigurationError(
+                f'--scheduler {address}: workers died again and again: is memory short? Give '
+                'fewer angles'
+            ) from error
+        except ImportError as error:
+            raise ConfigurationError(
+                f'--scheduler {address}: a worker has no linkage_ros: install it there'
+            ) from error
+        except CancelledError as error:
+            raise ConfigurationError(f'--scheduler {address}: the scheduler has gone') from error

@@ -1,0 +1,232 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A study: which designs to try, what to measure, and which of them are good."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from scipy.stats import qmc
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.sweep.measures import MEASURES, RPM, Task
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.numeric import Array
+from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.parameter_file import read_study_file
+from linkage_ros.parameters.unknown_names import nearest, unknown_name
+from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
+
+_GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
+_NUMBER = Quantity('number', '')
+_GOAL = Quantity('choice', '', choices=('least', 'most'))
+
+
+@dataclass(frozen=True)
+class Settings(Checked):
+    """The settings of a study besides its groups and measures.
+
+    Attributes:
+        base: Preset or parameter file of the mechanism.
+        designs: Number of designs.
+        sampler: How designs are chosen.
+        seed: Of the random numbers.
+        angles: Number of crank angles in a turn.
+        rpm: Crank speed; None: the base's.
+        points: Points that the coupler point should pass: x, y, x, y and so on, m.
+    """
+
+    base: str = quantity('text', 'preset, or parameter file, of the mechanism')
+    designs: int = quantity('whole', 'number of designs', span=(1, 1e7), default=1024)
+    sampler: str = quantity(
+        'choice', 'how designs are chosen', choices=('sobol', 'latin_hypercube', 'grid'),
+        default='sobol',
+    )  # fmt: skip
+    seed: int = quantity('whole', 'of the random numbers', span=(0, 2**32 - 1), default=0)
+    angles: int = quantity('whole', 'crank angles in a turn', span=(12, 36000), default=360)
+    rpm: float | None = quantity('number', 'crank speed', 'rpm', span=(-1e6, 1e6), default=None)
+    points: tuple[float, ...] | None = quantity(
+        'list', 'points that the coupler point should pass', 'm', span=(-1e9, 1e9), default=None
+    )
+
+
+class Column(NamedTuple):
+    """A parameter in which designs differ.
+
+    Attributes:
+        unit: Its unit.
+        base: Its value in the base.
+        low: Smallest value in the designs.
+        high: Largest value in the designs.
+    """
+
+    unit: str
+    base: float
+    low: float
+    high: float
+
+
+class Study(NamedTuple):
+    """A study, read and sampled.
+
+    Attributes:
+        task: What is done with every design.
+        columns: The parameters in which designs differ, by name.
+        designs: Their values, a row for each design.
+        constraints: Smallest and largest value of measures.
+        goals: 'least' or 'most' for the two measures of the Pareto front; empty: there is none.
+    """
+
+    task: Task
+    columns: dict[str, Column]
+    designs: Array
+    constraints: dict[str, tuple[float, float]]
+    goals: dict[str, str]
+
+
+def read_study(path: str) -> Study:
+    """Reads a study and chooses its designs.
+
+    Args:
+        path: Path of the file.
+
+    Returns:
+        The study.
+
+    Raises:
+        ConfigurationError: It cannot be used; one line that says what would be valid.
+    """
+    given: dict[str, Any] = dict(read_study_file(path))
+    groups = {group: _taken(given, f'{group}.') for group in _GROUPS}
+    measures = given.pop('measures', [])
+    known = [*leaves(Settings), *(Leaf(x, _NUMBER, None) for x in ('measures', *_GROUPS))]
+    for name in given.keys() - {leaf.name for leaf in known}:
+        raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
+    for name in given.keys() & set(_GROUPS):
+        raise ConfigurationError(f'{name} = {shown(given[name])}: write {name}: {{NAME: VALUE}}')
+    settings = build(Settings, given)
+    configuration = load(settings.base)
+    mechanism, rpm = configuration.mechanism, settings.rpm
+    if not hasattr(mechanism.loop(), 'transmission'):
+        raise ConfigurationError(f'base = {settings.base}: must be a four_bar or a slider_crank')
+    rpm = getattr(configuration.drive, RPM, None) if rpm is None else rpm
+    columns = _columns(groups, mechanism, rpm)
+    constraints = {
+        name: _span(f'constraints.{name}', value, _NUMBER)
+        for name, value in groups['constraints'].items()
+    }
+    goals = {name: str(_GOAL.clean(f'goals.{name}', x)) for name, x in groups['goals'].items()}
+    if len(goals) not in {0, 2}:
+        raise ConfigurationError(f'{len(goals)} goals: must be two measures, or none')
+    listed = measures if isinstance(measures, list) else [measures]
+    wanted, points = dict.fromkeys([*listed, *goals, *constraints]), settings.points or ()
+    task = Task(
+        mechanism, rpm, tuple(columns), tuple(wanted), settings.angles,
+        tuple(zip(points[::2], points[1::2], strict=False)),
+    )  # fmt: skip
+    _require_measures(task)
+    return Study(task, columns, _designs(settings, [*columns.values()]), constraints, goals)
+
+
+def _taken(given: dict[str, Any], group: str) -> dict[str, Any]:
+    """Takes what begins with a group's name out of what is given."""
+    names = [name for name in given if name.startswith(group)]
+    return {name.removeprefix(group): given.pop(name) for name in names}
+
+
+def _require_measures(task: Task) -> None:
+    """Refuses measures that do not exist, or that the mechanism does not have.
+
+    Raises:
+        ConfigurationError: There is one, or none is asked for.
+    """
+    if not task.measures:
+        raise ConfigurationError(f'no measures: choose from {", ".join(MEASURES)}')
+    for name in task.measures:
+        if name not in MEASURES:
+            meant = nearest(str(name), MEASURES) or ' or '.join(MEASURES)
+            raise ConfigurationError(f'{shown(name)} is not a measure; did you mean {meant}?')
+        if task.lacks(MEASURES[name].needs):
+            raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
+
+
+def _columns(
+    groups: Mapping[str, Mapping[str, Any]], mechanism: Mechanism, rpm: float | None
+) -> dict[str, Column]:
+    """The parameters in which designs differ.
+
+    Raises:
+        ConfigurationError: There is none, or one is unknown, given twice or out of range.
+    """
+    valid = {leaf.name: leaf for leaf in _parameters(mechanism, rpm)}
+    columns: dict[str, Column] = {}
+    for group in ('ranges', 'tolerances'):
+        for name, value in groups[group].items():
+            if name not in valid:
+                owner, where = f'this {type(mechanism).__name__}', 'docs/reference.md'
+                raise ConfigurationError(unknown_name(name, owner, valid.values(), where))
+            if name in columns:
+                raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
+            allowed, base = valid[name].quantity, cast('float', valid[name].default)
+            limits = value
+            if group == 'tolerances':
+                width = cast('float', _NUMBER.clean(f'{group}.{name}', value))
+                limits = [base - width, base + width]
+            columns[name] = Column(allowed.unit, base, *_span(f'{group}.{name}', limits, allowed))
+    if not columns:
+        raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
+    return columns
+
+
+def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
+    """Two numbers, the smaller one first.
+
+    Raises:
+        ConfigurationError: They are not.
+    """
+    low, high = cast('tuple[float, float]', replace(allowed, kind='pair').clean(name, value))
+    if not low < high:
+        raise ConfigurationError(f'{name} = {shown(value)}: empty; give the smaller number first')
+    return low, high
+
+
+def _parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
+    """The numbers that may vary, with their values in the base as defaults."""
+    values: dict[str, Any] = flatten(mechanism)
+    for name, allowed, _ in leaves(type(mechanism)):
+        if name in values and hasattr(mechanism, name.partition('.')[0]):  # else of a load
+            if allowed.kind == 'number':
+                yield Leaf(name, allowed, values[name])
+            elif allowed.kind == 'pair':
+                yield from (Leaf(f'{name}.{i}', allowed, x) for i, x in enumerate(values[name]))
+    if rpm is not None:
+        yield from (leaf._replace(default=rpm) for leaf in leaves(Settings) if leaf.name == RPM)
+
+
+def _designs(settings: Settings, columns: Sequence[Column]) -> Array:
+    """Values of the parameters, a row for each design.
+
+    Raises:
+        ConfigurationError: A grid of so few designs has one value of each parameter.
+    """
+    count, size = settings.designs, len(columns)
+    if settings.sampler == 'grid':
+        steps = int(count ** (1 / size) + 1e-9)
+        if steps < 2:
+            raise ConfigurationError(
+                f'designs = {count}: a grid of {size} parameters needs at least {2**size}'
+            )
+        axes = np.meshgrid(*[np.linspace(0, 1, steps)] * size, indexing='ij')
+        shares = np.stack(axes, -1).reshape(-1, size)
+    elif settings.sampler == 'sobol':
+        # SciPy warns of numbers that are no power of 2.
+        sampler = qmc.Sobol(size, seed=settings.seed)
+        shares = sampler.random_base2(math.ceil(math.log2(count)))[:count]
+    else:
+        shares = qmc.LatinHypercube(size, seed=settings.seed).random(count)
+    low, high = (np.array([getattr(x, end) for x in columns]) for end in ('low', 'high'))
+    return np.asarray(low + (high - low) * shares)
