@@ -30,11 +30,11 @@ from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.lab.commands import sweep as command
 from linkage_ros.lab.sweep import spread as command_spread
-from linkage_ros.lab.sweep.designs import groups
+from linkage_ros.lab.sweep.designs import groups, with_value
 from linkage_ros.lab.sweep.measures import Task, measure, torque_of
 from linkage_ros.lab.sweep.results import FRONT
 from linkage_ros.lab.sweep.spread import cluster, processes, spread
-from linkage_ros.lab.sweep.study import Column, Settings, _designs
+from linkage_ros.lab.sweep.study import Column, Settings, _designs, _parameters
 from linkage_ros.parameters.configuration import load
 from linkage_ros.quantities import build, flatten
 from linkage_ros.units import radians_per_second
@@ -51,30 +51,17 @@ LENGTHS = {
 def drawn(preset, count, seed=0):
     """A mechanism, and wide random values of some of its parameters."""
     mechanism = load(preset).mechanism
-    base = np.array([getattr_by(mechanism, name) or 0.1 for name in LENGTHS[preset]])
-    shares = np.random.default_rng(seed).uniform(0.5, 1.6, (count, len(base)))
-    return mechanism, LENGTHS[preset], base * shares
-
-
-def getattr_by(mechanism, name):
-    values = flatten(mechanism)
-    if name in values:
-        return values[name]
-    pair, _, i = name.rpartition('.')
-    return values[pair][int(i)]
+    base = {leaf.name: leaf.default or 0.1 for leaf in _parameters(mechanism, None)}
+    shares = np.random.default_rng(seed).uniform(0.5, 1.6, (count, len(LENGTHS[preset])))
+    return mechanism, LENGTHS[preset], shares * [base[name] for name in LENGTHS[preset]]
 
 
 def solver_of(mechanism, names, row):
     """A solver of one design, made and checked as any other; None: it does not turn."""
-    values = flatten(mechanism)
     for name, value in zip(names, row.tolist(), strict=True):
-        pair, _, i = name.rpartition('.')
-        if name in values:
-            values[name] = value
-        else:
-            values[pair] = tuple(value if int(i) == k else x for k, x in enumerate(values[pair]))
+        mechanism = with_value(mechanism, name, value)
     try:
-        solver = Solver(build(type(mechanism), values))
+        solver = Solver(build(type(mechanism), flatten(mechanism)))
     except MechanismError:
         return None
     return solver if solver.reach.turns_fully else None
@@ -86,8 +73,7 @@ def test_designs_have_the_bits_of_their_solvers(preset):
     names, table = names[:4] + names[5:], np.delete(table, 4, axis=1)
     angles = np.random.default_rng(1).uniform(0, 2 * math.pi, (len(table), 1))
     found = np.full(len(table), math.nan)
-    columns = dict(zip(names, table.T, strict=True))
-    sizes = []
+    columns, sizes = dict(zip(names, table.T, strict=True)), []
     for rows, model, constants in groups(mechanism, columns, len(table)):
         if model.loop.transmission.turns_fully:
             program = Program(torque_of, constants, ('angle', 'speed'))
