@@ -32,9 +32,10 @@ of the node's process.
 {ticks}
 
 A recorder in a process of its own, fed through shared memory, was measured in turns with the
-thread that writes the log, on a busy machine. That process took 9 to 12 us of processor time a
-tick, the thread about 10. 99 % of the ticks were at most 106 us late with the process, 99 us with
-the thread at its real-time priority, and 111 us without log. So the log stays a thread.
+thread that writes the log, in a loop of ticks without ROS on a busy machine. The process took 9 to
+12 us of processor time a tick; the thread takes about 10 in the node. 99 % of the ticks were at
+most 106 us late with the process, 99 us with the thread at its real-time priority, 177 us with the
+thread without that priority, and 111 us without log. So the log stays a thread.
 
 ## Logs
 
