@@ -6,8 +6,6 @@ The wheel is built from the sdist, so that the sdist is complete. Nothing of the
 of the programs that are tried.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import sys

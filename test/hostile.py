@@ -6,8 +6,6 @@ A case is drawn by a random.Random. The tests, the long run and the coverage-gui
 benchmarks/reliability/fuzz.py take their cases from here.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Logs of at most a few MB that make a trusting reader take gigabytes, or work for ever."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hostile logs, the same for the same seed: damaged, or forged under right checksums."""
 
-from __future__ import annotations
-
 import json
 import struct
 from io import BytesIO

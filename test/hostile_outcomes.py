@@ -5,8 +5,6 @@
 The very functions are called that the executables call.
 """
 
-from __future__ import annotations
-
 import io
 from contextlib import redirect_stderr, redirect_stdout
 

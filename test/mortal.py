@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Work that ends its process; a module of its own, which workers import fast."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

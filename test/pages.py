@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pages of the documentation, taken apart for the tests that hold them to the code."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shlex

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many ways there are to assemble a linkage at a crank angle, as document 2 counts them."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

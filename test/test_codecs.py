@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Message bytes, read by two decoders that share nothing with the package: rosbags, Fast DDS."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/controllers.md: its ways in, run as they stand there; the third is in test_docs.py."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import shlex

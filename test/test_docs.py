@@ -7,8 +7,6 @@ words of `ros2` are compared with the package; other programs that are not insta
 marked with the words 'not tried'.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -7,8 +7,6 @@ how far off its crank is in the first second under the same torque as our plant;
 held to what is measured here.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import fields, replace

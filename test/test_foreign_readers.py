@@ -6,8 +6,6 @@ Each reader decodes by the definitions that stand in the file. The expected valu
 solver; see `solved_messages`. The same for Foxglove's readers: benchmarks/readers.py.
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from importlib.util import find_spec

@@ -6,8 +6,6 @@ LINKAGE_ROS_CASES=10000 tries so many cases instead of a hundred. Watched from o
 limits of time and memory, benchmarks/reliability/fuzz.py tries the same ones.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What hostile input once brought about: a traceback, a hang, gigabytes, or a steered terminal."""
 
-from __future__ import annotations
-
 import os
 import signal
 import struct

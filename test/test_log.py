@@ -5,8 +5,6 @@
 What other readers decode is in test_foreign_readers.py.
 """
 
-from __future__ import annotations
-
 import errno
 import itertools
 import json

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart accuracy as a command, and the page that shows what it and stability made."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The registry of methods: its reference, and each method's order, floor and failures."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

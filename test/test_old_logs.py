@@ -6,8 +6,6 @@ test/data holds them as that version recorded them: 0.1 s of two presets. Its UR
 names of joints, so this version compares everything but robot_description.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rule by which outcomes are told, on planted failures, and the situations they come of."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

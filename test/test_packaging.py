@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds the package as users do, with colcon and with pip, and looks at what arrives."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Broken logs made whole: nothing that is there is lost, nothing that is wrong is kept."""
 
-from __future__ import annotations
-
 import os
 import random
 import struct

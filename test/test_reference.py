@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/reference.md and the API reference list what the code declares."""
 
-from __future__ import annotations
-
 import itertools
 import re
 

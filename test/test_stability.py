@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the defaults are right, where each other method fails, and linkage_chart stability."""
 
-from __future__ import annotations
-
 import pytest
 from test_method_charts import run_quick
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sweeps: designs in arrays have the bits of their solvers, and nothing is lost on the way."""
 
-from __future__ import annotations
-
 import collections
 import io
 import json

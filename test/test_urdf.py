@@ -7,8 +7,6 @@ transform from its parent link to its child link, at the position that joint_sta
 the links have to be follows from the solver's angles and the mechanism's lengths alone.
 """
 
-from __future__ import annotations
-
 import cmath
 from itertools import pairwise
 from xml.etree import ElementTree as ET

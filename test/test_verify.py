@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Logs recomputed: untouched ones are equal to the bit, and every kind of tampering is named."""
 
-from __future__ import annotations
-
 import math
 import re
 import struct
