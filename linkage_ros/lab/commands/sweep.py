@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,7 @@ from linkage_ros.lab.charts.sweep import draw_sweep
 from linkage_ros.lab.commands.output import folder
 from linkage_ros.lab.sweep.measures import measure
 from linkage_ros.lab.sweep.results import Results
-from linkage_ros.lab.sweep.spread import cluster, processes, processors, spread
+from linkage_ros.lab.sweep.spread import cluster, processes, spread
 from linkage_ros.lab.sweep.study import read_study
 from linkage_ros.progress import progress_bar
 
@@ -40,7 +41,7 @@ def sweep(options: argparse.Namespace) -> None:
     (base,) = work(np.array([[column.base for column in study.columns.values()]]))
     starts = range(0, count, _BLOCK)
     blocks = [study.designs[start : start + _BLOCK] for start in starts]
-    connect = partial(processes, min(options.workers or processors(), len(blocks)))
+    connect = partial(processes, min(options.workers or os.cpu_count() or 1, len(blocks)))
     if options.scheduler is not None:
         connect = partial(cluster, options.scheduler)
     found = np.full((count, 1 + len(study.task.measures)), np.nan)
