@@ -92,7 +92,7 @@ class LinkageNode(ParameterNode):
             self._output_publishers = create_publishers(self, topics)
             outputs = self._output_publishers
             if isinstance(self._drive, TorqueDrive):
-                crank = self._simulator.joints[0]
+                crank = self._simulator.crank_joint
                 self._joint_commands = CommandSubscriber(self, self._drive, crank, outputs)
             if isinstance(self._drive, FollowDrive):
                 self._measurements = MeasurementSubscriber(self, self._simulator, outputs)

@@ -240,7 +240,11 @@ def _record(options: argparse.Namespace) -> int:
         print(f'{options.out}: stopped; the first {count} states are kept')
         return cli.STOPPED_BY_USER
     seconds = count / configuration.session.rate_hz
-    shows = f'; linkage_replay {options.out} shows it' if options.out.is_file() else ''
+    shows = (
+        f'; linkage_replay {options.out} --viewer web --no-ros shows it'
+        if options.out.is_file()
+        else ''
+    )
     print(f'{options.out}: {count} states, {seconds:g} s{shows}')
     return 0
 

@@ -79,6 +79,7 @@ QUADRILATERAL = {
     'viewer': '',
     'viewer_bind': '127.0.0.1',
     'joint_prefix': '',
+    'crank_joint': '',
     'frame_id': 'base_link',
 }
 
@@ -126,6 +127,7 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
         'viewer': '',
         'viewer_bind': '127.0.0.1',
         'joint_prefix': '',
+        'crank_joint': '',
         'frame_id': 'base_link',
         **REQUIRED,
     }

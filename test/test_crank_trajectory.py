@@ -263,7 +263,9 @@ def controlled(seconds, *, effort):
 
 def test_the_page_says_how_well_the_plant_follows():
     fed, alone = (100 * controlled(4, effort=effort)[2000:].max() for effort in (True, False))
-    words = 'the crank keeps its speed within {} %, and within {} % without the effort'
+    words = (
+        'the crank keeps its speed within {} %, and within {} % without the feed-forward torque'
+    )
     check_quote('docs/controllers.md', words, fed, alone)
     assert fed < alone / 5
 

@@ -143,6 +143,14 @@ def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
     assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
 
 
+def test_a_robot_may_name_the_crank_otherwise():
+    crank = MeasuredCrank(Simulator(configure({'drive': 'follow', 'crank_joint': 'arm/motor'})))
+    stamp, found = crank.hear(message(5, name=('base', 'arm/motor'), position=(0.0, 0.5)), 7)
+    assert (stamp, found.unwrapped) == (5, 0.5)
+    assert crank.hear(message(6, name=('base', 'crank'), position=(0.0, 0.5)), 8) is None
+    assert crank.left_out[NO_CRANK] == 1
+
+
 @pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
 def test_no_measurement_ends_the_motion(lead):
     """Too large to be squared; at a limit, where rates have no bound; beyond it a moment later."""

@@ -439,17 +439,17 @@ MESSAGES = {
     'a: \x01': r'no YAML in UTF-8 \(.*\); correct the file there',
 }  # fmt: skip
 LAYOUT = {
-    'hello': "line 1: 'hello' where a mapping belongs; lay the file out as node name, ros__",
-    '- 1': 'line 1: a list where a mapping belongs; lay',
-    'linkage_node: {a: 1}': "'1' where a mapping belongs; lay",
-    'linkage_node:': "'' where a mapping belongs; lay",
-    'linkage_node: {ros__parameters: [1]}': 'a list where a mapping belongs; lay',
+    'hello': "line 1: 'hello' where a mapping belongs; begin the file with",
+    '- 1': 'line 1: a list where a mapping belongs; begin',
+    'linkage_node: {a: 1}': "'1' where a mapping belongs; begin",
+    'linkage_node:': "'' where a mapping belongs; begin",
+    'linkage_node: {ros__parameters: [1]}': 'a list where a mapping belongs; begin',
     '/**:\n  ros_parameters:\n    mechanism: four_bar': (
-        "line 3: 'four_bar' where a mapping belongs; lay the file out as node name, ros__param"
+        "line 3: 'four_bar' where a mapping belongs; begin the file with"
     ),
-    'ros__params: {a: 1}': "'1' where a mapping belongs; lay",
-    'ros__parameters: {a: 1}': "'' before ros__parameters is no node; lay",
-    'a-b: {ros__parameters: {a: 1}}': "'a-b' before ros__parameters is no node; lay",
+    'ros__params: {a: 1}': "'1' where a mapping belongs; begin",
+    'ros__parameters: {a: 1}': "'' before ros__parameters is no node; begin",
+    'a-b: {ros__parameters: {a: 1}}': "'a-b' before ros__parameters is no node; begin",
     'x: {ros__parameters: {a: 1}, y: {}}': "'y' follows ros__parameters; move it before",
 }
 

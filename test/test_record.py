@@ -224,7 +224,7 @@ def params(tmp_path):
 
 def test_the_command_says_what_it_wrote(called, out):
     words = 'quadrilateral', out, '--revolutions', 2, '--rate', 50
-    said = f'{out}: 40 states, 0.8 s; linkage_replay {out} shows it\n'
+    said = f'{out}: 40 states, 0.8 s; linkage_replay {out} --viewer web --no-ros shows it\n'
     assert called(record_module, *words) == (0, said, '')
     assert len(states_of(out)) == 40
     assert logged(out)[0].configuration == preset(rate_hz=50.0)

@@ -161,9 +161,19 @@ BAD_VALUES = [
     (FOUR, 'rate', 1, "'rate' is not a parameter of a four_bar; did you mean rate_hz (Hz)? …"),
     (FOUR, 'Crank.length', 1, '… did you mean crank.length (m)? …'),
     *((FOUR, x, 1, f'… of a four_bar: {LISTED}') for x in ('zzzzzzzz', '', 'ß', 'length.x' * 3)),
-    (FOUR, 'motor.torque', 1.0, '… a four_bar: it needs drive: torque (-p drive:=torque)'),
-    (FOUR, 'drive', 'torque', "'rpm' … a torque-driven four_bar: it needs drive: speed (-p …"),
-    (FOUR, 'drive', 'follow', "'rpm' … a measured four_bar: it needs drive: speed (-p …"),
+    (
+        FOUR,
+        'motor.torque',
+        1.0,
+        '… a four_bar: leave it out, or set drive: torque (-p drive:=torque)',
+    ),
+    (
+        FOUR,
+        'drive',
+        'torque',
+        "'rpm' … a torque-driven four_bar: leave it out, or set drive: speed (…",
+    ),
+    (FOUR, 'drive', 'follow', "'rpm' … a measured four_bar: leave it out, or set drive: speed (…"),
     # Of every node, and similar ones; rclpy ignores what it did not declare.
     *((FOUR, x, True, f'{x!r} is … of a four_bar…') for x in ('use_sim_times', 'x.use_sim_time')),
     *((FOUR, x, 1, '… of a four_bar…') for x in ('use_sim_time.x', 'qos_overrides./a.depth')),

@@ -159,7 +159,7 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
     block = name.partition('.')[0]
     sought = name if any(leaf.name.startswith(f'{block}.') for leaf in valid) else block
     for drive in _others(sought, DRIVES, kind.drive):
-        cure = f'it needs drive: {drive} (-p drive:={drive})'
+        cure = f'leave it out, or set drive: {drive} (-p drive:={drive})'
         if len(MECHANISMS[kind.mechanism].coordinates) > 1:
             cure = 'leave it out, and set motor.torque and start_rpm'
         return f'{shown(name)} is not a parameter of {owner}: {cure}'

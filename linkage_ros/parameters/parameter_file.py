@@ -32,7 +32,7 @@ _NODE = re.compile(r'/?((\*\*?|[A-Za-z_]\w{0,243})/)*(\*\*?|[A-Za-z_]\w*)', re.A
 _BOOL = re.compile('([yY]|[yY]es|YES|[tT]rue|TRUE|[oO]n|ON)|[nN]o?|NO|[fF]alse|FALSE|[oO]ff|OFF')
 _VALUE = 'write a bool, integer, float or string, or a list of one of these'
 _SECTION = 'ros__parameters'
-_LAYOUT = f'lay the file out as node name, {_SECTION}, parameters'
+_LAYOUT = f'begin the file with /**:, indent {_SECTION}: below it, and the parameters below that'
 
 
 def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Parameters:

@@ -35,6 +35,7 @@ class Session(Checked):
         viewer: One of VIEWERS; empty: no viewer.
         viewer_bind: Address on which a spawned viewer's data, or the page, are served.
         joint_prefix: Prepended to every joint name in messages and to the URDF's link names.
+        crank_joint: A robot's name for the crank in messages from and to it; empty: the own name.
         frame_id: Link, and frame of messages, that carries the fixed pivots.
     """
 
@@ -48,6 +49,10 @@ class Session(Checked):
     joint_prefix: str = quantity(
         'text', 'put before every joint name, in and out, and every URDF link name',
         pattern=JOINT_PREFIX, default='',
+    )  # fmt: skip
+    crank_joint: str = quantity(
+        'text', "a robot's name for the crank, in measurements, commands and trajectories; "
+        'empty: crank, behind joint_prefix', default='',
     )  # fmt: skip
     frame_id: str = quantity(
         'text', 'link that carries the fixed pivots; joint_prefix is not put before it',

@@ -175,7 +175,7 @@ class MeasurementSubscriber:
             ConfigurationError: measured_joint_states is one of these.
         """
         topic, self._logger = MEASURED_JOINT_STATES, node.get_logger()
-        self._measured, self._crank = MeasuredCrank(simulator), simulator.joints[0]
+        self._measured, self._crank = MeasuredCrank(simulator), simulator.crank_joint
         self._last = -math.inf  # when a measurement counted, s
         self.diagnostics = self._measured.diagnostics
         self._subscription = _PolledSubscription(node, topic, topic.depth, outputs)

@@ -38,7 +38,7 @@ class CrankTrajectory:
         """
         self.topic = trajectory_commands(topic)
         session = simulator.configuration.session
-        self._codec = CrankTrajectoryCodec(simulator.joints[0], session.frame_id)
+        self._codec = CrankTrajectoryCodec(simulator.crank_joint, session.frame_id)
         self._simulator, self._horizon = simulator, round(horizon * NS_PER_S)
         self._motion: Motion | None = None
         self._points: deque[tuple[int, TrajectoryPoint]] = deque()

@@ -33,7 +33,7 @@ class MeasuredCrank:
         """
         self._motion = FollowMotion(cast('FollowDrive', simulator.configuration.drive))
         self._simulator, self._solver = simulator, simulator.solver
-        self._crank = simulator.joints[0]
+        self._crank = simulator.crank_joint
         self.left_out = self._motion.left_out
 
     def hear(self, data: bytes, received: int) -> tuple[int, Coordinates] | None:

@@ -93,6 +93,7 @@ class Simulator:
         configuration: Configuration of the run.
         solver: Solver of its mechanism.
         joints: Names, in the order of the messages.
+        crank_joint: Name of the crank in measurements, commands and trajectories.
         joint_states: Codec of the messages on that topic.
         topics: Topics on which each state has a message.
         layout: Layout of these messages, in channels numbered from 1.
@@ -107,6 +108,7 @@ class Simulator:
         prefix, frame_id = session.joint_prefix, session.frame_id
         self._links = self.solver.structure.links
         self.joints = joint_names(self._links, prefix)
+        self.crank_joint = session.crank_joint or self.joints[0]
         self.joint_states = JointStateCodec(self.joints, frame_id)
         self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
         self._sources = ['time', *STAMP_SOURCES, *joint_sources(self.joints)]
