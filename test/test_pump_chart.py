@@ -64,7 +64,7 @@ def slid(**changes):
 def branch(mechanism, low, high):
     """The load curve between two speeds."""
     balance = HarmonicBalance(mechanism, MOTOR.damping)
-    seed = next(balance.resting_sliders(low, (low + high) / 2))
+    seed = next(balance.resting_sliders((low + high) / 2, low))
     return balance, follow(balance, seed, Limits(low, high, math.inf, 0.3))
 
 

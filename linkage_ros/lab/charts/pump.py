@@ -109,10 +109,10 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
         if run.ended:
             axes.plot(run.times[-1], run.speeds[-1], 'X', color='black', markersize=9)
     for state in analysis.states:
-        line = '-' if state.motion.stable else '--'
+        line, place = ('-', 0.98) if state.motion.stable else ('--', 0.6)
         axes.axhline(state.motion.speed, color='black', linewidth=1, linestyle=line)
         axes.annotate(
-            _name(state), (0.98, state.motion.speed), xycoords=('axes fraction', 'data'),
+            _name(state), (place, state.motion.speed), xycoords=('axes fraction', 'data'),
             ha='right', xytext=(0, 9), textcoords='offset points', fontsize=SMALL,
             color='0.2', weight='bold',
         )  # fmt: skip

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
@@ -170,8 +169,9 @@ def analyse(
     pace, balance = pace_of(motor, speeds), equations_of(mechanism, motor, speeds)
     pump = cast('WindPump', balance.solver.mechanism)
     averaging = HarmonicBalance(pump, motor.damping, AVERAGED)
-    resting = averaging.resting_sliders(limits.slowest, pace)
-    averaged = with_curves(averaging, [], itertools.islice(resting, 1), limits)
+    ends = (pace, limits.slowest), (limits.slowest, pace)
+    resting = (next(averaging.resting_sliders(*way), None) for way in ends)
+    averaged = with_curves(averaging, [], resting, limits)
     averaged_states = steady_states(averaging, averaged, motor.torque)
     seeds = (balance.find(balance.unknowns(state.motion)) for state in averaged_states)
     pieces = with_curves(balance, [], seeds, limits)

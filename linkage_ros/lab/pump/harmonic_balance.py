@@ -40,6 +40,7 @@ from linkage_ros.numeric import Array
 AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
 _SPEEDS, _PLACES = 12, 7  # of guesses with a slider that rests
 _ROUGH = 4  # harmonics of a guess
+_WILD = 100.0  # multiplier of an averaged motion next to a stretched dyad, where it says nothing
 _TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
 # Largest steps of Newton's method, relative; 4 or 5 suffice from a neighbour.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
@@ -129,17 +130,17 @@ class HarmonicBalance:
         missed = np.abs(some @ rows - known) / np.ptp(known, axis=0)
         return self.sized(slider, crank, np.array([torque])), float(missed.max())
 
-    def resting_sliders(self, slowest: float, fastest: float) -> Iterator[PeriodicMotion]:
-        """The motions next to sliders that rest, from the fastest crank on.
+    def resting_sliders(self, first: float, last: float) -> Iterator[PeriodicMotion]:
+        """The motions next to sliders that rest.
 
         Args:
-            slowest: Mean crank speed, rad/s.
-            fastest: Likewise.
+            first: Mean crank speed of the first ones, rad/s.
+            last: Of the last ones.
         """
         pump = self._mechanism
         r, b, c = pump.crank.length, pump.coupler.length, pump.rod.length
         places = pump.slider.position, *np.linspace(abs(b - c) + r, b + c - r, _PLACES + 2)[1:-1]
-        for speed in np.geomspace(fastest, slowest, _SPEEDS):
+        for speed in np.geomspace(first, last, _SPEEDS):
             for x in places:
                 start = self.sized(np.array([x]), np.array([speed]), np.zeros(1))
                 if motion := self.find(start, self.axis(of_speed=True)):
@@ -185,7 +186,8 @@ class HarmonicBalance:
         if not motion.at(self.angles)[1].min() > 0:
             return None
         if self._harmonics == AVERAGED:
-            return PeriodicMotion(*given, self._slow_multipliers(unknowns))
+            averaged = PeriodicMotion(*given, self._slow_multipliers(unknowns))
+            return averaged if abs(averaged.multipliers[0]) < _WILD else None
         tail = np.abs(slider[-2:]).max() / self._mechanism.crank.length
         if tail < _TAIL:  # the multipliers refuse a motion next to a stretched dyad
             return motion if np.isfinite(motion.multipliers).all() else None
