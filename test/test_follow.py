@@ -23,7 +23,7 @@ from ros_harness import (
 )
 from sensor_msgs.msg import JointState
 
-from linkage_ros import node, record
+from linkage_ros import ConfigurationError, node, record
 from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, Measurement, ahead
@@ -141,6 +141,11 @@ def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
     beyond = end + 0.01 * (TURN - end + start)
     assert crank.hear(message(position=(0.0, beyond)), came + 2) is None
     assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
+
+
+def test_a_rate_is_refused_because_measurements_set_it():
+    with pytest.raises(ConfigurationError, match='four_bar: measurements set the rate; leave it'):
+        configure({'drive': 'follow', 'rate_hz': 3.0})
 
 
 def test_a_robot_may_name_the_crank_otherwise():

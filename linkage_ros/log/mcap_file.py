@@ -217,10 +217,10 @@ class McapFile:
             at = part.end
 
     def next_record(self, data: bytes, at: int) -> tuple[records.McapRecord, int]:
-        """The record at a place in a part, and its end.
+        """Reads the record at a place in a part; returns it and its end.
 
         Raises:
-            ValueError: It is longer than the part, or none that a chunk holds.
+            ValueError: It is longer than the part, or of a kind that no chunk contains.
             LogError: It is more than the file may unpack to.
         """
         opcode, length = HEAD.unpack_from(data, at)

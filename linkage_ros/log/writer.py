@@ -142,7 +142,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self._writer.add_metadata(MOTION_RECORD, encode_motion(segment))
 
     def consume(self, items: Sequence[LogItem]) -> None:
-        """Appends what has come, and flushes it.
+        """Appends items, and flushes them.
 
         Args:
             items: Rows, arguments of `write`, and segments of motion.

@@ -14,8 +14,8 @@ quotient is e^(i (beta - delta)). Differentiated, with nu = [(d-r)(d+r) - (b-c)(
 
     beta' = (1 - nu - mu') / 2        gamma' = (1 - nu + mu') / 2
 
-All sums of lengths that decide how the linkage can move are `short_sum`s: lengths typed in
-decimals that should meet an equality do meet it.
+All sums of lengths that decide the mobility are `short_sum`s, so that equalities also hold for
+lengths typed in decimals.
 """
 
 from __future__ import annotations

@@ -118,11 +118,11 @@ class TorqueMotion:
         """Sets the torque that is added to the motor's from a stamp on.
 
         Args:
-            stamp: Not before the last one, ns.
-            torque: N m.
+            stamp: Stamp, not before the last one, ns.
+            torque: Added torque, N m.
 
         Raises:
-            MotionError: The motion cannot be followed that far.
+            MotionError: The motion ends before that.
         """
         self._advance(stamp)
         if torque != self._command:

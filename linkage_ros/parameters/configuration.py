@@ -165,6 +165,8 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
         return f'{shown(name)} is not a parameter of {owner}: {cure}'
     others = ' or a '.join(_others(sought, MECHANISMS, kind.mechanism))
     elsewhere = f': only a {others} has {sought}' if others else ''
+    if name in _lacking(kind):
+        elsewhere = ': measurements set the rate'
     return unknown_name(name, owner, valid, 'linkage_record --help', elsewhere)
 
 

@@ -62,7 +62,7 @@ def read_study_file(path: Path | str) -> Parameters:
         The values by dotted name.
 
     Raises:
-        ConfigurationError: The file cannot be read, or is no such file.
+        ConfigurationError: The file cannot be read, or is not a study.
     """
     return _Reader(path, 'study', '').read_values()
 

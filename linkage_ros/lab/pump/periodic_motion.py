@@ -71,7 +71,7 @@ class PeriodicMotion:
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
         turns: Turns after which it repeats.
-        slow_multipliers: Of an averaged motion: what a turn multiplies slow deviations by.
+        slow_multipliers: Factors of slow deviations of an averaged motion over a turn.
     """
 
     solver: Solver

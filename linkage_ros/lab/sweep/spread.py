@@ -103,10 +103,10 @@ def cluster(address: str) -> Iterator[Executor]:
         address: Address of its scheduler.
 
     Yields:
-        An executor; the cluster gives the work of a worker that is lost to another one.
+        An executor; the cluster repeats the work of a lost worker on another one.
 
     Raises:
-        ConfigurationError: No scheduler answers, it has no workers, or workers die.
+        ConfigurationError: No scheduler answers, it has no workers, or its workers fail.
     """
     from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host_port
