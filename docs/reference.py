@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fills the tables of reference.md: parameters, topics, executables and launch files.
+"""Fills the tables of reference.md: parameters, topics, executables, launch files, methods.
 
     python docs/reference.py        writes the tables of docs/reference.md anew
 
@@ -24,6 +24,7 @@ from unittest.mock import MagicMock, patch
 
 from linkage_ros import executables
 from linkage_ros.controller import Settings
+from linkage_ros.lab.charts.stability import GRIDS
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.configuration import MechanismAndDrive, Session
 from linkage_ros.parameters.drives import DRIVES
@@ -221,6 +222,14 @@ def _launch(path: Path) -> Iterator[str]:
 # ---------------------------------------------------------------- the page
 
 
+def _methods() -> str:
+    """The table of the methods that `linkage_chart accuracy` and `stability` compare."""
+    methods = [method for methods, _ in GRIDS for method in methods]
+    return _table(
+        'method, computes, needs, source', ((m.name, m.stage, m.needs, m.source) for m in methods)
+    )
+
+
 def tables() -> dict[str, str]:
     """The tables by the names that the page gives them."""
     return {
@@ -233,6 +242,7 @@ def tables() -> dict[str, str]:
         'topics': _topics(),
         'executables': _executables(),
         'launch': _launch_files(),
+        'methods': _methods(),
     }
 
 

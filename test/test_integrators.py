@@ -117,7 +117,9 @@ def test_multibody_accelerates_as_virtual_power_does():
         places = [Vector.at(x) for x in state.position[:3]]
         places += [Vector(x, 0.0) for x in state.position[3:]]
         bodies = Multibody(mechanism, float, Vector.at)
-        found = bodies.accelerations(places, list(state.velocity), 3.0, eliminate)
+        rows, forces = bodies.system(places, list(state.velocity))
+        forces[0] += 3.0
+        *found, _, _ = eliminate(rows, forces)
         right = solver.accelerations(q, u, 3.0)
         assert (found[0], *found[3:]) == pytest.approx(right, rel=1e-10)
 
@@ -182,10 +184,12 @@ def test_the_defaults_are_right_and_what_live_runs_and_records_take(benches, nam
 @each
 def test_energy_of_a_free_motion_stays_and_a_loop_closed_from_coordinates(benches, method):
     bench = benches['free']
-    limit = 1e-6 if method.name in ('Radau', 'multipliers, unstabilised') else 1e-10
+    limit = 1e-6 if method.name.startswith(('Radau', 'multipliers')) else 1e-10
     assert bench.worst_error(method, method.steady, '', ENERGY) < limit
-    opens = method.name == 'multipliers, unstabilised'
-    assert (bench.worst_error(method, method.steady, '', LOOP) > 1e-14) == opens
+    # As it is the loop opens; Baumgarte's equation holds it, a projection closes it.
+    limits = {'multipliers, unstabilised': (1e-9, 1e-6), 'multipliers, Baumgarte': (1e-14, 1e-9)}
+    least, most = limits.get(method.name, (0.0, 1e-14))
+    assert least <= bench.worst_error(method, method.steady, '', LOOP) < most
 
 
 def test_an_unstabilised_loop_opens_with_the_square_of_time():

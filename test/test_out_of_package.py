@@ -232,7 +232,7 @@ from linkage_ros.lab.charts.stability import draw_stability
 from linkage_ros.lab.methods import accuracy, outcomes
 from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.lab.methods.situations import SITUATIONS
-import two_circles
+import inverse_cosine
 
 METHODS[1:-1] = []  # of all, the default and the new one
 plain = lambda what, _: what
@@ -243,28 +243,28 @@ draw_accuracy([p for p in points if p.mechanism == 'quadrilateral'], 'it', 'accu
 some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
 cells = outcomes.measure_outcomes(some, METHODS, cases=2, progress=plain)
 draw_stability(cells, 'it', 'stability.png')
-print(json.dumps([[p.record() for p in points], [c.record() for c in cells]]))
+print(json.dumps([[p.record() for p in points], [vars(c) for c in cells]]))
 """
 
 
 def test_the_charts_find_the_method_and_measure_its_speed_and_errors(folder):
-    assert not [method for method in METHODS if method.name == 'two circles']
+    assert not [method for method in METHODS if method.name == 'inverse cosine']
     points, cells = json.loads(run(sys.executable, '-c', IMPORT + MEASURE, cwd=folder))
     for picture in ('accuracy.png', 'stability.png'):
         assert (folder / picture).stat().st_size > 50_000
-    default, circles = (
+    default, cosines = (
         {(p['mechanism'], p['mode']): p for p in points if key(p) == (name, 'position')}
-        for name in ('factored closed form', 'two circles')
+        for name in ('factored closed form', 'inverse cosine')
     )
-    assert len(default) == len(circles) == 4
-    for place, point in circles.items():
+    assert len(default) == len(cosines) == 4
+    for place, point in cosines.items():
         if place[0] == 'near a change point':
             assert default[place]['max_error'] < 1e-15
             assert 1e-6 < point['max_error'] < 1e-3
         else:
             assert point['max_error'] < 2e-15
             assert point['us_per_state'] > 0
-    own = [cell for cell in cells if cell['method'] == 'two circles']
+    own = [cell for cell in cells if cell['method'] == 'inverse cosine']
     assert {c['situation']: c['outcome'] for c in own} == {
         'ordinary': 'right',
         'no assembly': 'NaN',

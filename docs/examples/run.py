@@ -26,7 +26,7 @@ def main() -> int:
     del sys.argv[1]
     import_module('cardan_gear')
     if program == 'chart':  # no other program solves by methods
-        import_module('two_circles')
+        import_module('inverse_cosine')
     code: int = getattr(executables, program)()
     return code
 

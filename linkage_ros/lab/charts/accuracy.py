@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.lab.methods.accuracy import Measurement
+from linkage_ros.lab.methods.accuracy import NEAR, Measurement
 from linkage_ros.lab.methods.chain import BATCH, ONE, QUANTITIES, Method, label
 from linkage_ros.lab.methods.motion_bench import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.lab.methods.outcomes import LIMIT
@@ -62,23 +62,21 @@ class _Style(NamedTuple):
 _STYLES = {
     DEFAULT: _Style('*', VERMILION, size=13),
     'factored, float32': _Style('*', VERMILION, filled=False, size=9),
+    'two circles': _Style('D', BLACK),
     'half-angle': _Style('s', BLUE),
-    'inverse cosine': _Style('D', SKY),
-    'Newton-Raphson, warm': _Style('^', GREEN),
-    'Newton-Raphson, cold': _Style('v', GREEN, filled=False),
+    'Newton-Raphson': _Style('^', GREEN),
+    "document 1's listing": _Style('v', SKY, size=7),
     'table, cubic Hermite': _Style('o', PURPLE),
-    'Fourier series': _Style('o', PURPLE, filled=False),
     '2x2 solve': _Style('P', ORANGE, size=7),
-    'sine formula': _Style('X', SKY, size=7),
     'central differences': _Style('.', DARK, size=7),
-    'power balance': _Style('h', BLACK, size=7),
-    'constrained Newton-Euler': _Style('X', BLACK, size=7),
     LIVE: _Style('o', VERMILION),
     RECORDS: _Style('*', VERMILION, filled=False, size=11),
     'DOP853': _Style('s', BLUE),
     'RK4': _Style('^', GREEN),
     'Radau': _Style('D', PURPLE),
     'multipliers, unstabilised': _Style('X', DARK),
+    'multipliers, Baumgarte': _Style('P', SKY, size=7),
+    'multipliers, projected': _Style('v', ORANGE),
 }
 _OTHER = _Style('d', DARK, filled=False)  # of a method from outside the package
 _STEADY = _Style('*', VERMILION, size=13)  # of the live default at its own setting
@@ -117,6 +115,11 @@ def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None
         axes.set_title(words, fontsize=TEXT)
     for axes in grid[-1]:
         axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
+        low, high = axes.get_xlim()
+        # Over more than two decades there is no room for a number at 2 and 5.
+        axes.xaxis.set_major_locator(
+            LogLocator(subs=(1.0, 2.0, 5.0) if high < 200 * low else (1,))
+        )
     figure.supylabel(f'largest error: {error}', fontsize=TEXT)
     handles = [
         Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0, label=_name(method.name),
@@ -140,11 +143,11 @@ def _draw_panel(axes: Axes, points: Sequence[Measurement]) -> None:
     axes.grid(visible=True, which='major', color='0.9', linewidth=0.6)
     axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
     drawn = [p for p in points if math.isfinite(p.max_error) and math.isfinite(p.us_per_state)]
-    for (method, by_steps), group in itertools.groupby(drawn, key=_series):
+    for method, group in itertools.groupby(drawn, key=lambda point: point.method):
         found = list(group)
         axes.plot(
-            [p.us_per_state for p in found], [_height(p) for p in found], ':' if by_steps else '-',
-            linewidth=0.9, zorder=5 if method in _ROLES else 3,
+            [p.us_per_state for p in found], [_height(p) for p in found], linewidth=0.9,
+            zorder=5 if method in _ROLES else 3,
             **_STYLES.get(method, _OTHER).options,
         )  # fmt: skip
     for point in drawn:
@@ -157,22 +160,17 @@ def _draw_panel(axes: Axes, points: Sequence[Measurement]) -> None:
     )  # fmt: skip
     failed = dict.fromkeys(p.method for p in points if p not in drawn)
     if failed:
+        height = 0.565 if points[0].mechanism == NEAR else 0.97  # where there are no lines
         axes.text(
-            0.98, 0.565, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
+            0.98, height, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
             fontsize=SMALL, ha='right', va='top', transform=axes.transAxes, color='0.3',
         )  # fmt: skip
     axes.set_ylim(2e-17, 30 * _CEILING)
     axes.set_yticks([10.0**exponent for exponent in range(-15, 1, 3)])
     axes.tick_params(labelsize=SMALL)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_locator(NullLocator())
-
-
-def _series(point: Measurement) -> tuple[str, bool]:
-    """Groups points into lines; each number of Newton's steps per turn has its own line."""
-    return point.method, 'steps' in point.setting and not point.setting.endswith('steps 360')
 
 
 def _height(point: Measurement) -> float:

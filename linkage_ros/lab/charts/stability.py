@@ -13,8 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TITLE, WIDTH
-from linkage_ros.lab.methods.curves import CURVE_METHODS, CURVE_SITUATIONS, STRAIGHT
-from linkage_ros.lab.methods.friction import FRICTION_METHODS, FRICTION_SITUATIONS, GROWN
+from linkage_ros.lab.methods.loads import (
+    CURVE_METHODS,
+    CURVE_SITUATIONS,
+    FRICTION_METHODS,
+    FRICTION_SITUATIONS,
+    GROWN,
+    STRAIGHT,
+)
 from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
 from linkage_ros.lab.methods.outcomes import (
     DIVERGED,
@@ -56,10 +62,10 @@ GRIDS = (
 )
 # Sizes in inches: a cell; the names to the left; those above, aslant; what is above and below all.
 # Cells of whole pixels are alike: the file is smaller by a third.
-_HIGH = 53 / DPI
-_LEFT, _RIGHT, _ABOVE = 1.2, 0.53, 1.4
-_TOP, _FOOT = 0.35, 0.75
-_NAMES, _SAID = 16, 52  # letters in a line, of situations and of what is said of them
+_WIDE, _HIGH = 92 / DPI, 53 / DPI
+_LEFT, _ABOVE = 1.2, 1.4
+_TOP, _FOOT = 0.5, 0.75
+_NAMES, _SAID = 16, 42  # letters in a line, of situations and of what is said of them
 
 
 def draw_stability(cells: Sequence[Cell], title: str, path: Path) -> None:
@@ -76,10 +82,10 @@ def draw_stability(cells: Sequence[Cell], title: str, path: Path) -> None:
     heights = [_ABOVE + _HIGH * len(situations) for _, situations in GRIDS]
     height = _TOP + sum(heights) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
-    y, wide = height - _TOP, (WIDTH - _LEFT - _RIGHT) / len(METHODS)
+    y = height - _TOP
     for (methods, situations), room in zip(GRIDS, heights, strict=True):
         y -= room
-        across, down = wide * len(methods), room - _ABOVE
+        across, down = _WIDE * len(methods), room - _ABOVE
         axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
         _draw_grid(axes, [method.name for method in methods], situations, cells)
     figure.suptitle(title, fontsize=TITLE, y=1 - 0.15 / height)
@@ -105,26 +111,22 @@ def _draw_grid(
         x, (y, situation) = methods.index(cell.method), rows[cell.situation]
         fill, ink = map(fractions, _COLORS[cell.outcome])
         axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
-        # Where no state exists, a refusal is right; beyond the end of the coordinates a motion
-        # that goes on in another assembly is right too.
+        # Where no state exists, a refusal is right.
         good = cell.outcome == RIGHT or (cell.outcome == REFUSED and not situation.exists)
         words = _SHORT.get(cell.outcome, cell.outcome)
         if cell.worst_error is not None:
-            words += f'\n{cell.worst_error:.0e}' + (' s' if cell.outcome == REFUSED else '')
+            words += f'\n{cell.worst_error:.0e}'
         axes.text(
             x + 0.5, y + 0.52, words, ha='center', va='center', color=ink, fontsize=NUMBERS,
             fontweight='normal' if good else 'bold',
         )  # fmt: skip
     labels = []
     for y, situation in rows.values():
-        is_beside = situation not in SITUATIONS  # there is room beside the grid
-        absent = '' if situation.exists or is_beside else ', no state exists'
-        labels.append(textwrap.fill(situation.name + absent, _NAMES))
-        if is_beside:
-            axes.text(
-                len(methods) + 0.15, y + 0.5, textwrap.fill(situation.words, _SAID),
-                va='center', fontsize=SMALL, color='0.3',
-            )  # fmt: skip
+        labels.append(textwrap.fill(situation.name, _NAMES))
+        axes.text(
+            len(methods) + 0.15, y + 0.5, textwrap.fill(situation.words, _SAID),
+            va='center', fontsize=SMALL, color='0.3',
+        )  # fmt: skip
     axes.set_xticks(
         [i + 0.5 for i in range(len(methods))], map(_name, methods),
         rotation=52, ha='left', fontsize=SMALL,
@@ -138,4 +140,4 @@ def _draw_grid(
 def _name(method: str) -> str:
     if method in _DEFAULTS:
         return f'{method}\n({_DEFAULTS[method]})'
-    return method.replace(', ', ',\n').replace('constrained ', 'constrained\n')
+    return method.replace(', ', ',\n')

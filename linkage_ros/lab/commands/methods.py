@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 
 from linkage_ros.lab.charts import stability as stability_chart
 from linkage_ros.lab.charts.accuracy import draw_accuracy
@@ -68,7 +69,7 @@ def stability(options: argparse.Namespace) -> None:
             cell for methods, situations in stability_chart.GRIDS
             for cell in measure_outcomes(situations, methods, cases=cases, progress=progress)
         ]  # fmt: skip
-        save_records(records, [cell.record() for cell in cells])
+        save_records(records, [asdict(cell) for cell in cells])
         title = (
             'Outcome of each method in each situation\n'
             f'the worst of {cases} cases, or of a few motions, and the largest relative error'

@@ -24,7 +24,6 @@ from linkage_ros.lab.methods.outcomes import FAILURES, LIMIT
 from linkage_ros.lab.reference.problems import coasting, driven_pump, free_pump, preset
 
 NEAR = 'near a change point'
-_QUICK_STEPS = 360
 
 
 @dataclass
@@ -103,18 +102,13 @@ def measure_accuracy(
     Args:
         benches: Linkages and motions by name.
         methods: The methods.
-        quick: Whether to use fewer rounds and settings.
+        quick: Whether to use one round.
         progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The points, with marked Pareto fronts.
     """
-    kinds = [
-        (method, setting)
-        for method in methods
-        for setting in method.settings
-        if not quick or setting.get('steps', 0) <= _QUICK_STEPS
-    ]
+    kinds = [(method, setting) for method in methods for setting in method.settings]
     points = []
     for name, bench in benches:
         timed = []
@@ -143,16 +137,16 @@ def _time(run: Callable[[], float]) -> float:
 
 def mark_fronts(points: list[Measurement]) -> None:
     """Marks the points of each panel that no other correct one beats in both time and error."""
-    panels: dict[tuple[str, str, str], list[Measurement]] = {}
-    for point in points:
-        # What is not right is fast for nothing: no front goes through it.
-        if point.max_error <= LIMIT:
-            panels.setdefault((point.mechanism, point.quantity, point.mode), []).append(point)
-    for right in panels.values():
-        for point in right:
-            point.pareto = not any(_beats(other, point) for other in right)
+    # What is not right is fast for nothing: no front goes through it.
+    right = [point for point in points if point.max_error <= LIMIT]
+    for point in right:
+        point.pareto = not any(_beats(other, point) for other in right)
 
 
 def _beats(one: Measurement, other: Measurement) -> bool:
-    no_worse = one.us_per_state <= other.us_per_state and one.max_error <= other.max_error
-    return no_worse and (one.us_per_state, one.max_error) != (other.us_per_state, other.max_error)
+    (*panel, time, error), (*others, its_time, its_error) = (
+        (point.mechanism, point.quantity, point.mode, point.us_per_state, point.max_error)
+        for point in (one, other)
+    )
+    no_worse = panel == others and time <= its_time and error <= its_error
+    return no_worse and (time, error) != (its_time, its_error)

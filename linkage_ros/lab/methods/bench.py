@@ -92,7 +92,10 @@ class LinkageBench:
             self._states[crank] = None
             with suppress(UnreachableError):
                 state = self.reference.state(crank)
-                self._states[crank] = {name: [*map(_split, row)] for name, row in state.items()}
+                self._states[crank] = {
+                    name: [(float(x), float(x - float(x))) for x in row]
+                    for name, row in state.items()
+                }
         return self._states[crank]
 
     @cached_property
@@ -107,14 +110,21 @@ class LinkageBench:
         largest = [[float(np.max(np.abs(row))) for row in each] for each in rows]
         # The rest of a rounding is no size.
         sizes = [[x if x > _NOTHING * max(each) else 0.0 for x in each] for each in largest]
-        return dict(zip(QUANTITIES, sizes, strict=True))
+        named = dict(zip(QUANTITIES, sizes, strict=True))
+        output = sizes[0][1:] if self.reference.slides else [1.0, 1.0]
+        return named | {'direction': [1.0, 1.0, *output]}
 
-    def error(self, quantity: str, crank: float, values: Iterable[float]) -> float:
-        """The largest relative error of values; inf if one is not finite or no state exists."""
+    def error(self, quantity: str, crank: float, values: Sequence[float]) -> float:
+        """The largest relative error of values; inf if one is not finite or no state exists.
+
+        A position is two numbers or, as unit vectors, more.
+        """
         exact, worst = self._exact(crank), 0.0
         if exact is None:
             return math.inf
         slides = self.reference.slides
+        if quantity == 'position' and len(values) > len(exact[quantity]):
+            quantity = 'direction'
         pairs = zip(values, exact[quantity], self._sizes[quantity], strict=True)
         for i, (value, (high, low), size) in enumerate(pairs):
             if not math.isfinite(value):
@@ -127,11 +137,6 @@ class LinkageBench:
             worst = max(worst, abs(apart - low) / scale)
         return worst
 
-    def places(self, method: Method, setting: Setting) -> Array:
-        """The angles at which a method is asked."""
-        del method, setting
-        return self.cranks
-
     def panels(self, method: Method, _: Setting) -> Iterable[tuple[str, str]]:
         """Quantities and modes that a method supports."""
         first = QUANTITIES.index(OWN[method.stage][0])
@@ -139,22 +144,18 @@ class LinkageBench:
 
     def worst_error(self, method: Method, setting: Setting, mode: str, quantity: str) -> float:
         """Largest error of a method over all angles; inf if it fails."""
-        cranks = self.places(method, setting)
-        try:
-            with np.errstate(all='ignore'):
-                function = function_of(method, self.task, setting, quantity, mode)
-                rows = evaluate(function, cranks, mode)
-        except FAILURES:
-            return math.inf
-        # Of angles that a method goes through one by one, no more count than of others.
-        pairs = list(zip(cranks.tolist(), rows, strict=True))
-        pairs = pairs[:: math.ceil(len(cranks) / len(self.cranks))]
-        return max(self.error(quantity, crank, row) for crank, row in pairs)
+        pairs = zip(
+            self.cranks.tolist(), self._answers(method, setting, quantity, mode), strict=True
+        )
+        return max(
+            math.inf if isinstance(found, str) else self.error(quantity, crank, found)
+            for crank, found in pairs
+        )
 
     def judge(self, method: Method, _: Situation) -> Iterator[Outcome]:
         """The outcome of a method's own stage, at every angle and in every mode."""
         for mode, quantity in itertools.product(method.modes, OWN[method.stage]):
-            answers = self._answers(method, quantity, mode)
+            answers = self._answers(method, method.steady, quantity, mode)
             for crank, found in zip(self.cranks.tolist(), answers, strict=True):
                 if isinstance(found, str):
                     yield found, None
@@ -172,11 +173,11 @@ class LinkageBench:
         return DIVERGED, error
 
     def _answers(
-        self, method: Method, quantity: str, mode: str
+        self, method: Method, setting: Setting, quantity: str, mode: str
     ) -> Sequence[tuple[float, ...] | str]:
         """Values at each angle, or the outcome for an error."""
         try:
-            function = function_of(method, self.task, method.steady, quantity, mode)
+            function = function_of(method, self.task, setting, quantity, mode)
         except LinkageError:
             return [REFUSED] * len(self.cranks)
         with np.errstate(all='ignore'):
@@ -196,11 +197,6 @@ def _answer(function: Function, crank: Array, mode: str) -> tuple[float, ...] | 
         return NAN
 
 
-def _split(number: Any) -> tuple[float, float]:
-    high = float(number)
-    return high, float(number - high)
-
-
 class PeriodBench(LinkageBench):
     """One period of a linkage whose crank turns fully, for errors and times.
 
@@ -215,40 +211,29 @@ class PeriodBench(LinkageBench):
             angles: Number of even angles per turn.
         """
         reach = Solver(task.mechanism).reach
-        self._turns, self._angles = reach.period_turns, angles
+        turns = reach.period_turns
         fine = reach.samples(angles)
-        extra = np.setdiff1d(fine, np.linspace(0, fine[-1], angles * self._turns + 1))
-        extra = extra[:: max(1, 360 // angles)]
-        # The fast places themselves, even or not.
-        middle = reach.fast + math.pi * np.arange(2 * self._turns)
+        even = np.linspace(0, fine[-1], angles * turns + 1)
         # No special angle flatters or fails a method by chance: half a step after 0.
-        self._ones = self.even(angles) + math.pi / angles
-        super().__init__(task, np.unique(np.concatenate([self._ones, extra, middle])))
-
-    def even(self, steps: int) -> Array:
-        """Even angles of one period, `steps` per turn."""
-        return np.arange(float(steps * self._turns)) * (2 * math.pi / steps)
-
-    def places(self, method: Method, setting: Setting) -> Array:
-        """The angles at which a method is asked."""
-        return self.even(int(setting['steps'])) if method.sequential else self.cranks
+        self._ones = even[:-1] + math.pi / angles
+        fine = np.setdiff1d(fine, even)[:: 360 // angles]
+        # The fast places themselves, even or not.
+        middle = reach.fast + math.pi * np.arange(2 * turns)
+        super().__init__(task, np.unique(np.concatenate([self._ones, fine, middle])))
 
     def timer(
         self, method: Method, setting: Setting, mode: str, quantity: str
     ) -> Callable[[], float]:
         """A function that returns the time per state, us."""
         function = function_of(method, self.task, setting, quantity, mode)
-        cranks = self.places(method, setting) if method.sequential else self._ones
-        asked = cranks.tolist() if mode == ONE else np.resize(cranks, _BATCH)
+        asked = self._ones.tolist() if mode == ONE else np.resize(self._ones, _BATCH)
         return partial(_time_pass, function, asked)
 
 
 def _time_pass(function: Function, cranks: list[float] | Array) -> float:
     """Time per state of one pass, us: one by one for a list, else all at once."""
+    calls: Iterable[Any] = cranks if isinstance(cranks, list) else [cranks]
     start = time.perf_counter()
-    if isinstance(cranks, list):
-        for crank in cranks:
-            function(crank)
-    else:
-        function(cranks)
+    for crank in calls:
+        function(crank)
     return (time.perf_counter() - start) / len(cranks) * 1e6

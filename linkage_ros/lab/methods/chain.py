@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A method from the crank angle to position, velocity, acceleration and torque.
 
-A method does one stage. The preceding stages are the package's own. A method for positions is
-followed by the 2x2 solve of documents 1 and 4, so that its rates derive from its positions, and by
-virtual power for the torque. So each method has a point in every chart from its stage on.
+A method does one stage. The position before it is the package's own, as unit vectors; a position
+is followed by the 2x2 solve of documents 1 and 4, because rates that belong to it have to come
+from it; and the torque is the package's own sum. So every method has a point in each chart that
+its stage reaches.
 """
 
 from __future__ import annotations
@@ -17,22 +18,22 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import Model
+from linkage_ros.dynamics.equations import Model, balance
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.trees import Constants
-from linkage_ros.formulas import Opaque
-from linkage_ros.lab.methods import stages, torques
+from linkage_ros.formulas import Opaque, Vector
+from linkage_ros.lab.methods import stages
 from linkage_ros.lab.methods.linkages import Linkage
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.parts import OPEN
 from linkage_ros.numeric import Array, Real, require_finite
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
-STATE, POSITION, RATES, TORQUE, MOTION = 'state', 'position', 'rates', 'torque', 'motion'
+STATE, POSITION, RATES, MOTION = 'state', 'position', 'rates', 'motion'
 ONE, BATCH = 'one at a time', 'batch'
 # What a method of a stage itself computes.
-OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3], TORQUE: QUANTITIES[3:]}
+OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3]}
 
 Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
 Setting: TypeAlias = dict[str, float]
@@ -43,19 +44,17 @@ class Method:
     """One way to solve a stage.
 
     Attributes:
-        name: Name in charts and docs.
-        stage: What it computes: 'state' (all of it), 'position', 'rates', 'torque' or 'motion'.
-        needs: Inputs that it needs besides the lengths.
-        source: Its source, with the equation.
-        solve: The formula of its stage, as in `stages`; for a motion, a function of the initial
-            value problem and a setting that begins to integrate it.
+        name: As charts and docs call it.
+        stage: What it computes: 'state' (all of it), 'position', 'rates' or 'motion'.
+        needs: What it asks for beside the lengths.
+        source: Where it is described, to the equation.
+        solve: The formula of its stage, as in `stages`; of a motion, a function of the initial
+            value problem and a setting that begins to follow it.
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best practical one.
         modes: 'one at a time', 'batch' or both.
-        sequential: Whether it proceeds from angle to angle, so that `steps` per turn are a
-            setting.
-        tool: Makes the formula's further inputs from task and setting.
-        narrow: Whether it computes in single precision, including crank angle and results.
+        tool: From task and setting, what its formula asks for besides the linkage.
+        narrow: Whether it computes in single precision, crank angle and results included.
     """
 
     name: str
@@ -66,7 +65,6 @@ class Method:
     settings: tuple[Setting, ...] = ({},)
     steady: Setting = field(default_factory=dict)
     modes: tuple[str, ...] = (ONE, BATCH)
-    sequential: bool = False
     tool: Callable[[Task, Setting], Any] | None = None
     narrow: bool = False
 
@@ -98,16 +96,8 @@ class Task:
         position = Solver(mechanism).state(crank).position
         return cls(mechanism, (round(position[1], 1), round(position[2], 1)))
 
-    def links(self, mode: str, tool: Any = None) -> stages.Links:
-        """Makes the constants of formulas.
-
-        Args:
-            mode: 'one at a time' or 'batch'.
-            tool: Tool of the method.
-
-        Returns:
-            The constants.
-        """
+    def links(self, tool: Any = None) -> stages.Links:
+        """Makes the constants of formulas, with the tool of a method."""
         mechanism, structure = self.mechanism, self.mechanism.structure()
         refuse = Opaque(require_finite)
         rocker = mechanism.rocker.length if isinstance(mechanism, FourBar) else None
@@ -119,7 +109,7 @@ class Task:
             mechanism.crank.length, mechanism.coupler.length, rocker, base,
             mechanism.frame.angle, 1.0 if mechanism.assembly == OPEN else -1.0,
             self.speed, self.acceleration, Model.of(mechanism, structure, *(refuse,) * 4),
-            Opaque(math.acos if mode == ONE else np.arccos), tool,
+            tool,
         )  # fmt: skip
 
 
@@ -136,15 +126,16 @@ def function_of(
         mode: Whether the function takes an angle or an array of them.
 
     Returns:
-        The function. It returns the coupler's direction, rad, and the output, rad or m; or their
-        velocities or accelerations; or the driving torque, N m, in a tuple of one.
+        The function: to the coupler's direction, an angle or the numbers of a unit vector, and
+        the output, the same or m; to their velocities or accelerations; to the driving torque,
+        N m, in a tuple of one.
 
     Raises:
         LinkageError: The method cannot solve this linkage.
     """
     tool = method.tool(task, setting) if method.tool else None
     formula = _formula(QUANTITIES.index(quantity), method.stage, method.solve)
-    program = Program(formula, Constants(task.links(mode, tool)), ('crank',))
+    program = Program(formula, Constants(task.links(tool)), ('crank',))
     if method.narrow:
         return lambda crank: program.arrays(np.asarray(crank, np.float32))
     return program.compile() if mode == ONE else program.arrays
@@ -154,23 +145,22 @@ def function_of(
 def _formula(index: int, stage: str, solve: Callable[..., Any]) -> Callable[..., Any]:
     """Combines the stages, all but one the package's own; leaves out unused ones."""
     position = solve if stage == POSITION else stages.factored
-    own_rates = stages.two_by_two if stage == POSITION else stages.analytic
-    rates = solve if stage == RATES else own_rates
-    own_torque = torques.own_balance if stage == STATE else torques.virtual_power
-    torque = solve if stage == TORQUE else own_torque
+    rates = stages.two_by_two if stage == POSITION else solve
 
     def solved(links: stages.Links, crank: Real) -> tuple[Real, ...]:
         speed, change = links.speed, links.change
-        locate = functools.partial(position, links)
-        place, first, second = rates(links, crank, locate)
-        velocities = tuple(k * speed for k in first)
-        accelerations = tuple(
-            c * (speed * speed) + k * change for k, c in zip(first, second, strict=True)
-        )
-        drive = torque(
-            links, (crank, *place), (1.0, *first), (speed, *velocities), (change, *accelerations)
-        )
-        return (place, velocities, accelerations, (drive,))[index]
+        if stage == STATE:
+            pose = links.model.loop.pose((crank,))
+            place: Any = [link.position for link in pose.links[1:]]
+        else:
+            place, *slopes = rates(links, crank, functools.partial(position, links))
+            pose = stages.posed(links, crank, place, *slopes)
+        moving = [(link.jacobian[0], link.curvature[0]) for link in pose.links[1:]]
+        velocities = tuple(k * speed for k, _ in moving)
+        accelerations = tuple(c * (speed * speed) + k * change for k, c in moving)
+        numbers = tuple(x for part in place for x in (part if type(part) is Vector else (part,)))
+        drive = balance(links.model, pose, (speed, *velocities), (change, *accelerations))
+        return (numbers, velocities, accelerations, tuple(drive))[index]
 
     return solved
 

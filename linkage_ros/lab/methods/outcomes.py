@@ -18,17 +18,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from linkage_ros.errors import LinkageError
 from linkage_ros.lab.methods.chain import Method
 
 RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
     'right', 'refused', 'diverged', 'wrong branch', 'NaN',
 )  # fmt: skip
+_SEED = 20_261_121
 LIMIT = 1e-6  # the error of a right answer at most
 # What arithmetic raises where a formula has no answer.
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
@@ -40,12 +40,11 @@ class Situation:
     """A kind of trouble.
 
     Attributes:
-        name: Name in charts and docs.
-        words: Description.
-        cases: Makes a number of cases, the same at every call; fewer cases for longer motions.
-        exists: Whether a state exists; otherwise the right answer is a refusal or, beyond the end
-            of coordinates, the motion continued in another assembly.
-        judged: For motions, 'trajectory', 'energy' or 'loop' (the gap of the loop).
+        name: As charts and docs call it.
+        words: What it is.
+        cases: Makes so many cases, the same at every call; motions, the longer, the fewer.
+        exists: Whether there is a state to be found; otherwise the right answer is a refusal.
+        judged: Of motions, 'trajectory', 'energy' or 'loop' (how far it is open).
     """
 
     name: str
@@ -55,25 +54,16 @@ class Situation:
     judged: str = ''
 
 
-def judged(
-    solve: Callable[[], float], exact: float, size: float, *, exists: bool = True
-) -> Outcome:
-    """The outcome of a method that computes one number.
+def one_by_one(
+    name: str, words: str, make: Callable[[Any, int], Any], *, exists: bool = True
+) -> Situation:
+    """Makes a situation from a function of random numbers and a case's number."""
 
-    Args:
-        solve: Computes the number.
-        exact: The right answer.
-        size: Scale of relative errors.
-        exists: See `Situation`.
+    def cases(count: int) -> list[Any]:
+        random = np.random.default_rng([_SEED, *name.encode()])
+        return [make(random, i) for i in range(count)]
 
-    Returns:
-        The outcome, with the relative error.
-    """
-    try:
-        error = abs(solve() - exact) / size
-    except LinkageError:
-        return REFUSED, None
-    return (RIGHT if exists and error <= LIMIT else DIVERGED), error
+    return Situation(name, words, cases, exists)
 
 
 @dataclass(frozen=True)
@@ -92,10 +82,6 @@ class Cell:
     situation: str
     outcome: str
     worst_error: float | None
-
-    def record(self) -> dict[str, Any]:
-        """The record for JSON."""
-        return asdict(self)
 
 
 def measure_outcomes(

@@ -4,9 +4,8 @@
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,22 +23,8 @@ from linkage_ros.lab.methods.linkages import (
     turning,
     with_change_point,
 )
-from linkage_ros.lab.methods.outcomes import Situation
-from linkage_ros.model.four_bar import FourBar
-
-_SEED = 20_261_121
-
-
-def _situation(
-    name: str, words: str, make: Callable[[Random, int], LinkageBench], *, exists: bool = True
-) -> Situation:
-    """Makes a situation from a function of a case's number and random numbers."""
-
-    def cases(count: int) -> list[LinkageBench]:
-        random = np.random.default_rng([_SEED, *name.encode()])
-        return [make(random, i) for i in range(count)]
-
-    return Situation(name, words, cases, exists)
+from linkage_ros.lab.methods.outcomes import one_by_one
+from linkage_ros.model.parts import CROSSED, OPEN
 
 
 def _case(mechanism: Linkage, cranks: tuple[float, ...], *, decimal: bool = False) -> LinkageBench:
@@ -106,30 +91,11 @@ def _denominator(random: Random, i: int) -> LinkageBench:
     """
     if i == 0:
         return _case(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))
-    cranks = np.linspace(0, 2 * math.pi, 721)
-    while True:
-        mechanism = turning(random)
-        if not isinstance(mechanism, FourBar):
-            continue
-        other = Solver(other_assembly(mechanism))
-        turned = other.state(cranks).position[2] - mechanism.frame.angle
-        sine, cosine = np.sin(turned), np.cos(turned)
-        (places,) = np.nonzero((sine[:-1] * sine[1:] < 0) & (cosine[:-1] < 0))
-        if places.size:
-            low, high = cranks[places[0] : places[0] + 2].tolist()
-            return _case(mechanism, (_root(other, mechanism.frame.angle, low, high),))
-
-
-def _root(solver: Solver, angle: float, low: float, high: float) -> float:
-    """Where the rocker points against the frame."""
-
-    def sine(crank: float) -> float:
-        return math.sin(solver.state(crank).position[2] - angle)
-
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if sine(low) * sine(middle) > 0 else (low, middle)
-    return low
+    r, c, d = (float(x) for x in random.uniform((0.5, 0.6, 0.1), (0.7, 0.8, 0.2)))
+    crank = float(random.uniform(0.9, 2.2)) * (1 if i % 2 else -1)
+    # B is on the line of the frame, right of the line from A to B0 where A is left of the frame.
+    b = abs(d - c - cmath.rect(r, crank))
+    return _case(four_bar((r, b, c, d), OPEN if crank > 0 else CROSSED), (crank,))
 
 
 def _wrong_guess(random: Random, _: int) -> LinkageBench:
@@ -142,13 +108,6 @@ def _few_steps(random: Random, _: int) -> LinkageBench:
     d = float(random.uniform(0.1, 0.15))
     lengths = (float(random.uniform(0.5, 0.6)), float(random.uniform(0.35, 0.45)), 0.55, d)
     return _case(four_bar(lengths, any_assembly(random)), _turn(steps=5, turns=2))
-
-
-def _long_crank(random: Random, _: int) -> LinkageBench:
-    r, angle = float(random.uniform(0.3, 0.6)), float(random.uniform(-3, 3))
-    mechanism = slider_crank(r, 0.25, 0.05, any_assembly(random), angle)
-    start, end = Solver(mechanism).reach.arcs[0]
-    return _case(mechanism, tuple(np.linspace(start, end, 34)[1:-1].tolist()))
 
 
 def _equal(random: Random, i: int) -> LinkageBench:
@@ -168,57 +127,37 @@ def _decimals(random: Random, i: int) -> LinkageBench:
     return _case(mechanism, _passing(1e-9, 1e-6, 1e-3), decimal=True)
 
 
-def _scaled(size: float) -> Callable[[Random, int], LinkageBench]:
-    def make(random: Random, _: int) -> LinkageBench:
-        lengths = (0.1 * size, 0.315 * size, 0.5 * size, 0.425 * size)
-        angle = float(random.uniform(-3, 3))
-        return _case(four_bar(lengths, any_assembly(random), angle), _turn())
-
-    return make
-
-
 def _long_run(random: Random, _: int) -> LinkageBench:
     turns = 2 * math.pi * 1e9
     return _case(turning(random), tuple(turns + x for x in _turn()))
 
 
-def _at_rest(random: Random, _: int) -> LinkageBench:
-    cranks = _turn()
-    task = Task.at(turning(random), cranks[0])
-    return LinkageBench(replace(task, speed=0.0), cranks)
-
-
 SITUATIONS = (
-    _situation('ordinary', 'random linkages that turn fully, far from change points', _ordinary),
-    _situation('change point hit', 'all links in one line, to the last bit', _hit),
-    _situation('change point passed', 'two turns through it, in both assemblies', _passed),
-    _situation(
-        'near a change point',
-        'missed by 1e-11 to 1e-13 m, angles down to 1e-14 rad from it, and on it',
-        _near,
+    one_by_one('ordinary', 'random linkages that turn fully, far from change points', _ordinary),
+    one_by_one('change point hit', 'all links in one line, to the last bit', _hit),
+    one_by_one('change point passed', 'two turns through it, in both assemblies', _passed),
+    one_by_one(
+        'near a change point', 'missed by 1e-11 to 1e-13 m; angles to 1e-14 rad from it', _near
     ),
-    _situation(
-        'dead centre',
-        'of a crank that cannot turn fully, come up to in steps, to 1e-6 rad',
-        _dead_centre,
+    one_by_one('dead centre', 'a limited crank comes up to it, to 1e-6 rad', _dead_centre),
+    one_by_one(
+        'no assembly',
+        'a crank turned beyond its reach: no state exists',
+        _no_assembly,
+        exists=False,
     ),
-    _situation('no assembly', 'a crank turned beyond its reach', _no_assembly, exists=False),
-    _situation(
+    one_by_one(
         'half-angle denominator',
-        'the coefficient of the quadratic term is zero but for rounding',
+        'the coefficient of the quadratic term is 0 but for rounding',
         _denominator,
     ),
-    _situation('wrong first guess', "the other assembly's position", _wrong_guess),
-    _situation('few steps', 'a linkage of turning links asked five times a turn', _few_steps),
-    _situation('crank longer than rod', 'slider-cranks that swing', _long_crank),
-    _situation('equal lengths', 'rhombi, kites, parallelograms, with both change points', _equal),
-    _situation(
+    one_by_one('wrong first guess', "the other assembly's position", _wrong_guess),
+    one_by_one('few steps', 'links that turn, asked five times a turn', _few_steps),
+    one_by_one('equal lengths', 'rhombi, kites, parallelograms, with both change points', _equal),
+    one_by_one(
         'lengths in decimals',
         'a change point is meant, but 0.2 + 0.3 - 0.1 - 0.4 is not 0',
         _decimals,
     ),
-    _situation('tiny links', 'a micrometre', _scaled(1e-6)),
-    _situation('huge links', 'a thousand kilometres', _scaled(1e6)),
-    _situation('long run', 'after 1e9 turns', _long_run),
-    _situation('crank at rest', 'a crank that only begins to move', _at_rest),
+    one_by_one('long run', 'after 1e9 turns', _long_run),
 )

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Formulas of all methods for positions and rates of linkages; `torques` has the others.
+"""Formulas of the methods for positions and rates of linkages.
 
 Each is traced (dynamics/program.py), like the package's own formulas, so that all are compared on
 equal terms. The loop equation is that of documents 1 (eq. 7 and 8) and 4 (eq. 2):
@@ -13,17 +13,18 @@ slider.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_ros.dynamics.equations import Model
-from linkage_ros.formulas import Vector, atan2, cos, cross, sin, sqrt
+from linkage_ros.formulas import ZERO, Vector, atan2, cos, cross, dot, sin, sqrt
+from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.numeric import Real
 
 Pair: TypeAlias = tuple[Real, Real]
-# From the crank angle to the coupler's direction and the output, rad or m.
-Locate: TypeAlias = Callable[[Real], Pair]
+# The coupler's direction and the output: each an angle, rad, a unit vector, or m.
+Place: TypeAlias = tuple[Real | Vector, Real | Vector]
+Locate: TypeAlias = Callable[[Real], Place]  # from the crank angle
 
 
 class Links(NamedTuple):
@@ -39,8 +40,7 @@ class Links(NamedTuple):
         speed: Crank speed, rad/s.
         change: Crank acceleration, rad/s^2.
         model: The package's own constants.
-        acos: Inverse cosine, for floats or for arrays.
-        tool: Further input of a method's formula: a number or functions.
+        tool: What the formula of a method asks for besides: a number or functions.
     """
 
     r: Real
@@ -52,35 +52,32 @@ class Links(NamedTuple):
     speed: Real
     change: Real
     model: Model
-    acos: Callable[[Real], Real]
     tool: Any
 
 
 # ---------------------------------------------------------------- positions
 
 
-def factored(links: Links, crank: Real) -> Pair:
+def factored(links: Links, crank: Real) -> Place:
     """The package's own: sums of terms that are never negative (model.transmission)."""
     _, coupler, output = links.model.loop.pose((crank,)).links
-    return coupler.position, output.position
+    return coupler.direction, output.position if links.c is None else output.direction
 
 
-def inverse_cosine(links: Links, crank: Real) -> Pair:
-    """The triangle of coupler, rocker and the diagonal A-B0, by the law of cosines.
-
-    For a slider-crank, the angle between the coupler and the normal of the guide.
-    """
+def two_circles(links: Links, crank: Real) -> Place:
+    """B by intersecting the circles about A and B0, or the one about A and the slider's path."""
     r, b, c, d, angle, side, *_ = links
+    arm, frame = Vector.at(crank) * r, Vector.at(angle)
     if c is None:
-        theta = crank - angle
-        along = math.pi / 2 - side * links.acos((d - r * sin(theta)) / b)
-        return along + angle, r * cos(theta) + b * cos(along)
-    x, y = Vector.at(angle) * d - Vector.at(crank) * r
-    square = x * x + y * y
-    diagonal, toward = sqrt(square), atan2(y, x)
-    coupler = toward + side * links.acos((b * b + square - c * c) / (2 * b * diagonal))
-    rocker = math.pi - side * links.acos((c * c + square - b * b) / (2 * c * diagonal))
-    return coupler, toward + rocker
+        y = d - cross(frame, arm)
+        x = side * sqrt(b * b - y * y)
+        return (frame * x + frame.left() * y) * (1 / b), dot(frame, arm) + x
+    x, y = diagonal = frame * d - arm
+    over = 1 / dot(diagonal, diagonal)
+    foot = 0.5 / b + (0.5 * (b - c) * (b + c) / b) * over
+    half_chord = side * sqrt(over - foot * foot)
+    coupler = Vector(x * foot - y * half_chord, y * foot + x * half_chord)
+    return coupler, (coupler * b - diagonal) * (1 / c)
 
 
 def half_angle(links: Links, crank: Real) -> Pair:
@@ -109,7 +106,7 @@ def _half_angle_root(a: Real, b: Real, c: Real, sign: Real) -> Real:
     return 2 * atan2((-b + sign * sqrt(b * b - 4 * a * c)) / (2 * a), 1.0)
 
 
-def looked_up(links: Links, crank: Real) -> Pair:
+def looked_up(links: Links, crank: Real) -> Place:
     """Positions from opaque functions: the tool, and both parts of its result."""
     locate, first, second = links.tool
     found = locate(crank)
@@ -127,7 +124,8 @@ class Arms(NamedTuple):
         coupler: From A to B.
         output: From B0 to B, or along the guide.
         slope: Derivative of B by the output.
-        gap: Gap of the loop.
+        gap: By how much the loop does not close.
+        over: -1 / (coupler . slope), 1/m^2, or 1/m where the output slides.
     """
 
     crank: Vector
@@ -135,46 +133,55 @@ class Arms(NamedTuple):
     output: Vector
     slope: Vector
     gap: Vector
+    over: Real
 
     @classmethod
-    def at(cls, links: Links, crank: Real, coupler: Real, output: Real) -> Arms:
+    def at(cls, links: Links, crank: Real, place: Place) -> Arms:
         """The vectors at a position."""
-        first, second = Vector.at(crank) * links.r, Vector.at(coupler) * links.b
+        coupler, output = place
+        first, second = Vector.at(crank) * links.r, direction(coupler) * links.b
         frame = Vector.at(links.angle)
         if links.c is None:
             start, third, slope = frame.left() * links.d, frame * output, frame
         else:
-            start, third = frame * links.d, Vector.at(output) * links.c
+            start, third = frame * links.d, direction(output) * links.c
             slope = third.left()
-        return cls(first, second, third, slope, first + second - start - third)
+        over = -1.0 / dot(second, slope)
+        return cls(first, second, third, slope, first + second - start - third, over)
 
     def solve(self, right: Vector) -> Pair:
         """The changes of coupler and output that move the gap by a vector: Cramer's rule."""
-        one, other = self.coupler.left(), -self.slope
-        determinant = cross(one, other)
-        return cross(right, other) / determinant, cross(one, right) / determinant
+        return cross(right, self.slope) * self.over, dot(self.coupler, right) * self.over
+
+
+def direction(link: Real | Vector) -> Vector:
+    """The unit vector of a link."""
+    return link if isinstance(link, Vector) else Vector.at(link)
+
+
+def posed(links: Links, crank: Real, place: Place, first: Pair, second: Pair) -> Pose:
+    """The pose of a position and its derivatives by the crank angle."""
+    poses = [LinkPose(crank, Vector.at(crank), (1.0,), (ZERO,))]
+    for at, rate, change in zip(place, first, second, strict=True):
+        along, angle = direction(at), at
+        if isinstance(at, Vector):
+            angle = atan2(at.y, at.x)
+        elif len(poses) == 2 and links.c is None:
+            along = Vector.at(links.angle)
+        poses.append(LinkPose(angle, along, (rate,), (change,)))
+    return Pose(tuple(poses), ())
 
 
 def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple[Real, ...]:
     """Changes of coupler and output that close the loop to first order; and its present gap."""
-    arms = Arms.at(links, crank, coupler, output)
+    arms = Arms.at(links, crank, (coupler, output))
     return (*arms.solve(-arms.gap), *arms.gap)
 
 
 # ---------------------------------------------------------------- rates
 
 # Position, and its first and second derivatives by the crank angle.
-Rates: TypeAlias = tuple[Pair, Pair, Pair]
-
-
-def analytic(links: Links, crank: Real, _: Locate) -> Rates:
-    """The package's own derivative of the factored form, without division by a small sine."""
-    second, third = links.model.loop.pose((crank,)).links[1:]
-    return (
-        (second.position, third.position),
-        (second.jacobian[0], third.jacobian[0]),
-        (second.curvature[0], third.curvature[0]),
-    )
+Rates: TypeAlias = tuple[Place, Pair, Pair]
 
 
 def two_by_two(links: Links, crank: Real, locate: Locate) -> Rates:
@@ -183,34 +190,14 @@ def two_by_two(links: Links, crank: Real, locate: Locate) -> Rates:
     Document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
     """
     position = locate(crank)
-    arms = Arms.at(links, crank, *position)
-    turn, move = first = arms.solve(-arms.crank.left())
+    arms = Arms.at(links, crank, position)
+    turn, move = first = (
+        dot(arms.crank, arms.slope) * arms.over, cross(arms.coupler, arms.crank) * arms.over,
+    )  # fmt: skip
     right = arms.crank + arms.coupler * (turn * turn)
     if links.c is not None:
         right -= arms.output * (move * move)
     return position, first, arms.solve(right)
-
-
-def sine_formula(links: Links, crank: Real, locate: Locate) -> Rates:
-    """Each rate by eliminating the other link (document 2, eq. 27 to 33).
-
-    The document omits accelerations; they are derived in the same way.
-    """
-    r, b, c, guide = links.r, links.b, links.c, links.angle
-    coupler, output = position = locate(crank)
-    if c is None:
-        cosine = cos(coupler - guide)
-        turn = -r * cos(crank - guide) / (b * cosine)
-        square = turn * turn
-        change = (r * sin(crank - guide) + b * square * sin(coupler - guide)) / (b * cosine)
-        slide = -(r * cos(crank - coupler) + b * square) / cosine
-        return position, (turn, r * sin(coupler - crank) / cosine), (change, slide)
-    sine = sin(output - coupler)
-    turn, swing = r * sin(crank - output) / (b * sine), r * sin(crank - coupler) / (c * sine)
-    u, v = b * (turn * turn), c * (swing * swing)
-    change = (v - r * cos(crank - output) - u * cos(coupler - output)) / -(b * sine)
-    second = (v * cos(output - coupler) - r * cos(crank - coupler) - u) / -(c * sine)
-    return position, (turn, swing), (change, second)
 
 
 def central_differences(links: Links, crank: Real, locate: Locate) -> Rates:
@@ -218,12 +205,11 @@ def central_differences(links: Links, crank: Real, locate: Locate) -> Rates:
     step = links.tool
     before, here, after = locate(crank - step), locate(crank), locate(crank + step)
     (a, b), (c, d) = (
-        (_wrapped(z - y), _wrapped(y - x)) if turns else (z - y, y - x)
-        for x, y, z, turns in zip(before, here, after, (True, links.c is not None), strict=True)
+        (_change(y, z), _change(x, y)) for x, y, z in zip(before, here, after, strict=True)
     )
     over, square = 1 / (2 * step), 1 / (step * step)
     return here, ((a + b) * over, (c + d) * over), ((a - b) * square, (c - d) * square)
 
 
-def _wrapped(angle: Real) -> Real:
-    return atan2(sin(angle), cos(angle))
+def _change(old: Any, new: Any) -> Real:
+    return atan2(cross(old, new), dot(old, new)) if isinstance(old, Vector) else new - old

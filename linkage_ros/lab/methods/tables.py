@@ -1,119 +1,109 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods for positions by iteration, from a table, or from a series.
+"""Methods for positions by iteration or from a table.
 
-Table and series are made from exact states of one period, and need a crank that turns fully.
-Sources: de Boor, A Practical Guide to Splines, ch. IV (cubic Hermite interpolation);
-Freudenstein, Harmonic Analysis of Crank-and-Rocker Mechanisms, J. Appl. Mech. 26 (1959).
+The table is made from exact states of one period, and needs a crank that turns fully. The
+textbook: de Boor, A Practical Guide to Splines, ch. IV (cubic Hermite interpolation).
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.formulas import cos, sin
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.methods.linkages import Linkage
-from linkage_ros.lab.methods.stages import Locate, Pair
-from linkage_ros.numeric import Array, Real
+from linkage_ros.lab.methods.stages import Pair
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.numeric import Real, wrap
+
+Locator: TypeAlias = Callable[[Any], Pair]  # from a crank angle
 
 CAP = 50
-# A series is fitted to so many states per harmonic: with more than two, what aliases is small.
-_OVERSAMPLED = 4
+_ENDLESS = 200  # iterations after which a loop without a cap counts as stuck
 
 
-class NewtonRaphson:
+def newton_raphson(step: Callable[..., Any], guess: Pair, tolerance: float) -> Locator:
     """Newton-Raphson on the loop equation, as in document 1 (eq. 8 to 12).
 
-    The document's listing iterates until step and residual are below a tolerance, without a limit;
-    here the limit is 50 iterations, and the last iterate is returned.
+    Each angle begins from the solution of the one before. The document has no cap; here 50
+    iterations are one, and the last iterate stands.
 
-    Attributes:
-        iterations: Number of iterations in all calls so far.
+    Args:
+        step: `stages.newton_step` of the linkage.
+        guess: The coupler's direction and the output from which to begin.
+        tolerance: Tolerance of step (rad, of a slider m) and residual (m).
     """
+    place = guess
 
-    def __init__(
-        self, step: Callable[..., tuple[float, ...]], guess: Pair, tolerance: float, *, warm: bool
-    ) -> None:
-        """Prepares the iteration.
-
-        Args:
-            step: `stages.newton_step` of the linkage.
-            guess: The coupler's direction and the output from which to begin.
-            tolerance: Tolerance of step (rad, of a slider m) and residual (m).
-            warm: Whether each angle begins from the solution of the one before; otherwise all
-                begin from the first guess.
-        """
-        self._step, self._guess = step, guess
-        self._tolerance, self._warm = tolerance, warm
-        self.iterations = 0
-
-    def __call__(self, crank: float) -> Pair:
-        """The position at a crank angle: the last iterate, converged or not."""
-        coupler, output = self._guess
+    def locate(crank: float) -> Pair:
+        nonlocal place
         for _ in range(CAP):
-            turn, move, x, y = self._step(crank, coupler, output)
-            coupler, output = coupler + turn, output + move
-            self.iterations += 1
-            if max(abs(turn), abs(move), abs(x), abs(y)) <= self._tolerance:
+            turn, move, x, y = step(crank, *place)
+            place = place[0] + turn, place[1] + move
+            if max(abs(turn), abs(move), abs(x), abs(y)) <= tolerance:
                 break
-        if self._warm:
-            self._guess = coupler, output
-        return coupler, output
+        return place
+
+    return locate
 
 
-class _Samples(NamedTuple):
-    """Even samples of one period of coupler and output, as smooth curves.
+def listing(mechanism: Linkage, guess: Pair) -> Locator:
+    """Document 1's listing as printed: see the errata in docs/mechanisms.md.
 
-    A link that turns with the crank adds turns; the rest is periodic.
+    The second column of its Jacobian has the coupler's length for the rocker's, and a complex
+    number for its real part, so that angles become complex. What it plots are their real parts.
 
-    Attributes:
-        length: Length of the period, rad.
-        gain: Turns of coupler and output per turn of the crank.
-        values: Periodic part of both; the last sample repeats the first.
-        slopes: Derivatives of these by the crank angle.
+    Args:
+        mechanism: The linkage; the listing knows a four-bar alone.
+        guess: The coupler's direction and the rocker's from which to begin, rad.
     """
+    x: Any = np.array(guess)
 
-    length: float
-    gain: Array
-    values: Array
-    slopes: Array
+    def locate(crank: float) -> Pair:
+        nonlocal x
+        if not isinstance(mechanism, FourBar):
+            raise ConfigurationError("document 1's listing is for a four-bar")
+        b = mechanism.coupler.length
+        fixed = cmath.rect(mechanism.crank.length, crank)
+        fixed -= cmath.rect(mechanism.frame.length, mechanism.frame.angle)
+        for _ in range(_ENDLESS):
+            coupler, rocker = np.exp(1j * x)
+            f = fixed + b * coupler - mechanism.rocker.length * rocker
+            one, other = 1j * b * coupler, -1j * b * rocker
+            jacobian = np.array([[one.real, other], [one.imag, other.imag]])
+            residual = np.array([f.real, f.imag])
+            step = np.dot(-np.linalg.inv(jacobian), residual)
+            x = x + step
+            if not np.any(np.abs([*step, *residual]) > 1e-3):
+                return float(x[0].real), float(x[1].real)
+        raise ArithmeticError('the iteration does not end')
 
-
-def _sample(mechanism: Linkage, count: int) -> _Samples:
-    solver = Solver(mechanism)
-    solver.reach.require_full_turn()
-    turns = solver.reach.period_turns
-    # Finer than the samples, so that no link turns by half a turn between two.
-    fine = max(1, math.ceil(720 * turns / count))
-    cranks = np.arange(count * fine + 1) * (turns * 2 * math.pi / (count * fine))
-    state = solver.state(cranks, 1.0)
-    curves = np.unwrap(np.stack(state.position[1:]), axis=1)
-    if solver.structure.links[-1].slides:
-        curves[1] = state.position[2]
-    # Whole turns per period, or none.
-    gain = np.round((curves[:, -1] - curves[:, 0]) / (2 * math.pi)) / turns
-    slopes = np.stack(state.velocity[1:]) - gain[:, None]
-    values = curves - gain[:, None] * cranks
-    return _Samples(turns * 2 * math.pi, gain, values[:, ::fine], slopes[:, ::fine])
+    return locate
 
 
 # A chart asks for each table several times in a row.
 @lru_cache(maxsize=2)
-def hermite(mechanism: Linkage, nodes: int) -> Locate:
+def hermite(mechanism: Linkage, nodes: int) -> Locator:
     """A table of positions and rates, read by cubic interpolation; `nodes` per period."""
-    length, gain, at, slopes = _sample(mechanism, nodes)
-    slope, change = slopes * (length / nodes), np.diff(at)
+    solver = Solver(mechanism)
+    solver.reach.require_full_turn()
+    length = solver.reach.period_turns * math.tau
+    state = solver.state(np.arange(nodes + 1) * (length / nodes), 1.0)
+    at, slope = np.stack(state.position[1:]), np.stack(state.velocity[1:]) * (length / nodes)
+    change = np.diff(at)
+    turning = 1 if solver.structure.links[-1].slides else 2
+    change[:turning] = wrap(change[:turning], np.rint)
     square = 3 * change - 2 * slope[:, :-1] - slope[:, 1:]
     cube = slope[:, :-1] + slope[:, 1:] - 2 * change
     table = np.concatenate([at[:, :-1], slope[:, :-1], square, cube])
-    (g1, g2), per_step = gain.tolist(), nodes / length
-    rows = table.T.tolist()
+    rows, per_step = table.T.tolist(), nodes / length
 
     def look_up(crank: Real) -> Pair:
         place = (crank % length) * per_step
@@ -124,28 +114,6 @@ def hermite(mechanism: Linkage, nodes: int) -> Locate:
             index = np.minimum(place.astype(np.intp), nodes - 1)
             a1, a2, b1, b2, c1, c2, d1, d2 = table[:, index]
         t = place - index
-        return (
-            a1 + t * (b1 + t * (c1 + t * d1)) + g1 * crank,
-            a2 + t * (b2 + t * (c2 + t * d2)) + g2 * crank,
-        )
+        return a1 + t * (b1 + t * (c1 + t * d1)), a2 + t * (b2 + t * (c2 + t * d2))
 
     return look_up
-
-
-@lru_cache(maxsize=2)
-def fourier(mechanism: Linkage, harmonics: int) -> Locate:
-    """A truncated Fourier series of the period, by the fast Fourier transform."""
-    length, gain, values, _ = _sample(mechanism, max(64, _OVERSAMPLED * harmonics))
-    spectrum = np.fft.rfft(values[:, :-1], axis=1, norm='forward')[:, : harmonics + 1]
-    spectrum[:, 1:] *= 2
-    rate, (g1, g2) = 2 * math.pi / length, gain.tolist()
-    pairs = spectrum.T[::-1].tolist()
-
-    def add_up(crank: Real) -> Pair:
-        z = cos(rate * crank) + 1j * sin(rate * crank)
-        first = second = 0j
-        for one, other in pairs:  # Horner
-            first, second = first * z + one, second * z + other
-        return first.real + g1 * crank, second.real + g2 * crank
-
-    return add_up

@@ -106,7 +106,9 @@ class MotionReference:
             Vector(rate, Decimal(0)) if slid else place.left() * rate
             for place, rate, slid in zip(places, rates, slides, strict=True)
         ]
-        found = self._bodies.accelerations(places, rates, torque - damping * rates[0], eliminate)
+        rows, right = self._bodies.system(places, rates)
+        right[0] += torque - damping * rates[0]
+        found = eliminate(rows, right)[: len(rates)]
         return np.array([rates[0], *(x for vector in moving for x in vector), *found])
 
     def _state(self, time: float) -> _State:

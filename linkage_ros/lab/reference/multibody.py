@@ -25,7 +25,6 @@ from linkage_ros.model.structure import Mechanism
 
 Number: TypeAlias = Any  # a float, a Decimal or an mpf
 Row: TypeAlias = list[Number]
-Solve: TypeAlias = Callable[..., Any]  # of the rows of a matrix and a right-hand side
 
 
 class Multibody:
@@ -135,22 +134,6 @@ class Multibody:
             row += [rest[j] for rest in closure]
         rows += [[*row, self._zero, self._zero] for row in closure]
         return rows, [*right, *(-x for x in rest_of_gap)]
-
-    def accelerations(
-        self, places: Sequence[Vector], rates: Row, torque: Number, solve: Solve
-    ) -> Sequence[Number]:
-        """Accelerations of the links that keep the gap constant, rad/s^2 or m/s^2.
-
-        Args:
-            places: See `gap`.
-            rates: Velocities of the links, rad/s or m/s.
-            torque: On the crank, N m.
-            solve: Solves a system of equations.
-        """
-        rows, right = self.system(places, rates)
-        right[0] += torque
-        found: Sequence[Number] = solve(rows, right)[: len(rates)]
-        return found
 
     def _columns(
         self, weights: Mapping[int, Vector], places: Sequence[Vector], rates: Row

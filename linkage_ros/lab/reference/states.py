@@ -31,8 +31,8 @@ _Number: TypeAlias = Any  # an mpf or mpc; mpmath has no types
 _Values: TypeAlias = tuple[_Number, ...]
 
 
-# By 'position' (of the coupler, rad, and of the output, rad or m), 'rate', 'acceleration' and
-# 'torque' (in a tuple of one).
+# By 'position' (of the coupler, rad, and of the output, rad or m), 'direction' (the same with unit
+# vectors for angles), 'rate', 'acceleration' and 'torque' (in a tuple of one).
 Exact: TypeAlias = dict[str, _Values]
 
 
@@ -149,6 +149,7 @@ class Reference:
             torque += slope * (sum(map(operator.mul, row, changes)) - force)
         return {
             'position': (mp.arg(coupler), output.real if self.slides else mp.arg(output)),
+            'direction': (*places[1], *places[2][: 1 if self.slides else 2]),
             'rate': tuple(rates[1:]),
             'acceleration': tuple(changes[1:]),
             'torque': (torque,),

@@ -1,0 +1,55 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A method of solving of your own: the law of cosines, as many textbooks place a linkage.
+
+The angles of the triangle of coupler, rocker and the diagonal from A to B0 have cosines that are
+nearly 1 where links come into line. There their last digit is worth half of the angle's digits;
+`linkage_chart accuracy` and `linkage_chart stability` show what that costs.
+
+Importing this file adds the method to these charts.
+"""
+
+from __future__ import annotations
+
+import math
+
+from linkage_ros.formulas import Vector, atan2, cos, sin, sqrt
+from linkage_ros.lab.methods.chain import POSITION, Method
+from linkage_ros.lab.methods.registry import METHODS
+from linkage_ros.lab.methods.stages import Links
+from linkage_ros.numeric import Real
+
+
+def inverse_cosine(links: Links, crank: Real) -> tuple[Real, Real]:
+    """From the crank angle to the coupler's direction and the output.
+
+    Args:
+        links: The constants of a four-bar, or of a slider-crank, where c is None.
+        crank: rad.
+
+    Returns:
+        Coupler, rad, and rocker, rad, or slider, m.
+    """
+    r, b, c, d, angle, side, *_ = links
+    if c is None:
+        theta = crank - angle
+        along = math.pi / 2 - side * _acos((d - r * sin(theta)) / b)
+        return along + angle, r * cos(theta) + b * cos(along)
+    x, y = Vector.at(angle) * d - Vector.at(crank) * r
+    square = x * x + y * y
+    diagonal, toward = sqrt(square), atan2(y, x)
+    coupler = toward + side * _acos((b * b + square - c * c) / (2 * b * diagonal))
+    rocker = math.pi - side * _acos((c * c + square - b * b) / (2 * c * diagonal))
+    return coupler, toward + rocker
+
+
+def _acos(cosine: Real) -> Real:
+    return atan2(sqrt(1 - cosine * cosine), cosine)
+
+
+METHODS.append(
+    Method(
+        'inverse cosine', POSITION, 'nothing',
+        'law of cosines (Norton, Design of Machinery, 4.5)', inverse_cosine,
+    )
+)  # fmt: skip

@@ -1,0 +1,198 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the measured numbers of methods.md and dynamics.md from the JSON beside them.
+
+    python docs/figures.py        renews both pages
+
+A sentence is found by its words; {} is a number in it. `linkage_chart accuracy --out docs`,
+`linkage_chart stability --out docs` and benchmarks/delay.py make the JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from linkage_ros.lab.methods.accuracy import NEAR
+from linkage_ros.lab.methods.registry import DEFAULT, LIVE, METHODS, RECORDS
+
+DOCS = Path(__file__).parent
+NUMBER = r'\d+(?:\.\d+)?(?:e-?\d+)?'
+Figure: TypeAlias = tuple[str, tuple[float, ...]]  # a sentence and its numbers
+
+_ONE, _BATCH = 'one at a time', 'batch'
+_LONG, _LOOP = 'long free run', 'loop after a long run'
+_MULTIPLIERS = [f'multipliers, {how}' for how in ('unstabilised', 'Baumgarte', 'projected')]
+
+
+def records(name: str) -> list[dict[str, Any]]:
+    """The records of a JSON file."""
+    content = json.loads((DOCS / f'{name}.json').read_text())
+    found: list[dict[str, Any]] = content['records'] if isinstance(content, dict) else content
+    return found
+
+
+def _points(method: str, mechanism: str, quantity: str, mode: str) -> list[dict[str, Any]]:
+    wanted = (method, mechanism, quantity, mode)
+    return [
+        point for point in records('accuracy')
+        if (point['method'], point['mechanism'], point['quantity'], point['mode']) == wanted
+    ]  # fmt: skip
+
+
+def _share(method: str, quantity: str, mode: str) -> float:
+    """The time of a method on the quadrilateral, over the default's."""
+    times = (
+        _points(name, 'quadrilateral', quantity, mode)[0]['us_per_state']
+        for name in (method, DEFAULT)
+    )
+    one, default = times
+    return float(one / default)
+
+
+def _best(method: str, quantity: str) -> float:
+    """The smallest error of a method on the quadrilateral."""
+    return min(p['max_error'] for p in _points(method, 'quadrilateral', quantity, _ONE))
+
+
+def _over_live(method: str, mechanism: str, mode: str, setting: str = '') -> float:
+    """The time of an integrator over that of the live default at its own setting."""
+    times = [
+        point['us_per_state']
+        for name, begin in ((method, setting), (LIVE, 'step 0.001,'))
+        for point in _points(name, mechanism, 'trajectory', mode)
+        if point['setting'].startswith(begin)
+    ]
+    one, live = times
+    return float(one / live)
+
+
+def _cell(method: str, situation: str) -> float:
+    (cell,) = [
+        cell for cell in records('stability')
+        if (cell['method'], cell['situation']) == (method, situation)
+    ]  # fmt: skip
+    return float(cell['worst_error'])
+
+
+def methods_figures() -> Iterator[Figure]:
+    """The sentences of methods.md."""
+    circles = 'two circles'
+    others = [m.name for m in METHODS if m.name != DEFAULT]
+    errors = [
+        point['max_error'] for name in others for point in _points(name, NEAR, 'position', _ONE)
+    ]
+    yield 'the best of the others is off by {} rad', (min(e for e in errors if e),)
+    yield (
+        'place the quadrilateral in {} of its time, and in {} as an array',
+        (_share(circles, 'position', _ONE), _share(circles, 'position', _BATCH)),
+    )
+    yield (
+        'driving torque they take {} of its time, and {} as an array',
+        (_share(circles, 'torque', _ONE), _share(circles, 'torque', _BATCH)),
+    )
+    yield (
+        "`float32` takes {} of the default's time",
+        (_share('factored, float32', 'torque', _BATCH),),
+    )
+    pump, quadrilateral = 'wind_pump', 'quadrilateral'
+    mean, slowest = 'motion', 'motion, slowest ms'
+    yield (
+        '{} of the time of the live default on the pump, {} of it on the quick quadrilateral',
+        (_over_live(RECORDS, pump, mean), _over_live(RECORDS, quadrilateral, mean)),
+    )
+    yield (
+        'takes {} times as long as that of the live default on the pump, and {} times on the',
+        (_over_live(RECORDS, pump, slowest), _over_live(RECORDS, quadrilateral, slowest)),
+    )
+    ratios = (_over_live(name, quadrilateral, mean, 'tolerance 1e-09') for name in _MULTIPLIERS)
+    yield 'multipliers take {} times, with Baumgarte {} times, projected {} times', tuple(ratios)
+    listing = _points("document 1's listing", quadrilateral, 'position', _ONE)
+    yield 'they are off by {} rad', (listing[0]['max_error'],)
+    yield (
+        'give a rate to {} and an acceleration to {} at best',
+        (_best('central differences', 'rate'), _best('central differences', 'acceleration')),
+    )
+    yield (
+        "to {} crank lengths in the long run. Baumgarte's equation keeps {}, projections {}",
+        tuple(_cell(name, _LOOP) for name in _MULTIPLIERS),
+    )
+    (vector_c,) = (r['ratio'] for r in records('peers') if r['peer'] == 'C, vector math')
+    yield 'Vectorised C takes {} of our time for an array', (vector_c,)
+
+
+def dynamics_figures() -> Iterator[Figure]:
+    """The sentences of dynamics.md."""
+    live = _points(LIVE, 'quadrilateral', 'trajectory', 'motion')
+    (each,) = (p['us_per_state'] for p in live if p['setting'].startswith('step 0.001,'))
+    yield 'it takes {} % of a core for the quadrilateral at 150 rpm', (each / 10,)
+    yield (
+        'are right to {} in a record and to {} live, for motor lines and guides alike',
+        tuple(
+            max(_cell(name, 'steep motor line'), _cell(name, 'stiff guide'))
+            for name in (RECORDS, LIVE)
+        ),
+    )
+    yield (
+        'keep their energy to {} in a record and to {} live',
+        (_cell(RECORDS, _LONG), _cell(LIVE, _LONG)),
+    )
+    yield (
+        'through such points to {} in a record and to {} live',
+        (_cell(RECORDS, 'stretched dyad'), _cell(LIVE, 'stretched dyad')),
+    )
+    late = {r['delay_ticks']: 100 * r['largest_deviation'] for r in records('delay')}
+    yield 'within {} % where it is that of the middle', (late[0.0],)
+    yield (
+        "It is {} % off where it is that of the tick's start, and {} % one tick later",
+        (late[0.5], late[1.5]),
+    )
+
+
+FIGURES = {'methods': methods_figures, 'dynamics': dynamics_figures}
+
+
+def shown(value: float) -> str:
+    """A number to two digits, small ones to one, as a power of ten."""
+    if 0.001 < value < 1000:
+        return f'{float(f"{value:.2g}"):g}'
+    digits, exponent = f'{value:.0e}'.split('e')
+    return f'{digits}e{int(exponent)}'
+
+
+def place(sentence: str, text: str) -> re.Match[str]:
+    """The one place of a sentence on a page.
+
+    Raises:
+        ValueError: There is none, or more than one.
+    """
+    words = [re.escape(word).replace(r'\{\}', f'({NUMBER})') for word in sentence.split()]
+    found = list(re.finditer(r'\s+'.join(words), text))
+    if len(found) != 1:
+        raise ValueError(f'{len(found)} times on the page, not once: {sentence}')
+    return found[0]
+
+
+def filled(name: str, text: str) -> str:
+    """A page with the numbers of the JSON; the text around them stays."""
+    for sentence, values in FIGURES[name]():
+        match = place(sentence, text)
+        for i, value in reversed(list(enumerate(values, 1))):
+            text = text[: match.start(i)] + shown(value) + text[match.end(i) :]
+    return text
+
+
+def main() -> None:
+    """Writes the pages."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    for name in FIGURES:
+        page = DOCS / f'{name}.md'
+        page.write_text(filled(name, page.read_text()))
+
+
+if __name__ == '__main__':
+    main()
