@@ -207,6 +207,16 @@ def test_a_live_run_has_compiled_what_its_dead_centres_need(monkeypatch):
     assert compiled == []
 
 
+@both
+def test_a_change_point_of_a_limited_crank_ends_the_motion_in_words(integrate):
+    for name in sorted(WITH_CHANGE_POINT):
+        with pytest.raises(MotionError, match='all links are in line, and the motion can') as ends:
+            begun(integrate, free(MECHANISMS[name])).advance(5.0)
+        low, high = MECHANISMS[name].reach().arcs[0]
+        (crank,) = ends.value.coordinates
+        assert low - 1e-9 < low + (crank - low) % (2 * math.pi) < high + 1e-9
+
+
 def test_without_other_coordinates_the_motion_ends_there(monkeypatch):
     """What the error says: where, and that the motion itself goes on."""
     for kind in type(MECHANISMS['triple_rocker_far']), type(STRETCHED):

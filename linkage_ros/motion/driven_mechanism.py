@@ -265,19 +265,27 @@ class DrivenMechanism:
         Raises:
             MotionError: It names time and place, and what to do.
         """
-        q = y[: len(y) // 2]
-        sine, words = self.solver.alignment(q)
+        sine, words = self.solver.alignment(y[: len(y) // 2])
+        q, other_sine = y[: len(y) // 2], 1.0
         with suppress(LinkageError):  # the end itself is a little later
             _, _, left = self.ready(y)
             time += left if left < _SOON else 0.0
-        place = f'crank at {math.degrees(q[0]) % 360:.6g} deg'
-        if len(q) > 1:
-            place += f', slider at {q[1]:.6g} m'
+            others = self.solver.meetings(y)[len(self.solver.structure.dyads) :]
+            other_sine = min((met.sine for met in others), default=1.0)
+            mechanism = self.solver.mechanism
+            q = self.redescribed(y, mechanism.coordinates)[1][: len(mechanism.coordinates)]
+        places = ', '.join(
+            f'{link.name} at {value:.6g} m'
+            if link.slides
+            else f'{link.name} at {math.degrees(value) % 360:.6g} deg'
+            for value, link in zip(y, self.links, strict=False)
+        )
         if sine < _NEAR and self.is_limited:
-            reason = (
-                f'{words}: the motion goes on in another assembly, which these coordinates do not '
-                'describe; start slower or from elsewhere, or change torque, masses or lengths'
-            )
+            way = 'the motion goes on in another assembly, which these coordinates do not describe'
+            if other_sine < _NEAR:
+                way = 'all links are in line, and the motion can go on in more than one way'
+            cure = 'start slower or from elsewhere, or change torque, masses or lengths'
+            reason = f'{words}: {way}; {cure}'
         else:
             reason = (
                 'the motion is too fast for the shortest step; lower the speed, the torque, the '
@@ -285,7 +293,7 @@ class DrivenMechanism:
             )
             if sine < _NEAR:
                 reason += '; the links are in line but for a hair: make it a change point, or no'
-        message = f'the motion ends at t = {time:.6g} s, {place}: {reason}'
+        message = f'the motion ends at t = {time:.6g} s, {places}: {reason}'
         raise MotionError(message, time=time, coordinates=q) from cause
 
     @functools.cached_property

@@ -19,7 +19,7 @@ def states_table(analysis: Analysis) -> list[str]:
         Lines for a monospaced font.
     """
     ends = {
-        '{} end where coupler and rod are stretched or folded': analysis.ended,
+        '{} leave this assembly, with coupler and rod in line': analysis.ended,
         '{} come to rest, or rock to and fro': analysis.stopped,
         'warning: {} settle at no state that is listed: quasi-periodic, chaotic, slow to settle, '
         'or of a long period': analysis.unidentified,
