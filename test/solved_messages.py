@@ -75,7 +75,7 @@ def solved_messages(configuration, motion, stamps):
     messages['/robot_description'].append((stamps[0], description))
     names = [link.name for link in links]
     for stamp in stamps:
-        q, u, a, crank = motion.at(stamp)
+        q, u, a, crank, _ = motion.at(stamp)
         state = solver.state(q, u, a)
         position, velocity, acceleration, effort = joint_rows(links, state, crank)
         header = {'stamp': time_of(stamp), 'frame_id': 'base_link'}

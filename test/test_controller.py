@@ -58,7 +58,7 @@ def ripple(rpm, believed, lead):
     wanted, worst = rpm * math.pi / 30, 0.0
     waiting = deque([0.0])
     for tick in range(1, 2000):
-        _, (speed,), _, crank = plant.at(tick * TICK_NS)
+        _, (speed,), _, crank, _ = plant.at(tick * TICK_NS)
         plant.command(tick * TICK_NS, waiting.popleft())
         waiting.append(law.torque(crank, speed, TICK))
         if tick > 1500:

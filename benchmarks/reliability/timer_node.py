@@ -37,7 +37,7 @@ def main() -> None:
         stamp = node.get_clock().now()
         # rclpy drops what it missed: a call is due at the last multiple of the period.
         late.append(round((stamp.nanoseconds - origin) % (period * 1e9)))
-        (q,), (u,), (a,), crank = motion.at(stamp.nanoseconds)
+        (q,), (u,), (a,), crank, _ = motion.at(stamp.nanoseconds)
         state = simulator.solver.state(q, u, a)
         position, velocity, _, effort = joint_rows(simulator.solver.structure.links, state, crank)
         message = JointState(
