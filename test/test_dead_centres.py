@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions past the places where their own coordinates end: dead centres and stretched dyads."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The drawings of the pages are those that the code makes; numbers quoted were measured."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

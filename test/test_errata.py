@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The errata in docs/mechanisms.md: each equation as printed and as corrected, and its figures."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

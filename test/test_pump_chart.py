@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steady states of the wind pump: numbers of other programs, laws, pumps of other kinds."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace
