@@ -31,7 +31,8 @@ from linkage_ros.motion.stiff_integrator import StiffSteps
 # Rates, 1/s: of settling, from which implicit steps cost less than explicit ones; of swinging, for
 # which all of them need more than a core.
 _STIFF, _TOO_FAST = 2e3, 1e4
-_RECORD = {'tolerance': 1e-11, 'trials': 10_000}  # of implicit steps
+_RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # of implicit steps
+_RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # of explicit ones
 
 
 def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
@@ -81,5 +82,6 @@ def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
     if driven.rates[0] > _STIFF:
         return live_steps(driven, phase, **_RECORD)
     # Between the corners of a load, long steps of high order lose their accuracy.
-    has_corners = any(load.has_corners for load in driven.solver.mechanism.loads)
-    return (FixedSteps if has_corners else AdaptiveSteps)(driven, phase)
+    if any(load.has_corners for load in driven.solver.mechanism.loads):
+        return FixedSteps(driven, phase, **_RECORD_CORNERS)
+    return AdaptiveSteps(driven, phase)

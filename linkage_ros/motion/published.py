@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 
@@ -34,8 +35,9 @@ def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coor
         LinkageError: As `Solver.accelerations`.
     """
     solver, half = driven.solver, len(y) // 2
-    unwrapped = driven.crank(y, pairs)
+    unwrapped = 0.0
     if driven.has_crank:
+        unwrapped = with_turns(y[0], pairs)
         y = within_two_turns(unwrapped)[0], *y[1:]
     if solver.coordinates == solver.mechanism.coordinates:
         q, u = y[:half], y[half:]
@@ -44,6 +46,8 @@ def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coor
             state = solver.state(q, u, a)
         return Coordinates(q, u, a, unwrapped, state)
     y = legible(driven, y)
+    if not driven.has_crank:
+        unwrapped = driven.crank(y, pairs)
     state = solver.driven_state(y[:half], y[half:], driven.torque(driven.speed(y)))
     return own_coordinates(solver, state, unwrapped)
 
@@ -71,9 +75,12 @@ def legible(driven: DrivenMechanism, y: tuple[float, ...]) -> tuple[float, ...]:
     crank, half = driven.solver.links[0], len(y) // 2
     values = list(y)
     for i, link in enumerate(driven.links):
-        if link.parent is not None and driven.solver.links[link.parent] == crank:
-            values[i] = _settled(lambda x: y[0] + joint_angle(x - y[0]), y[i])
-            values[half + i] = _settled(lambda x: y[half] + (x - y[half]), y[half + i])
+        if link.slides or link.name == crank:
+            continue
+        # A joint that hangs on the crank counts from it.
+        base, speed = (y[0], y[half]) if link.parent is not None else (0.0, 0.0)
+        values[i] = _settled(functools.partial(_of_joint, base), y[i])
+        values[half + i] = _settled(functools.partial(_of_rate, speed), y[half + i])
     return tuple(values)
 
 
@@ -97,6 +104,14 @@ def joint_angle(angle: float) -> float:
     """The angle of a joint as messages hold it, in (-pi, pi], rad."""
     found: float = wrap(angle)
     return found if found > -math.pi else math.pi
+
+
+def _of_joint(base: float, value: float) -> float:
+    return base + joint_angle(value - base)
+
+
+def _of_rate(base: float, value: float) -> float:
+    return base + (value - base)
 
 
 def _settled(function: Callable[[float], float], value: float) -> float:

@@ -36,6 +36,10 @@ from linkage_ros.wire.rows import RowLayout
 _APART = 1e-7
 # Longest time, s, over which that is asked: to follow a motion takes time too.
 _LONGEST = 10.0
+# Of the steps with which a state that is off is followed again.
+_TOLERANCE, _TRIALS = 1e-11, 10_000
+# In rad and crank lengths, and per second: no fault is what a start so far away makes.
+_NUDGE = 1e-9
 _LEAPS = (1, 4)  # steps between two states that are tried for all states at a time
 
 
@@ -237,11 +241,43 @@ class TorqueCheck:
         """
         if span > _LONGEST:
             return ''
-        size, self._command = len(origin) - 2, float(origin[-1])
-        crank, turns = float(found[-2]), origin[-2] - origin[0] if before.has_crank else 0.0
+        self._command = float(origin[-1])
+        due = self._led(before, origin, driven, found, span)
+        nudged = origin.copy()
+        nudged[: len(origin) - 2] += _NUDGE * np.array(before.units)
+        if isinstance(due, str):  # a start next to it may lead there
+            other = self._led(before, nudged, driven, found, span)
+            return due if isinstance(other, str) else ''
+        values = found[: len(due)]
+        off = _off(driven, due[:, None], values[:, None], found[-2:-1])[:, 0]
+        if off.any():
+            other = self._led(before, nudged, driven, found, span)
+            spread = np.inf if isinstance(other, str) else abs(other - due)
+            off &= abs(values - due) > spread
+        names = [f'{n} {w}' for w in ('position', 'speed') for n in driven.solver.coordinates]
+        rows = zip(names, values, due, off, strict=True)
+        wrong = (f'{n} {v:.9g}, that one leads to {d:.9g}' for n, v, d, is_off in rows if is_off)
+        return next(wrong, '')
+
+    def _led(
+        self,
+        before: DrivenMechanism,
+        origin: Array,
+        driven: DrivenMechanism,
+        found: Array,
+        span: float,
+    ) -> Array | str:
+        """Where a state leads, with as many turns as the state found; or why it does not.
+
+        Arguments as those of `_difference`.
+        """
+        size, crank = len(origin) - 2, float(found[-2])
+        turns = origin[-2] - origin[0] if before.has_crank else 0.0
         try:
             begin = replace(before, middle=before.arc_middle(float(origin[-2] - turns)))
-            steps = self._method(begin, tuple(origin[:size].tolist()))
+            steps = self._method(
+                begin, tuple(origin[:size].tolist()), tolerance=_TOLERANCE, trials=_TRIALS
+            )
             steps.advance(span)
             there, phase = steps.driven, steps.phase
             if there.solver is not driven.solver:
@@ -251,19 +287,16 @@ class TorqueCheck:
             return str(error)
         if there.solver is not driven.solver:
             return f'that one leads to the assembly {there.solver.description.assembly}'
-        due, values = np.array(phase), found[:size].copy()
+        due = np.array(phase)
         if driven.has_crank:
-            due[0], values[0] = due_crank - turns, crank - turns
+            due[0] = found[0] + (due_crank - crank)
         elif abs(due_crank - crank) > 1:
             return f'crank position {crank:.9g}, that one leads to {due_crank:.9g}'
         for i, link in enumerate(driven.links):
             if not link.slides and link.name != driven.solver.links[0]:
-                due[i] += wrap(values[i] - due[i]) - (values[i] - due[i])
-        off = _off(driven, due[:, None], values[:, None], np.array([crank]))[:, 0]
-        names = [f'{n} {w}' for w in ('position', 'speed') for n in driven.solver.coordinates]
-        rows = zip(names, values, due, off, strict=True)
-        wrong = (f'{n} {v:.9g}, that one leads to {d:.9g}' for n, v, d, is_off in rows if is_off)
-        return next(wrong, '')
+                apart = found[i] - due[i]
+                due[i] += apart - wrap(apart)
+        return due
 
 
 def _off(
