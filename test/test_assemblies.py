@@ -71,5 +71,6 @@ def test_count_is_that_of_two_circles():
 def test_a_wind_pump_or_no_angle_is_refused():
     with pytest.raises(MechanismError, match='2 degrees of freedom'):
         assemblies(PUMPS['pump'], 0.0)
-    with pytest.raises(ConfigurationError, match='crank angle = nan'):
-        assemblies(of(FULL['centric']), math.nan)
+    for wrong, words in ((math.nan, 'nan'), ('a', "'a'"), (None, 'None'), ([1.0, 2.0], '')):
+        with pytest.raises(ConfigurationError, match=f'crank angle = .*{words}'):
+            assemblies(of(FULL['centric']), wrong)

@@ -9,12 +9,15 @@ import math
 from dataclasses import replace
 from typing import TypeAlias
 
+import numpy as np
+
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import UnreachableError
+from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.slider_crank import SliderCrank
-from linkage_ros.numeric import require_finite, wrap
+from linkage_ros.numeric import real_numbers, require_finite, wrap
+from linkage_ros.quantities import shown
 
 Positions: TypeAlias = tuple[float, ...]
 
@@ -36,8 +39,11 @@ def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[Position
         For each assembly the positions of crank, coupler and output, as in `State.position`.
 
     Raises:
-        ConfigurationError: The crank angle is not a finite number.
+        ConfigurationError: The crank angle is not one finite number.
     """
+    if np.shape(crank):
+        raise ConfigurationError(f'crank angle = {shown(crank)}: give one number')
+    (crank,), _ = real_numbers(crank_angle=crank)
     require_finite(crank_angle=crank)
     solvers = [Solver(replace(mechanism, assembly=name)) for name in (OPEN, CROSSED)]
     reach, near = solvers[0].reach, _SAME * max(abs(crank), math.tau)
