@@ -3,7 +3,7 @@
 """linkage_export: the URDF of the node as a file, and an MJCF that MuJoCo turns as our plant does.
 
 MuJoCo closes the loop by a soft constraint and integrates with steps of its own. docs/urdf.md says
-how far off its crank is in the first second under the same torque as our plant; the table there is
+how far off its crank is over seconds under the same torque as our plant; the table there is
 held to what is measured here.
 """
 

@@ -149,7 +149,7 @@ class EvenTorque:
             if np.abs(speeds - last).max() <= _CLOSE * abs(self._speed):
                 applied = np.full_like(taken, self._mean(taken))
                 return Cycle(self._crank, speeds, applied, applied - added * changes)
-        raise UnsteadyError('its speed has no steady cycle')
+        raise UnsteadyError('no steady cycle of its speed was found')
 
     def _work(self, taken: Array) -> Array:
         """Work of a constant torque since angle 0, minus the work taken, J."""
