@@ -132,7 +132,7 @@ class Command(NamedTuple):
         run: Does the work, with the options of the command line; returns an exit code or None.
         purpose: One sentence.
         examples: Command lines without both names.
-        options: Its options and arguments.
+        options: The options and arguments of the command.
         usage: Replaces the usage line of argparse; None: keep that.
     """
 

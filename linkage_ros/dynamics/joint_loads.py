@@ -30,7 +30,7 @@ _ROUNDS = 1000
 
 
 class FoundLoad(NamedTuple):
-    """What the forces in the joints make, as a `Load`.
+    """The loads that joint forces cause, such as friction, as a `Load`.
 
     Attributes:
         inner: What pins between two links exert on each link, N m.

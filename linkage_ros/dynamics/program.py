@@ -241,7 +241,7 @@ class Program:
 
         Args:
             *values: Floats, and arrays that broadcast with those among the constants.
-            by_math: As for `arrays`.
+            by_math: See `arrays`.
 
         Returns:
             The result; what nothing of an array enters is a float.

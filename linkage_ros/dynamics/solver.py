@@ -42,7 +42,7 @@ class Solver:
         mechanism: Description of the mechanism.
         structure: Structure of its links.
         links: Names of the links, in the order of all tuples.
-        description: Its coordinates and assembly.
+        description: Coordinates and assembly in which motions are described.
         coordinates: Names of the links whose positions are the coordinates.
     """
 
@@ -58,9 +58,9 @@ class Solver:
         Args:
             mechanism: The mechanism to solve.
             compiled: Whether Numba turns the programs for arrays into machine code.
-            description: Coordinates and assembly; None: the mechanism's own. In its other
-                coordinates only what takes a torque, and `meetings`, are meant to be used: that
-                torque acts on the crank.
+            description: Coordinates and assembly; None: the mechanism's own. In the mechanism's
+                other coordinates use only `driven_state`, `forward` and `meetings`; the torque
+                still acts on the crank.
 
         Raises:
             MechanismError: The argument is not a mechanism.
@@ -175,7 +175,7 @@ class Solver:
             q: Coordinates.
             u: Their rates.
             torque: On the crank, N m, counter-clockwise positive.
-            by_math: Whether arrays have the bits that their floats would have; see `state`.
+            by_math: See `state`.
 
         Returns:
             Accelerations, rad/s^2, for a wind pump also m/s^2; a tuple for a tuple or for more
@@ -204,7 +204,7 @@ class Solver:
             q: Coordinates.
             u: Their rates.
             torque: On the crank, N m, counter-clockwise positive.
-            by_math: Whether arrays have the bits that their floats would have; see `state`.
+            by_math: See `state`.
 
         Returns:
             The state; its torque is the given one.
@@ -285,7 +285,7 @@ class Solver:
             state: From `state`; floats or arrays.
             name: 'A0', 'A', 'B', 'C' (the coupler point, where there is one), the four-bar's 'B0'
                 or the wind pump's 'D'.
-            by_math: Whether arrays have the bits that their floats would have; see `state`.
+            by_math: See `state`.
 
         Returns:
             Its position, velocity and acceleration in the axes of base_link.

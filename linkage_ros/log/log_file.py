@@ -21,7 +21,7 @@ class LogFile:
     """A new file, written by one thread.
 
     Attributes:
-        path: Its name.
+        path: Path of the file.
         stream: The stream to write to.
         begun: Whether it holds enough for a recovery; set by the caller.
     """
@@ -30,7 +30,7 @@ class LogFile:
         """Creates the file.
 
         Args:
-            path: Its name.
+            path: Path of the file.
             magic: First bytes of a log.
             overwrite: Whether to replace an existing log.
 

@@ -116,7 +116,7 @@ def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None
     for axes in grid[-1]:
         axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
         low, high = axes.get_xlim()
-        # Over more than two decades there is no room for a number at 2 and 5.
+        # Axes of more than two decades have no room for labels at 2 and 5.
         axes.xaxis.set_major_locator(
             LogLocator(subs=(1.0, 2.0, 5.0) if high < 200 * low else (1,))
         )
@@ -160,7 +160,7 @@ def _draw_panel(axes: Axes, points: Sequence[Measurement]) -> None:
     )  # fmt: skip
     failed = dict.fromkeys(p.method for p in points if p not in drawn)
     if failed:
-        height = 0.565 if points[0].mechanism == NEAR else 0.97  # where there are no lines
+        height = 0.565 if points[0].mechanism == NEAR else 0.97  # clear of the curves
         axes.text(
             0.98, height, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
             fontsize=SMALL, ha='right', va='top', transform=axes.transAxes, color='0.3',

@@ -164,7 +164,7 @@ class Multipliers(OfScipy):
 
         Args:
             problem: The motion and its start.
-            tolerance: As for `OfScipy`.
+            tolerance: See `OfScipy`.
             closing: Baumgarte's k, 1/s.
             projects: Whether to project after every step.
         """

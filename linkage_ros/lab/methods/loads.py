@@ -160,7 +160,7 @@ class FrictionBench(NumberBench):
         Args:
             mechanism: The linkage, without friction.
             crank: Crank angle, rad.
-            share: Of the coefficient at which |k| is 1.
+            share: Coefficient of friction over the one at which |k| is 1.
         """
         self._mechanism, self._crank = mechanism, crank
         self.push, velocity = self._force(mechanism)

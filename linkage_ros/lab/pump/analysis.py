@@ -70,7 +70,7 @@ class Analysis(NamedTuple):
 
     Attributes:
         motor: Motor of the pump.
-        states: Its steady states in order of speed, stable or not.
+        states: Steady states in order of speed, stable or not.
         averaged_states: The states that averaging predicts.
         pieces: The load curve.
         averaged: The averaged load curve.

@@ -135,7 +135,7 @@ class HarmonicBalance:
 
         Args:
             first: Mean crank speed of the first ones, rad/s.
-            last: Of the last ones.
+            last: Mean crank speed of the last ones, rad/s.
         """
         pump = self._mechanism
         r, b, c = pump.crank.length, pump.coupler.length, pump.rod.length

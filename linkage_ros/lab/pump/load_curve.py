@@ -38,8 +38,8 @@ class Limits(NamedTuple):
     """How far curves are followed.
 
     Attributes:
-        slowest: Mean speed, rad/s.
-        fastest: Likewise.
+        slowest: Lowest mean speed, rad/s.
+        fastest: Highest mean speed, rad/s.
         torque: Largest torque of the motor at rest, N m.
         step: Along the curve, relative to crank length, speed and torque.
     """
@@ -60,8 +60,8 @@ class Piece:
 
     Attributes:
         motions: In the order of the curve.
-        begins_at: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
-        ends_at: Likewise.
+        begins_at: What is at its beginning: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
+        ends_at: What is at its end: one of the same.
     """
 
     motions: list[PeriodicMotion]
