@@ -7,12 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mechanisms import with_loads
+from scipy.integrate import quad
 
 from linkage_ros import (
     Body,
     Coupler,
     FourBar,
     Frame,
+    LoadCurve,
     MechanismError,
     Solver,
     UnreachableError,
@@ -77,6 +80,35 @@ def test_without_gravity_a_lone_flywheel_turns_evenly():
         angle = 0.5 + 3.0 / 0.8 * (4.0 - (1 - math.exp(-rate * 4.0)) / rate)
         assert steps.phase[1] == pytest.approx(speed, rel=1e-12)
         assert with_turns(steps.phase[0], steps.pairs) == pytest.approx(angle, rel=1e-12)
+
+
+def test_corners_of_a_load_cost_a_record_no_accuracy():
+    """The time to each place follows from the work of a narrow peak of a load on a wheel."""
+    at, value, turn = (1.0, 1.03, 1.06), (0.0, 9.0, 0.0), 2 * math.pi
+    mechanism = with_loads(WHEEL, LoadCurve('crank', 'crank_angle', at, value))
+    corners = np.array([k * turn + place for k in range(4) for place in (0.0, *at)])
+    torques = np.interp(corners, at, value, period=turn)
+    work = np.insert(np.cumsum(np.diff(corners) * (torques[1:] + torques[:-1]) / 2), 0, 0.0)
+
+    def time_per_angle(angle):
+        i = np.searchsorted(corners, angle, side='right') - 1
+        torque = np.interp(angle, at, value, period=turn)
+        done = work[i] + (angle - corners[i]) * (torques[i] + torque) / 2
+        return 1 / math.sqrt(6.0**2 + done)  # of 2 kg m^2, from 6 rad/s
+
+    def time(angle):
+        inside = corners[corners < angle]
+        return quad(time_per_angle, 0.0, angle, points=inside, limit=200, epsrel=1e-14)[0]
+
+    angles = np.arange(1, 19)
+    times = [time(angle) for angle in angles]
+
+    def error(integrate):
+        steps = begun(integrate, mechanism, (0.0, 6.0))
+        found = [with_turns(phase[0], pairs) for phase, pairs in steps.phases(times)]
+        return np.abs(np.subtract(found, angles)).max()
+
+    assert error(record_steps) < 1e-10 < 1e-5 < error(AdaptiveSteps)  # which steps over the peak
 
 
 @both
