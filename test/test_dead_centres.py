@@ -148,7 +148,7 @@ def test_a_record_verifies_to_the_bit(name, tmp_path):
 
 
 # The rocker passes the direction in which angles jump from pi to -pi.
-SEAMS = {f'{angle:g}': of(LIMITED['triple_rocker_far'], angle) for angle in (-3, -2.5, 0.75)}
+SEAMS = {f'{angle:g}': of(LIMITED['triple_rocker_far'], angle) for angle in (-3, 0.75)}
 
 
 @pytest.mark.parametrize('name', [*SEAMS, 'spinning', 'pump'])
@@ -170,7 +170,7 @@ def test_states_beside_the_seam_of_angles_close_the_loop_and_verify(name, tmp_pa
         assert all(-math.pi < angle <= math.pi for angle in turning)
     record(settings, tmp_path / 'run.mcap', duration=3.0)
     slow = replace(settings, session=replace(settings.session, rate_hz=0.7))
-    record(slow, tmp_path / 'slow.mcap', duration=20.0)
+    record(slow, tmp_path / 'slow.mcap', duration=8.0)
     for path in (tmp_path / 'run.mcap', tmp_path / 'slow.mcap'):
         with LogReader(path) as log:
             report = verify(log)
