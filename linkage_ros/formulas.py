@@ -101,7 +101,13 @@ def atan2(y: Real, x: Real) -> Real:
 
 
 def is_finite(*values: Real) -> Any:
-    """Whether a sum of values is finite, and with it each of them, as a condition."""
+    """Whether a sum of values is finite, and with it each of them, as a condition.
+
+    A program leaves out the values from which another one is made, which shows it.
+    """
+    recorded = next((x for x in values if hasattr(x, 'apply')), None)
+    if recorded is not None:
+        values = recorded.tape.unshown(values)
     value = number(total(values))
     return value - value >= 0.0  # inf - inf is not a number, for which no comparison holds
 

@@ -26,9 +26,12 @@ Array: TypeAlias = npt.NDArray[np.float64]
 
 def by_element(function: Callable[..., float]) -> Callable[..., Real]:
     """Lets a function of floats take arrays; NumPy's functions may differ in the last bit."""
+    floats = {float}
 
     @functools.wraps(function)
     def apply(*values: Real) -> Real:
+        if floats.issuperset(map(type, values)):
+            return function(*values)
         array = next((x for x in values if isinstance(x, np.ndarray)), None)
         if array is None:
             return function(*values)
@@ -95,7 +98,7 @@ def nearest_turns(angle: float) -> int:
     Returns:
         The number of turns.
     """
-    return round(Fraction(angle) / TURN)
+    return round(Fraction(angle) / TURN) if abs(angle) > 3 else 0
 
 
 def within_two_turns(angle: float) -> tuple[float, int]:

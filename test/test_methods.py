@@ -161,7 +161,7 @@ def test_central_differences_are_of_order_2(benches, quantity):
 def newton(mechanism, guess, tolerance):
     """The iteration, and a list that grows by the gaps that it finds."""
     links = Constants(Task(mechanism, guess).links())
-    step = Program(stages.newton_step, links, ('crank', 'coupler', 'output')).compile()
+    step = Program(stages.newton_step, links, ('crank', 'coupler', 'output')).scalar
     steps = []
 
     def counted(*place):

@@ -257,7 +257,7 @@ def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
         programs.cache_clear()
     simulator = Simulator(STEEP)
     simulator.prepare_live()
-    monkeypatch.delattr(Program, 'compile')
+    monkeypatch.delattr(Program, 'code')
     assert simulator.begin(START).at(START + NS_PER_MS).u[0] == pytest.approx(5 * math.pi)
 
 

@@ -28,7 +28,7 @@ class Adapter(Peer):
     def __init__(self, mechanism, speed, first):
         super().__init__(mechanism, speed, first)
         self.state = Solver(mechanism).state
-        self.pose = Program(pose, Constants(mechanism.loop()), ('crank',)).compile()
+        self.pose = Program(pose, Constants(mechanism.loop()), ('crank',)).scalar
 
     def torque(self, angles):
         state, speed = self.state, self.speed

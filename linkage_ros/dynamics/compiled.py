@@ -44,7 +44,7 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
     given = np.array([row.ravel() for row in rows], dtype=np.float64)
     tree = program.tape.result
     found = np.empty((len(leaves(tree)), given.shape[1]))
-    numbers = itertools.compress(program.constants.numbers, program.code.used)
+    numbers = itertools.compress(program.constants.numbers, program.code().used)
     constants = (x if isinstance(x, float) else math.nan for x in numbers)
     refused = _loop(program.source)(*constants, given, found)
     if refused >= 0 and given.size:
@@ -67,8 +67,9 @@ def _loop(source: str) -> Callable[..., int]:
         import numba
     except ImportError:
         raise ConfigurationError(missing_library('numba')) from None
-    (bind,) = ast.parse(source).body
-    *before, body, _ = bind.body  # type: ignore[attr-defined]
+    functions: Any = ast.parse(source).body
+    bind, body = functions
+    *before, _ = bind.body
     *statements, result = body.body
     lines = [
         *(_refusing('0', x) for x in before),
@@ -78,7 +79,7 @@ def _loop(source: str) -> Callable[..., int]:
         *(f'    found[{n}, i] = {text}' for n, text in enumerate(_results(result.value))),
         'return -1',
     ]
-    head = f'def loop({ast.unparse(bind.args)}, given, found):'  # type: ignore[attr-defined]
+    head = f'def loop({ast.unparse(bind.args)}, given, found):'
     space = vars(math) | {}
     exec('\n    '.join([head, *lines]), space)  # noqa: S102
     return numba.njit(space['loop'], error_model='numpy')  # type: ignore[no-any-return]

@@ -2,17 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Virtual power: from pose, masses and loads to the driving torque, or to the accelerations.
 
-Every centre of mass is a fixed combination of the link directions, G = sum_j rho_j e^(i phi_j)
-(+ constant). The sums over the bodies of document 1's power balance and document 3's virtual
-work, m v . a, J w eps and P . v, then need the bodies only through two kinds of constants,
-
-    C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
-
-made once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
-through the spin of link j is sum_k A phi_k'' - B phi_k'^2. A link that slides adds its mass. The
-power of the loads is subtracted. Weighed with the links' velocities per rate of each coordinate
-(the jacobian), this gives the equations of motion M q'' + h - Q = driving torque, and 0 for
-coordinates that nothing drives. No pin reaction appears.
+The sums over the bodies of document 1's power balance and document 3's virtual work, m v . a,
+J w eps and P . v, need the bodies only through the constants of `Model`. With A + i B =
+C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces through the spin of link j is
+sum_k A phi_k'' - B phi_k'^2. A link that slides adds its mass. The power of the loads is
+subtracted. Weighed with the links' velocities per rate of each coordinate (the jacobian), this
+gives the equations of motion M q'' + h - Q = driving torque, and 0 for coordinates that nothing
+drives. No pin reaction appears.
 """
 
 from __future__ import annotations
@@ -22,141 +18,12 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from linkage_ros.dynamics.model import Model
 from linkage_ros.dynamics.state import State
-from linkage_ros.formulas import (
-    ZERO,
-    Opaque,
-    Vector,
-    cross,
-    dot,
-    is_finite,
-    number,
-    require,
-    total,
-    where,
-)
-from linkage_ros.model.loads import JointLoad, Load
-from linkage_ros.model.pose import LinkPose, Loop, Pose
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.formulas import ZERO, cross, dot, is_finite, number, require, total, where
+from linkage_ros.model.pose import Pose
+from linkage_ros.model.structure import Dyad
 from linkage_ros.numeric import Real
-
-
-class Weight(NamedTuple):
-    """The weights of all bodies, as a load; see `linkage_ros.model.loads.Load`.
-
-    Attributes:
-        links: The links.
-        gravity: Acceleration of gravity, m/s^2.
-    """
-
-    links: tuple[Link, ...]
-    gravity: Vector
-
-    def _moment(self, j: int) -> Vector:
-        """The product conj(W_j) g as x and y, N m; for a sliding link m g, N."""
-        if self.links[j].slides:
-            return self.gravity * self.links[j].mass
-        turning = (link for link in self.links if not link.slides)
-        arm = total(link.center.weights[j] * link.mass for link in turning)
-        return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
-
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: Re(conj(i W_j e^(i phi_j)) g)."""
-        del rates
-        return {
-            j: (dot if self.links[j].slides else cross)(link.direction, self._moment(j))
-            for j, link in enumerate(links)
-        }
-
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: there is none."""
-        del links, rates
-        return {}
-
-    def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`."""
-        energy = ZERO
-        for j, link in enumerate(links):
-            along = dot(link.direction, self._moment(j))
-            energy = energy - (along * link.position if self.links[j].slides else along)
-        return energy
-
-
-class Model(NamedTuple):
-    """All constants of a mechanism, for formulas.
-
-    Attributes:
-        loop: Constants of the kinematics.
-        links: The links.
-        pins: The pin joints; empty if joint forces are not supported.
-        places: Their points, in the same order.
-        dyads: The dyads.
-        other_dyads: The dyads in the other coordinates.
-        gravity: Acceleration of gravity, m/s^2.
-        loads: What acts on the links besides their weights, but for `joint_loads`.
-        joint_loads: What the forces in the joints make.
-        refuse: Refuses q, u and a that are not finite, or that make a result not finite.
-        refuse_torque: Refuses q, u and a torque, likewise.
-        refuse_straight: Refuses q at which forces in the joints have no finite value.
-        massless: Refuses a mass matrix that is not positive.
-    """
-
-    loop: Loop
-    links: tuple[Link, ...]
-    pins: tuple[Pin, ...]
-    places: tuple[Point, ...]
-    dyads: tuple[Dyad, ...]
-    other_dyads: tuple[Dyad, ...]
-    gravity: Vector
-    loads: tuple[Load, ...]
-    joint_loads: tuple[JointLoad, ...]
-    refuse: Opaque
-    refuse_torque: Opaque
-    refuse_straight: Opaque
-    massless: Opaque
-
-    @classmethod
-    def of(
-        cls,
-        mechanism: Mechanism,
-        structure: Structure,
-        *refusals: Opaque,
-        loop: Loop | None = None,
-    ) -> Model:
-        """Collects the constants of a mechanism; by default with its own loop."""
-        loop = loop or mechanism.loop()
-        pins, gravity = structure.pins, Vector(*mechanism.gravity)
-        places = tuple(structure.points[pin.name] for pin in pins)
-        return cls(
-            loop, structure.links, pins, places, structure.dyads, structure.other_dyads, gravity,
-            mechanism.link_loads(), mechanism.joint_loads(), *refusals,
-        )  # fmt: skip
-
-    def all_loads(self) -> tuple[Load, ...]:
-        """All loads on the links, weights included."""
-        return (Weight(self.links, self.gravity), *self.loads)
-
-    def coupling(self, j: int, k: int) -> Vector:
-        """C_jk as real and imaginary part, kg m^2; ZERO: no body couples the links."""
-        result = Vector(ZERO, ZERO)
-        for link in self.links:
-            if not link.slides:
-                first, second = link.center.weights[j] * link.mass, link.center.weights[k]
-                result += Vector(dot(first, second), cross(first, second))
-        return result
-
-    def inertia(self, j: int) -> Real:
-        """C_jj of a link, kg m^2; of a link that slides its mass, kg."""
-        link = self.links[j]
-        return link.mass if link.slides else self.coupling(j, j).x + link.inertia
-
-    def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
-        """C_jk e^(i (phi_k - phi_j)) as A and B."""
-        coupling, first, second = (
-            self.coupling(j, k), pose.links[j].direction, pose.links[k].direction,
-        )  # fmt: skip
-        cos, sin = dot(first, second), cross(first, second)
-        return coupling.x * cos - coupling.y * sin, coupling.x * sin + coupling.y * cos
 
 
 def velocities(pose: Pose, u: Sequence[Real]) -> list[Real]:
@@ -237,6 +104,11 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real])
     return State(positions, tuple(rates), tuple(changes), torque)
 
 
+def steady(model: Model, q: Sequence[Real], u: Sequence[Real]) -> State:
+    """The same at constant rates."""
+    return state(model, q, u, ())
+
+
 def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
     """The accelerations under a torque on the crank: M q'' + h - Q = torque, solved for q''."""
     require(is_finite(*q, *u, torque), model.refuse_torque, *q, *u, torque)
@@ -251,6 +123,12 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
     found = solved(matrix, driven, inertia)
     for change in found:
         require(is_finite(change), model.refuse_torque, *q, *u, torque)
+    return found
+
+
+def acceleration(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> Real:
+    """The acceleration of the only coordinate under a torque on the crank."""
+    (found,) = forward(model, q, u, torque)
     return found
 
 
@@ -302,11 +180,14 @@ class Meeting(NamedTuple):
     rate: Real
 
 
-def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meeting, ...]:
-    """The angles at which the links of each dyad meet, then those of the other dyads."""
+def meetings(
+    constants: tuple[Model, tuple[Dyad, ...]], q: Sequence[Real], u: Sequence[Real]
+) -> tuple[Meeting, ...]:
+    """The angles at which the links of dyads meet; the first are the dyads of the pose."""
+    model, dyads = constants
     pose = model.loop.pose(tuple(q))
     rates, found = velocities(pose, u), []
-    for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
+    for dyad, exact in itertools.zip_longest(dyads, pose.sines):
         first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
         # A link that slides meets the other with its normal, and does not turn.
         slides = model.links[dyad.second].slides

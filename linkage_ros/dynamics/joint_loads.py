@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import Model, state, velocities
+from linkage_ros.dynamics.equations import state, velocities
 from linkage_ros.dynamics.force_search import Search, advanced
+from linkage_ros.dynamics.model import Model
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import reactions
+from linkage_ros.dynamics.reactions import Joints, reactions
 from linkage_ros.dynamics.state import State
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import ZERO, Vector
@@ -79,13 +80,14 @@ def round_program(constants: Constants, motion: Sequence[tuple[str, ...]]) -> Pr
     """The program of a round.
 
     Args:
-        constants: A `Model`.
+        constants: A `Model` and `Joints`.
         motion: Names of the coordinates, of their rates and of their accelerations.
 
     Returns:
         `joint_load_round`, as a function of the motion and the fields of `Search`.
     """
-    contacts = _contacts(constants.tree, [0.0] * len(constants.tree.links))
+    model, joints = constants.tree
+    contacts = _contacts(model, joints, [0.0] * len(model.links))
     rows = (
         tuple(f'{word}_{i}_{contact.joint}' for i, contact in enumerate(contacts))
         for word in ('size', 'known')
@@ -94,7 +96,7 @@ def round_program(constants: Constants, motion: Sequence[tuple[str, ...]]) -> Pr
 
 
 def joint_load_round(
-    model: Model,
+    constants: tuple[Model, Joints],
     q: Sequence[Real],
     u: Sequence[Real],
     a: Sequence[Real],
@@ -105,7 +107,7 @@ def joint_load_round(
     """The motion under the loads that some forces make, and a step of Newton's method from these.
 
     Args:
-        model: The constants.
+        constants: The constants.
         q: Coordinates.
         u: Their rates.
         a: Their accelerations.
@@ -116,13 +118,14 @@ def joint_load_round(
     Returns:
         The round.
     """
+    model, joints = constants
     rates = velocities(model.loop.pose(tuple(q)), u)
-    search, contacts = Search(*begun, sizes, known), _contacts(model, rates)
+    search, contacts = Search(*begun, sizes, known), _contacts(model, joints, rates)
     exert = functools.partial(_exerted, contacts, search.share, len(rates))
     load = exert(sizes)
     loaded = model._replace(loads=(*model.loads, load))
-    found = reactions(loaded, q, u, a)
-    forces = _forces(model, contacts, found)
+    found = reactions((loaded, joints), q, u, a)
+    forces = _forces(constants, contacts, found)
 
     # The loads alone that a force of 1 N makes in one joint after the other: R_km.
     nothing: Any = ZERO
@@ -130,14 +133,14 @@ def joint_load_round(
     weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
     units = [[1.0 if k == m else ZERO for k in range(len(sizes))] for m in range(len(sizes))]
     alone = [weightless._replace(loads=(exert(unit),)) for unit in units]
-    slopes = [_forces(model, contacts, reactions(other, q, u, a)) for other in alone]
+    slopes = [_forces(constants, contacts, reactions((x, joints), q, u, a)) for x in alone]
     ahead, left = advanced(search, forces, slopes)
     return Round(state(loaded, q, u, a), found, load, ahead, left)
 
 
-def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
+def _contacts(model: Model, joints: Joints, rates: Sequence[Real]) -> list[Contact]:
     loads = model.joint_loads
-    return [x for load in loads for x in load.contacts(model.pins, model.links, rates)]
+    return [x for load in loads for x in load.contacts(joints.pins, model.links, rates)]
 
 
 def _exerted(
@@ -152,11 +155,13 @@ def _exerted(
     return FoundLoad(tuple(inner), tuple(outer))
 
 
-def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -> list[Vector]:
+def _forces(
+    constants: tuple[Model, Joints], contacts: Sequence[Contact], found: tuple[Any, ...]
+) -> list[Vector]:
     """The forces in the joints of contacts."""
-    pins, guides, *_ = found
+    (model, joints), (pins, guides, *_) = constants, found
     sliding = (link.name for link in model.links if link.slides)
-    forces = dict(zip((pin.name for pin in model.pins), pins, strict=True))
+    forces = dict(zip((pin.name for pin in joints.pins), pins, strict=True))
     forces |= {name: Vector(x, ZERO) for name, x in zip(sliding, guides, strict=True)}
     return [forces[contact.joint] for contact in contacts]
 

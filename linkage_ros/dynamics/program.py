@@ -18,13 +18,14 @@ import itertools
 import linecache
 import math
 import re
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable
+from types import FunctionType
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from linkage_ros import formulas
-from linkage_ros.dynamics.tape import OPERATORS, Argument, Recorder, Tape
+from linkage_ros.dynamics.tape import COMPARISONS, OPERATORS, Argument, Recorder, Tape
 from linkage_ros.dynamics.trees import Constants, leaves, transformed
 from linkage_ros.numeric import Real, by_element
 
@@ -34,8 +35,10 @@ _INFIX = {
     'neg': '-{}', 'where': '{1} if {0} else {2}',
 }  # fmt: skip
 _FUNCTIONS = {'sin': np.sin, 'cos': np.cos, 'sqrt': np.sqrt, 'atan2': np.arctan2}
+_RESERVED = {*_FUNCTIONS, 'abs', 'bind', 'inf', 'new', 'refuse', 'locals'}
 _LONG = 200  # characters of a term that gets a line of its own
 _serial = itertools.count(1)
+_T = TypeVar('_T')
 
 
 class Writer:
@@ -46,15 +49,16 @@ class Writer:
         used: For each number of the constants, whether the text uses it.
     """
 
-    def __init__(self, tape: Tape, arrays: frozenset[str]) -> None:
+    def __init__(self, tape: Tape, arrays: frozenset[str], head: tuple[str, ...]) -> None:
         """Finds the operations that the result needs.
 
         Args:
             tape: The operations.
             arrays: Names of the array inputs; none: all are floats.
+            head: The first lines of the program; empty: the usual one.
         """
         self.namespace: dict[str, Any] = {}
-        self._tape, lines = tape, tape.lines
+        self._tape, self._head, lines = tape, head, tape.lines
         result = [x.line for x in leaves(tape.result) if isinstance(x, Recorder)]
         live = {*result, *(i for i, line in enumerate(lines) if line.operation == 'require')}
         for i in reversed(range(len(lines))):
@@ -71,24 +75,37 @@ class Writer:
             if name in arrays or not self._varying.isdisjoint(operands):
                 self._varying.add(i)
         self._words = {i: line.text for i, line in enumerate(lines) if line.text}
-        self._taken = {*self._words.values(), *_FUNCTIONS, 'abs', 'bind', 'inf', 'new', 'refuse'}
+        self._taken = {*_RESERVED, *self._words.values(), *re.findall(r'\w+', ' '.join(head))}
 
-    def text(self) -> str:
-        """The source of a function of the constants that returns the program."""
+    def text(self) -> tuple[str, str]:
+        """The sources of two functions.
+
+        The first computes what depends on constants alone, and returns all that it knows by name.
+        The second is the program, which reads these names.
+        """
         tape = self._tape
         written = [
             (i in self._inner, self._statement(i)) for i in self._live if i not in self._words
         ]
         before, within = ([x for part, x in written if x and part == wanted] for wanted in (0, 1))
-        given = ', '.join(line.text for line in tape.lines if line.operation == 'input')
-        numbers = (line.text for line in tape.lines if line.operation == 'constant')
+        numbers = [line.text for line in tape.lines if line.operation == 'constant']
         constants = ', '.join(itertools.compress(numbers, self.used))
-        result = f'return {self._tree(tape.result)}'
-        body = [f'def {tape.title}({given}):', *within, result]
+        inputs = ', '.join(line.text for line in tape.lines if line.operation == 'input')
+        program = [
+            *(self._head or [f'def {tape.title}({inputs}):']),
+            *within,
+            f'return {self._tree(tape.result)}',
+        ]
         if self._varying:
-            _free_memory(body)
-        within_bind = [*before, '\n        '.join(body), f'return {tape.title}\n']
-        return '\n    '.join([f'def bind({constants}):', *within_bind])
+            _free_memory(program)
+        bind = [f'def bind({constants}):', *before, 'return locals()']
+        return '\n    '.join(bind) + '\n\n\n', '\n    '.join(program) + '\n'
+
+    def numbers(self) -> list[str]:
+        """The names in the program of numbers that depend on constants alone."""
+        others = 'literal', 'require', *COMPARISONS
+        outer = (i for i in self._live if i not in self._inner)
+        return [self._words[i] for i in outer if self._tape.lines[i].operation not in others]
 
     def _statement(self, i: int) -> str:
         """The statement of a line; empty if its text is inlined into its only use."""
@@ -143,20 +160,30 @@ class Code(NamedTuple):
     """A compiled program whose constants are not bound yet.
 
     Attributes:
-        bind: Function of the used constants that returns the program.
-        text: Source code of the program.
+        text: Source code of the functions `bind` and `program`.
         used: For each number of the constants, whether it is used.
+        bind: Computes what depends on constants alone, by name.
+        program: The program, with texts of these names in place of numbers.
+        space: The other names that it reads.
     """
 
-    bind: Callable[..., Any]
     text: str
     used: list[bool]
+    bind: Callable[..., dict[str, Any]]
+    program: Any
+    space: dict[str, Any]
+
+    def bound(self, numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
+        """The program with numbers in it: Python reads these faster than variables."""
+        values = self.bind(*itertools.compress(numbers, self.used))
+        code, space = self.program.__code__, {**self.space, **values, **others}
+        code = code.replace(co_consts=transformed(lambda x: values.get(x, x), code.co_consts))
+        return FunctionType(code, space, code.co_name, self.program.__defaults__)
 
 
-@functools.cache
-def _compile(tape: Tape, arrays: frozenset[str], *, by_math: bool) -> Code:
-    writer = Writer(tape, arrays)
-    text, path = writer.text(), f'<{tape.title} {next(_serial)}>'
+def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_math: bool) -> Code:
+    writer = Writer(tape, arrays, head)
+    (bind, program), path = writer.text(), f'<{tape.title} {next(_serial)}>'
     space = {
         **writer.namespace, 'inf': math.inf, 'new': tuple.__new__, 'refuse': formulas.require,
         'array_abs': np.absolute, 'array_where': np.where,
@@ -164,12 +191,13 @@ def _compile(tape: Tape, arrays: frozenset[str], *, by_math: bool) -> Code:
     for name, function in _FUNCTIONS.items():
         space[name] = getattr(math, name)
         space[f'array_{name}'] = by_element(space[name]) if by_math else function
-    exec(compile(text, path, 'exec'), space)  # noqa: S102
+    numbers = '|'.join(writer.numbers()) or '$'
+    quoted = re.sub(rf'\b({numbers})\b(?!\()', r"'\1'", program)
+    exec(compile(bind + quoted, path, 'exec'), space)  # noqa: S102
+    text = bind + program
     linecache.cache[path] = len(text), None, text.splitlines(keepends=True), path
-    return Code(space['bind'], text, writer.used)
-
-
-_tapes: dict[Any, Tape] = {}
+    name = program[len('def ') : program.index('(')]
+    return Code(text, writer.used, space.pop('bind'), space.pop(name), space)
 
 
 class Program:
@@ -180,8 +208,6 @@ class Program:
     Attributes:
         formula: The formula.
         constants: Constants bound to the formula.
-        names: Names of the scalar arguments, in order.
-        scalar: The program for floats: a function of all numbers of the arguments, one by one.
     """
 
     def __init__(
@@ -195,38 +221,67 @@ class Program:
             arguments: The names of the arguments.
         """
         self.formula, self.constants, self._arguments = formula, constants, arguments
-        self.names: list[str] = leaves(arguments)
-        self.scalar: Callable[..., Any] = self._first
-
-    def compile(self) -> Callable[..., Any]:
-        """Compiles the program for floats now, not at its first run."""
-        self.scalar = self._bind(frozenset())
-        return self.scalar
-
-    def _first(self, *values: float) -> Any:
-        return self.compile()(*values)
-
-    def _bind(self, arrays: frozenset[str], *, by_math: bool = False) -> Any:
-        code = _compile(self.tape, arrays, by_math=by_math)
-        return code.bind(*itertools.compress(self.constants.numbers, code.used))
 
     @functools.cached_property
-    def tape(self) -> Tape:
-        """The recorded formula."""
-        key = self.formula, self.constants.structure, self._arguments
-        if key not in _tapes:
-            _tapes[key] = Tape(self.formula, self.constants.tree, self._arguments)
-        return _tapes[key]
+    def names(self) -> list[str]:
+        """Names of the scalar arguments, in order."""
+        return leaves(self._arguments)
+
+    @functools.cached_property
+    def scalar(self) -> Callable[..., Any]:
+        """The program for floats: a function of all numbers of the arguments, one by one."""
+        return self.code().bound(self.constants.numbers)
+
+    def entry(self, *head: str, otherwise: Callable[..., Any]) -> Callable[..., Any]:
+        """The program for floats as a function of other arguments.
+
+        Args:
+            *head: Its definition, and lines that give the program's arguments their values.
+            otherwise: A function that these lines may call by this name.
+
+        Returns:
+            The function.
+        """
+        return self.code(head=head).bound(self.constants.numbers, otherwise=otherwise)
 
     @property
-    def code(self) -> Code:
-        """The program for floats, without bound constants."""
-        return _compile(self.tape, frozenset(), by_math=False)
+    def tape(self) -> Tape:
+        """The recorded formula."""
+        return self._once((), lambda: Tape(self.formula, self.constants.tree, self._arguments))
 
     @property
     def source(self) -> str:
         """The program for floats as Python text."""
-        return self.code.text
+        return self.code().text
+
+    def code(
+        self,
+        arrays: frozenset[str] = frozenset(),
+        head: tuple[str, ...] = (),
+        *,
+        by_math: bool = False,
+    ) -> Code:
+        """The program without its constants, compiled once for a structure.
+
+        Args:
+            arrays: Names of the arguments that are arrays; none: all are floats.
+            head: Its first lines; see `entry`.
+            by_math: Whether arrays use the functions of `math`.
+
+        Returns:
+            The code.
+        """
+        return self._once(
+            (arrays, head, by_math), lambda: _compile(self.tape, arrays, head, by_math=by_math)
+        )
+
+    def _once(self, part: tuple[Any, ...], make: Callable[[], _T]) -> _T:
+        """Makes something once for all programs of one formula and structure."""
+        known, key = self.constants.known, (self.formula, self._arguments, *part)
+        if key not in known:
+            known[key] = make()
+        found: _T = known[key]
+        return found
 
     def untraced(self, *values: float) -> Any:
         """The formula itself on floats, for debugging and comparison."""
@@ -250,7 +305,7 @@ class Program:
         given = zip([*named, *self.names], [*self.constants.numbers, *values], strict=True)
         varying = frozenset(name for name, value in given if isinstance(value, np.ndarray))
         with np.errstate(all='ignore'):
-            return self._bind(varying, by_math=by_math)(*values)
+            return self.code(varying, by_math=by_math).bound(self.constants.numbers)(*values)
 
     def arrays(self, *values: Real, by_math: bool = False) -> Any:
         """Runs the program on arrays of one shape.
@@ -266,7 +321,8 @@ class Program:
         shape = np.broadcast_shapes(*map(np.shape, values))
         rows: list[Real] = [np.broadcast_to(x, shape).ravel() if np.ndim(x) else x for x in values]
         varying = frozenset(name for name, x in zip(self.names, rows, strict=True) if np.ndim(x))
-        run, size = self._bind(varying, by_math=by_math), math.prod(shape)
+        run = self.code(varying, by_math=by_math).bound(self.constants.numbers)
+        size = math.prod(shape)
         results = [np.empty(size) for _ in leaves(self.tape.result)]
         # glibc hands memory of the size of a chunk back to the system at once, and gets it again
         # page by page, until it has seen a larger piece freed. This one is never touched.

@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from linkage_ros.dynamics.equations import Model, accelerations, velocities
-from linkage_ros.formulas import ZERO, Vector, cross, dot, is_finite, require
+from linkage_ros.dynamics.equations import accelerations, velocities
+from linkage_ros.dynamics.model import Model
+from linkage_ros.formulas import ZERO, Opaque, Vector, cross, dot, is_finite, require
 from linkage_ros.model.pose import Pose
-from linkage_ros.model.structure import Dyad
+from linkage_ros.model.structure import Dyad, Pin, Point, Structure
 from linkage_ros.numeric import Real
 
 # Relative to the coordinate: no double lies on a change point, and k * math.pi misses by 2 ulp.
@@ -43,33 +44,52 @@ class Reactions(NamedTuple):
     torque: Real
 
 
+class Joints(NamedTuple):
+    """The constants of a mechanism's joints, for formulas.
+
+    Attributes:
+        pins: The pin joints, empty where they are not known.
+        places: Their points, in the same order.
+        dyads: Which links meet in pins.
+        refuse: Refuses q at which forces in the joints have no finite value.
+    """
+
+    pins: tuple[Pin, ...]
+    places: tuple[Point, ...]
+    dyads: tuple[Dyad, ...]
+    refuse: Opaque
+
+    @classmethod
+    def of(cls, structure: Structure, refuse: Opaque) -> Joints:
+        """The constants of a structure."""
+        places = tuple(structure.points[pin.name] for pin in structure.pins)
+        return cls(structure.pins, places, structure.dyads, refuse)
+
+
 def reactions(
-    model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
+    constants: tuple[Model, Joints], q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
 ) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
     """The forces in the joints of a mechanism in motion, as fields of `Reactions`.
 
     They grow without bound towards a change point or a limit of the crank.
     """
+    model, joints = constants
     require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
-    balance = _Balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
-    for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
-        _require_open(model, pose, dyad, sine, q)
+    balance = _Balance(model, joints, pose, velocities(pose, u), accelerations(pose, u, a))
+    for dyad, sine in reversed(list(zip(joints.dyads, pose.sines, strict=True))):
+        first, second = pose.links[dyad.first], pose.links[dyad.second]
+        for angle, k1, k2 in zip(q, first.jacobian, second.jacobian, strict=True):
+            slope = (ZERO if model.links[dyad.second].slides else k2) - k1
+            # The coordinates are those of a change point, rounded.
+            require(abs(sine) > _ROUNDING * abs(slope) * (1 + abs(angle)), joints.refuse, *q)
         balance.solve(dyad, sine)
     for j in reversed(range(len(pose.links))):
         balance.complete(j)
-    forces = tuple(balance.forces[pin.name] for pin in model.pins)
+    forces = tuple(balance.forces[pin.name] for pin in joints.pins)
     torque = balance.moment(0, Vector(ZERO, ZERO))
     guides, shaking, moment = balance.on_frame()
     return forces, guides, shaking, moment - torque, torque
-
-
-def _require_open(model: Model, pose: Pose, dyad: Dyad, sine: Real, q: Sequence[Real]) -> None:
-    """Refuses coordinates that are those of a change point, rounded."""
-    first, second = pose.links[dyad.first], pose.links[dyad.second]
-    for angle, k1, k2 in zip(q, first.jacobian, second.jacobian, strict=True):
-        slope = (ZERO if model.links[dyad.second].slides else k2) - k1
-        require(abs(sine) > _ROUNDING * abs(slope) * (1 + abs(angle)), model.refuse_straight, *q)
 
 
 class _Balance:
@@ -82,15 +102,16 @@ class _Balance:
     def __init__(
         self,
         model: Model,
+        joints: Joints,
         pose: Pose,
         rates: Sequence[Real],
         changes: Sequence[Real],
     ) -> None:
-        self._model = model
+        self._links, self._pins = model.links, joints.pins
         self._directions = [link.direction for link in pose.links]
         self._place = {
             pin.name: place.follow(self._directions, rates, changes)[0]
-            for pin, place in zip(model.pins, model.places, strict=True)
+            for pin, place in zip(joints.pins, joints.places, strict=True)
         }
         pushes = [ZERO] * len(model.links)
         self._resistance = [ZERO] * len(model.links)
@@ -114,7 +135,7 @@ class _Balance:
         """Places and values of the known pin forces on a link."""
         return [
             (self._place[pin.name], force if pin.second == j else -force)
-            for pin in self._model.pins
+            for pin in self._pins
             if j in (pin.first, pin.second) and (force := self.forces.get(pin.name))
         ]
 
@@ -138,7 +159,7 @@ class _Balance:
         first, second = self._directions[dyad.first], self._directions[dyad.second]
         outer = self._place[dyad.outer[0]]
         across_first = -self.moment(dyad.first, outer) / dot(inner - outer, first)
-        if self._model.links[dyad.second].slides:
+        if self._links[dyad.second].slides:
             across_second = -dot(self._rest(dyad.second), second)
             second = second.left()
         else:
@@ -147,17 +168,17 @@ class _Balance:
         self.forces[dyad.pin] = (second * across_first - first * across_second) * (1.0 / sine)
 
     def complete(self, j: int) -> None:
-        """Finds the force in the only unsolved pin of a link."""
-        pins = [pin for pin in self._model.pins if j in (pin.first, pin.second)]
+        """Finds the force in the one pin of a link that is not solved yet."""
+        pins = [pin for pin in self._pins if j in (pin.first, pin.second)]
         unknown = [pin for pin in pins if pin.name not in self.forces]
-        if unknown and not self._model.links[j].slides:
+        if unknown and not self._links[j].slides:
             (pin,), rest = unknown, self._rest(j)
             self.forces[pin.name] = rest if pin.second == j else -rest
 
     def on_frame(self) -> tuple[tuple[Real, ...], Vector, Real]:
         """The forces of the guides on their sliders; force and moment about A0 on the frame."""
         guides, shaking, moment = [], Vector(ZERO, ZERO), ZERO
-        for j, body in enumerate(self._model.links):
+        for j, body in enumerate(self._links):
             resistance = self._resistance[j]
             if body.slides:
                 guide = self._directions[j]
@@ -167,7 +188,7 @@ class _Balance:
                 moment += cross(self._centers[j], force)
             else:
                 moment -= resistance
-        for pin in self._model.pins:
+        for pin in self._pins:
             if pin.first is None:
                 force = self.forces[pin.name]
                 shaking, moment = shaking - force, moment - cross(self._place[pin.name], force)

@@ -7,18 +7,17 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
 
 from linkage_ros.dynamics import equations
-from linkage_ros.dynamics.compiled import compiled_arrays
-from linkage_ros.dynamics.equations import Meeting, Model
+from linkage_ros.dynamics.calls import Calls, refuse_overflow
+from linkage_ros.dynamics.equations import Meeting
 from linkage_ros.dynamics.joint_loads import Round, round_program, settle
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import Reactions, reactions
-from linkage_ros.dynamics.refusals import refuse_massless, refuse_overflow
+from linkage_ros.dynamics.reactions import Joints, Reactions, reactions
 from linkage_ros.dynamics.state import PointMotion, State
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
@@ -29,6 +28,20 @@ from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import Description, Mechanism, Point
 from linkage_ros.numeric import Real, real_numbers
 from linkage_ros.quantities import shown
+
+# First lines of the programs to which floats go at once, where there is only one coordinate.
+_HEADS = {
+    'state': [
+        'def state(q, u=0.0, a=0.0, by_math=False):',
+        'if not type(q) is type(u) is type(a) is float or a:',
+        '    return otherwise(q, u, a, by_math=by_math)',
+    ],
+    'accelerations': [
+        'def accelerations(q, u, torque, by_math=False):',
+        'if not type(q) is type(u) is type(torque) is float:',
+        '    return otherwise(q, u, torque, by_math=by_math)',
+    ],
+}
 
 
 class Solver:
@@ -64,6 +77,7 @@ class Solver:
 
         Raises:
             MechanismError: The argument is not a mechanism.
+            ConfigurationError: A load does not fit the mechanism.
         """
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
@@ -74,37 +88,29 @@ class Solver:
                 dyads=structure.other_dyads, other_dyads=structure.dyads
             )
         self.structure = structure
-        self._compiled = compiled
-        self.links = tuple(link.name for link in self.structure.links)
+        self.links = tuple(link.name for link in structure.links)
         self.coordinates = self.description.coordinates
-        self._count = len(self.coordinates)
-        slides = {link.name: link.slides for link in structure.links}
-        q = tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in self.coordinates)
-        u, a = (
-            tuple(f'{x}_{word}' for x in self.coordinates) for word in ('speed', 'acceleration')
-        )
-        self._names = {'q': q, 'u': u, 'a': a}
-        self._model = Model.of(
-            mechanism,
-            structure,
-            Opaque(functools.partial(refuse_overflow, (*q, *u, *a))),
-            Opaque(functools.partial(refuse_overflow, (*q, *u, 'torque'))),
-            Opaque(self._refuse_change_point),
-            Opaque(refuse_massless),
-            loop=mechanism.loop_of(self.description),
-        )
-        self._constants = model = Constants(self._model)
-        self._steady = Program(equations.state, model, (q, u, ()))
-        self._moving = Program(equations.state, model, (q, u, a))
-        self._forward = Program(equations.forward, model, (q, u, 'torque'))
-        self._energy = Program(equations.energy, model, (q, u))
-        self._matrix = Program(equations.matrix, model, (q,))
-        self._driven = Program(equations.driven_state, model, (q, u, 'torque'))
-        self._meetings = Program(equations.meetings, model, (q, u))
+        self._compiled = compiled
+        self._calls = Calls(mechanism, self.description, structure.links, compiled=compiled)
         self._points: dict[str, Program] = {}
-        self._has_joint_loads = bool(self._model.joint_loads)
-        # Floats of such a mechanism go straight to its programs.
-        self._is_plain = self._count == 1 and not self._has_joint_loads
+        self._has_joint_loads = bool(self._calls.model.joint_loads)
+        if len(self.coordinates) == 1 and not self._has_joint_loads:
+            self._shorten(self.state, equations.steady, 'q', 'u')
+            self._shorten(self.accelerations, equations.acceleration, 'q', 'u', 'torque')
+
+    def _shorten(self, method: Any, formula: Callable[..., Any], *letters: str) -> None:
+        """Replaces a method for this solver: floats go at once to the program of a formula."""
+        name = method.__name__
+
+        def first(*given: Any, **named: Any) -> Any:
+            if vars(self)[name] is first:
+                (q,), (u,), *_ = self._calls.names.values()
+                program = self._calls.program(formula, *letters)
+                head = *_HEADS[name], f'{q}, {u} = q, u'
+                vars(self)[name] = program.entry(*head, otherwise=method)
+            return vars(self)[name](*given, **named)
+
+        vars(self)[name] = first
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
         make = functools.partial(type(self), compiled=self._compiled, description=self.description)
@@ -124,15 +130,17 @@ class Solver:
         """
         if self.mobility is None:
             raise MechanismError(
-                f'a {type(self.mechanism).__name__} has {self._count} degrees of freedom: its '
-                'crank angle alone does not determine its motion'
+                f'a {type(self.mechanism).__name__} has {len(self.coordinates)} degrees of '
+                'freedom: its crank angle alone does not determine its motion'
             )
         return self.mobility
 
     @property
     def source(self) -> str:
         """The program of `state` as Python text; with friction, that of one round."""
-        return (self._round if self._has_joint_loads else self._moving).source
+        if self._has_joint_loads:
+            return self._reactions.source
+        return self._calls.program(equations.state, 'q', 'u', 'a').source
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
         """Solves positions, rates, accelerations and the driving torque.
@@ -153,19 +161,15 @@ class Solver:
                 exists.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
-        if type(q) is type(u) is type(a) is float and self._is_plain:
-            fast: State = self._moving.scalar(q, u, a) if a else self._steady.scalar(q, u)
-            return fast
-        changes = self._row('a', a)
+        changes = self._calls.row('a', a)
         if self._has_joint_loads:
-            row = (*self._row('q', q), *self._row('u', u), *changes)
+            row = (*self._calls.row('q', q), *self._calls.row('u', u), *changes)
             return self._settle(*row, by_math=by_math).state
+        state: State
         if all(type(change) is float and not change for change in changes):
-            program, changes = self._steady, ()
+            state = self._calls.run(equations.steady, q=q, u=u, by_math=by_math)
         else:
-            program = self._moving
-        row = (*self._row('q', q), *self._row('u', u), *changes)
-        state: State = self._run(program, *row, by_math=by_math)
+            state = self._calls.run(equations.state, q=q, u=u, a=a, by_math=by_math)
         return state
 
     def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
@@ -186,16 +190,13 @@ class Solver:
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
             MechanismError: A moving coordinate has no mass.
         """
-        if type(q) is type(u) is type(torque) is float and self._is_plain:
-            return self._forward.scalar(q, u, torque)[0]
         if self._has_joint_loads:
             raise MechanismError(
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
             )
-        row = (*self._row('q', q), *self._row('u', u), torque)
-        found = self._run(self._forward, *row, by_math=by_math)
-        return found if self._count > 1 or isinstance(q, tuple) else found[0]
+        found = self._calls.run(equations.forward, q=q, u=u, torque=torque, by_math=by_math)
+        return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
     def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
         """Solves the whole motion under a torque.
@@ -212,8 +213,9 @@ class Solver:
         Raises:
             LinkageError: As for `accelerations`.
         """
-        row = (*self._row('q', q), *self._row('u', u), torque)
-        state: State = self._run(self._driven, *row, by_math=by_math)
+        state: State = self._calls.run(
+            equations.driven_state, q=q, u=u, torque=torque, by_math=by_math
+        )
         return state
 
     def forward(self, y: Sequence[float], torque: float) -> tuple[float, ...]:
@@ -229,8 +231,12 @@ class Solver:
         Raises:
             LinkageError: As for `accelerations`.
         """
-        found: tuple[float, ...] = self._forward.scalar(*y, torque)
+        found: tuple[float, ...] = self._forward(*y, torque)
         return found
+
+    @functools.cached_property
+    def _forward(self) -> Callable[..., tuple[float, ...]]:
+        return self._calls.program(equations.forward, 'q', 'u', 'torque').scalar
 
     def meetings(self, y: Sequence[float]) -> tuple[Meeting, ...]:
         """The angles at which the links of each dyad of the structure meet.
@@ -260,7 +266,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        kinetic, potential = self._run(self._energy, *self._row('q', q), *self._row('u', u))
+        kinetic, potential = self._calls.run(equations.energy, q=q, u=u)
         return kinetic, potential
 
     def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
@@ -275,7 +281,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        rows: tuple[tuple[Real, ...], ...] = self._run(self._matrix, *self._row('q', q))
+        rows: tuple[tuple[Real, ...], ...] = self._calls.run(equations.matrix, q=q)
         return rows
 
     def point(self, state: State, name: str, *, by_math: bool = False) -> PointMotion:
@@ -303,8 +309,8 @@ class Solver:
             refuse = Opaque(functools.partial(refuse_overflow, tuple(itertools.chain(*names))))
             point = Constants((points[name], refuse))
             self._points[name] = Program(_point_motion, point, names)
-        row = itertools.chain(*self._rows(state))
-        motion: PointMotion = self._run(self._points[name], *row, by_math=by_math)
+        row = itertools.chain(*self._calls.rows(state))
+        motion: PointMotion = self._calls.run_program(self._points[name], *row, by_math=by_math)
         return motion
 
     def reactions(self, state: State) -> Reactions:
@@ -325,11 +331,11 @@ class Solver:
             raise MechanismError(
                 f'joint forces of a {type(self.mechanism).__name__} are not known'
             )
-        given = self._motion(state)
+        given = self._calls.motion(state)
         if self._has_joint_loads:
             forces, guides, *others = self._settle(*given).reactions
         else:
-            forces, guides, *others = self._run(self._reactions, *given)
+            forces, guides, *others = self._calls.run_program(self._reactions, *given)
         return Reactions(
             dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
         )
@@ -347,21 +353,16 @@ class Solver:
         Raises:
             ConfigurationError: It is not a state of this mechanism.
         """
-        position, velocity, _ = self._rows(state)
+        position, velocity, _ = self._calls.rows(state)
         links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
-        loads: list[Load] = list(self._model.loads)
+        loads: list[Load] = list(self._calls.model.loads)
         if self._has_joint_loads:
-            loads.append(self._settle(*self._motion(state)).load)
+            loads.append(self._settle(*self._calls.motion(state)).load)
         found: dict[str, Real] = {}
         for load in loads:
             for j, force in load.forces(links, velocity).items():
                 found[self.links[j]] = found.get(self.links[j], ZERO) + force
         return found
-
-    def _motion(self, state: State) -> tuple[Real, ...]:
-        """Coordinates, their rates and their accelerations."""
-        moving = [self.links.index(name) for name in self.coordinates]
-        return tuple(row[i] for row in self._rows(state) for i in moving)
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
         """How near two links that meet are to one line, beyond which the motion may not go on.
@@ -388,12 +389,20 @@ class Solver:
         return sine, f'{first.name} and {second.name} are {"folded" if is_folded else "stretched"}'
 
     @functools.cached_property
-    def _reactions(self) -> Program:
-        return Program(reactions, self._constants, tuple(self._names.values()))
+    def _meetings(self) -> Program:
+        q, u, *_ = self._calls.names.values()
+        dyads = *self.structure.dyads, *self.structure.other_dyads
+        return Program(equations.meetings, Constants((self._calls.model, dyads)), (q, u))
 
     @functools.cached_property
-    def _round(self) -> Program:
-        return round_program(self._constants, tuple(self._names.values()))
+    def _reactions(self) -> Program:
+        """The program of joint forces; if these make loads, that of a round."""
+        joints = Joints.of(self.structure, Opaque(self._refuse_change_point))
+        constants = Constants((self._calls.model, joints))
+        *motion, _ = self._calls.names.values()
+        if self._has_joint_loads:
+            return round_program(constants, motion)
+        return Program(reactions, constants, tuple(motion))
 
     def _settle(self, *given: Any, by_math: bool = False) -> Round:
         """The motion under loads that the forces in the joints make."""
@@ -408,52 +417,10 @@ class Solver:
                 arcs=self.mobility.arcs if self.mobility else (),
             )
 
-        program = self._round
+        program = self._reactions
         motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
-        run = functools.partial(self._run, program, *motion, by_math=by_math)
+        run = functools.partial(self._calls.run_program, program, *motion, by_math=by_math)
         return settle(run, len(program.names) - len(given), shape, refuse)
-
-    def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
-        """The values of all coordinates.
-
-        Raises:
-            ConfigurationError: The number of values is wrong.
-        """
-        found = row
-        if self._count == 1 and not isinstance(row, tuple):
-            found = (row,)
-        elif letter != 'q' and type(row) is float and not row:
-            found = (row,) * self._count  # the default: at rest
-        elif not isinstance(row, (tuple, list)) and not (isinstance(row, np.ndarray) and row.ndim):
-            found = ()
-        if len(found) != self._count:
-            words = ', '.join(self._names[letter]).replace('_', ' ') + ',' * (self._count == 1)
-            raise ConfigurationError(f'{letter} = {shown(row)}: must be a tuple ({words})')
-        return tuple(found)
-
-    def _rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
-        """Positions, rates and accelerations of all links.
-
-        Raises:
-            ConfigurationError: It is not a state of this mechanism.
-        """
-        rows = state[:3] if isinstance(state, State) else ()
-        if not rows or any(type(row) is not tuple or len(row) != len(self.links) for row in rows):
-            raise ConfigurationError(
-                f'state = {shown(state)}: must be a State of this mechanism, from its solver'
-            )
-        return rows
-
-    def _run(self, program: Program, *given: Any, by_math: bool = False) -> Any:
-        """Runs a program on floats or arrays."""
-        if all(type(value) is float for value in given):
-            return program.scalar(*given)
-        values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
-        if not shape:
-            return program.scalar(*values)
-        if self._compiled and not by_math:
-            return compiled_arrays(program, *values)
-        return program.arrays(*values, by_math=by_math)
 
     def _refuse_change_point(self, *q: float) -> NoReturn:
         """Rejects the coordinates of a change point.

@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import FrameType
 from typing import Any, NamedTuple, TypeAlias
 
-from linkage_ros import formulas
+from linkage_ros import formulas, numeric
 from linkage_ros.dynamics.trees import is_number, leaves, paths, transformed
 from linkage_ros.numeric import Real
 
@@ -20,8 +20,13 @@ OPERATORS = {
     'add': '+', 'sub': '-', 'mul': '*', 'truediv': '/',
     'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<=',
 }  # fmt: skip
+COMPARISONS = '>', '>=', '<', '<='
 # x * 1, x / 1, x - 0.0 and x + -0.0 are x for every double, signed zeros included.
 _NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
+# How many of the first operands of an operation make a result that is not finite, if they are not.
+_PASSED_ON = {'+': 2, '-': 2, '*': 2, '/': 1, 'neg': 1, 'abs': 1}
+# Files whose functions have no names of their own for what they compute.
+_UNNAMED = __file__, formulas.__file__, numeric.__file__
 
 
 class Recorder:
@@ -97,12 +102,12 @@ class Tape:
         """
         self.title = formula.__name__
         self.names: dict[int, str] = {}
+        self.lines: list[Line] = []
         self._numbers: dict[Line, int] = {}
         named = zip(leaves(constants), leaves(paths(constants, 'k')), strict=True)
         given = iter([self._add('constant', (), path) if is_number(x) else x for x, path in named])
-        is_free = (
-            sys.getprofile() is None
-        )  # a profiler at work is left alone: names are missing then
+        # A profiler at work is left alone: names are missing then.
+        is_free = sys.getprofile() is None
         if is_free:
             sys.setprofile(self._take_names)
         try:
@@ -114,7 +119,6 @@ class Tape:
             if is_free:
                 sys.setprofile(None)
         self.result = transformed(formulas.number, result)
-        self.lines = list(self._numbers)
 
     def record(self, operation: str, *operands: Real) -> Recorder:
         """Records an operation, or finds it on the tape.
@@ -130,18 +134,47 @@ class Tape:
             x if isinstance(x, Recorder) else self._add('literal', (), repr(float(x)))
             for x in operands
         ]
+        for i in {'+': (1, 0), '-': (1,)}.get(operation, ()):
+            negative, positive, _ = self.lines[known[i].line]
+            if negative == 'neg':  # a + -b is a - b to the bit, and a - -b is a + b
+                sign = '-' if operation == '+' else '+'
+                return self.record(sign, known[1 - i], Recorder(self, *positive))
         neutral = self._numbers.get(Line('literal', (), _NEUTRAL.get(operation, '')))
         for kept, other in (known, known[::-1]) if neutral is not None else ():
             if other.line == neutral and (operation in '*+' or other is known[1]):
                 return kept
         return self._add(operation, tuple(x.line for x in known))
 
+    def unshown(self, values: Iterable[Real]) -> list[Recorder]:
+        """Leaves out the values that another one shows to be finite.
+
+        A sum, a difference, a product or a quotient is finite only if what enters it is.
+
+        Args:
+            values: Recording numbers, and finite ones.
+
+        Returns:
+            The other recording numbers.
+        """
+        recorded = [x for x in values if isinstance(x, Recorder)]
+        shown, lines = set[int](), [x.line for x in recorded]
+        for i in lines:  # the list grows
+            operation, operands, _ = self.lines[i]
+            passed = {*operands[: _PASSED_ON.get(operation, 0)]} - shown
+            shown |= passed
+            lines += passed
+        return [x for x in recorded if x.line not in shown]
+
     def _add(self, *line: Any) -> Recorder:
-        return Recorder(self, self._numbers.setdefault(Line(*line), len(self._numbers)))
+        found = Line(*line)
+        if found not in self._numbers:
+            self._numbers[found] = len(self.lines)
+            self.lines.append(found)
+        return Recorder(self, self._numbers[found])
 
     def _take_names(self, frame: FrameType, event: str, _: object) -> None:
         """Copies the variable names of a formula's function when it returns."""
-        if event == 'return' and frame.f_code.co_filename not in (__file__, formulas.__file__):
+        if event == 'return' and frame.f_code.co_filename not in _UNNAMED:
             for name, value in frame.f_locals.items():
                 if isinstance(value, Recorder) and value.tape is self:
                     self.names.setdefault(value.line, name)

@@ -35,16 +35,12 @@ def transformed(function: Callable[[Any], Any], tree: Any) -> Any:
     return tuple.__new__(type(tree), [transformed(function, part) for part in tree])
 
 
-_NOTHING = Vector(ZERO, ZERO), (Vector, ZERO, ZERO)
-
-
 class Constants:
     """The constants of a formula, prepared once for all programs that use them.
 
     Attributes:
-        tree: The constants, with vectors in place of complex numbers and ZERO in place of 0.0.
         numbers: The numbers and opaque functions in the tree, in order.
-        structure: The tree without these, for use as a key.
+        known: What is compiled for constants of this structure, whatever their numbers.
     """
 
     def __init__(self, tree: Any) -> None:
@@ -52,8 +48,30 @@ class Constants:
 
         For many designs at once, numbers are arrays of a row for each design.
         """
+        self._given = tree
         self.numbers: list[Any] = []
-        self.tree, self.structure = self._take(tree)
+        structure: list[Any] = []
+        waiting = [tree]
+        while waiting:
+            part = waiting.pop()
+            kind = type(part)
+            if (kind is float and part) or kind is Opaque:
+                structure.append(kind)
+                self.numbers.append(part)
+            elif kind is complex or (isinstance(part, np.ndarray) and np.iscomplexobj(part)):
+                structure.append(complex)
+                waiting += part.imag, part.real
+            elif isinstance(part, tuple):
+                structure += kind, len(part)
+                waiting += part[::-1]
+            elif not isinstance(part, (float, np.ndarray)):
+                structure.append(part)
+            elif part:
+                structure.append(float)
+                self.numbers.append(part)
+            else:
+                structure.append(ZERO)
+        self.known = _known.setdefault(tuple(structure), {})
 
     def part(self, rows: slice) -> Constants:
         """The constants of some designs, where numbers are arrays of a row for each."""
@@ -61,24 +79,19 @@ class Constants:
         chosen.numbers = [x[rows] if isinstance(x, np.ndarray) else x for x in self.numbers]
         return chosen
 
-    def _take(self, tree: Any) -> tuple[Any, Any]:
-        """Splits a part of the tree; returns it and its structure."""
-        kind = type(tree)
-        if kind is complex or (isinstance(tree, np.ndarray) and np.iscomplexobj(tree)):
-            return self._take(Vector(tree.real, tree.imag)) if tree else _NOTHING
-        if isinstance(tree, tuple):
-            parts, keys = [], [kind]
-            for one in tree:
-                part, key = self._take(one)
-                parts.append(part)
-                keys.append(key)
-            return tuple.__new__(kind, parts), tuple(keys)
-        if not is_number(tree):
-            return tree, tree
-        if tree == 0.0:
-            return ZERO, ZERO
-        self.numbers.append(tree)
-        return tree, float
+    @property
+    def tree(self) -> Any:
+        """The constants, with vectors in place of complex numbers and ZERO in place of 0.0."""
+        return transformed(_prepared, self._given)
+
+
+_known: dict[tuple[Any, ...], dict[Any, Any]] = {}
+
+
+def _prepared(leaf: Any) -> Any:
+    if np.iscomplexobj(leaf):
+        return Vector(_prepared(leaf.real), _prepared(leaf.imag))
+    return ZERO if isinstance(leaf, (float, np.ndarray)) and not leaf else leaf
 
 
 def is_number(leaf: Any) -> bool:

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import Model, accelerations, balance, velocities
+from linkage_ros.dynamics.equations import accelerations, balance, velocities
+from linkage_ros.dynamics.model import Model
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.trees import Constants
@@ -171,7 +172,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
 
 def _torque(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
     program = Program(formula, Constants(constants), ('angle', 'speed'))
-    return TorqueProgram(program.compile(), program.source)
+    return TorqueProgram(program.scalar, program.source)
 
 
 def inertia_program(mechanism: Mechanism) -> Program:
@@ -182,7 +183,7 @@ def inertia_program(mechanism: Mechanism) -> Program:
 
 def _model(mechanism: Mechanism) -> Model:
     refuse = Opaque(require_finite)
-    return Model.of(mechanism, mechanism.structure(), *(refuse,) * 4)
+    return Model.of(mechanism, mechanism.structure().links, mechanism.loop(), *(refuse,) * 3)
 
 
 def torques(program: TorqueProgram, angles: Array, speed: float) -> Array:
@@ -288,9 +289,8 @@ def _table_torque(table: _Table, angle: Real, _: Real) -> tuple[Real]:
 
 def operations(program: TorqueProgram) -> int:
     """Counts the operations of a run of a program, including guards, without their errors."""
-    (bind,) = ast.parse(program.source).body
-    (run,) = (x for x in ast.walk(bind) if isinstance(x, ast.FunctionDef) and x is not bind)
-    parts = [x.test if isinstance(x, ast.If) else x for x in run.body]
+    _, run = ast.parse(program.source).body
+    parts = [x.test if isinstance(x, ast.If) else x for x in run.body]  # type: ignore[attr-defined]
     nodes = (node for part in parts for node in ast.walk(part) if isinstance(node, _COUNTED))
     return sum(
         # A minus before a number is no operation, nor is a result put together.

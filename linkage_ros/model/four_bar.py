@@ -91,7 +91,7 @@ class FourBarLoop(NamedTuple):
         dyad: b - c and side (b + c), m.
         length: L^2 at theta = 0 and its growth up to theta = pi, m^2; None: crank pin and
             rocker pivot meet there (rhombus and kite, r = d and b = c).
-        moment: side (b - c)(b + c), m^2.
+        moment: (b - c)(b + c), m^2.
         arm: r (r - d cos theta) in the same form as L^2, m^2.
         quotient: +1 or -1: where `length` is None, the quotient of the two triangles' brackets.
         close: Whether the crank pin passes the rocker pivot closely, L much shorter than d.
@@ -123,7 +123,10 @@ class FourBarLoop(NamedTuple):
         # Unit vectors: half_way = e^(i (delta + theta/2)), the crank is half_way e^(i theta/2).
         ax, ay = self.axis
         half_way = Vector(ax * C - ay * S, ax * S + ay * C)
-        first, second = self.transmission.slopes(halves)
+        # Half of mu' and of its derivative.
+        turn, bend = self.transmission.slopes(halves, 0.5)
+        if self.side < 0:
+            turn, bend = -turn, -bend
         if self.length is None:
             base = half_way * self.quotient
             mean: Real = 0.5
@@ -138,18 +141,15 @@ class FourBarLoop(NamedTuple):
             scale = 1.0 / square
             base = turned(half_way, scale * dot(ground, dyad), scale * cross(ground, dyad))
             if self.close:
-                mean, mean_slope = self._careful_mean(halves, (first, second), square)
+                mean, mean_slope = self._careful_mean(halves, (turn, bend), square)
             else:
                 # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
-                half_moment, (arm, arm_growth) = 0.5 * self.moment, self.arm
-                mean = scale * (arm + arm_growth * (S * S) + half_moment * first)
-                mean_slope = scale * (
-                    (arm_growth - mean * growth) * (S * C) + half_moment * second
-                )
+                arm, arm_growth = self.arm
+                mean = scale * (arm + arm_growth * (S * S) + self.moment * turn)
+                mean_slope = scale * ((arm_growth - mean * growth) * (S * C) + self.moment * bend)
         signed = self.side * sin_m
         coupler = Vector(base.x * cos_m + base.y * signed, base.y * cos_m - base.x * signed)
         rocker = Vector(base.x * cos_m - base.y * signed, base.y * cos_m + base.x * signed)
-        turn, bend = (0.5 * self.side) * first, (0.5 * self.side) * second
         crank_direction = Vector(half_way.x * C - half_way.y * S, half_way.x * S + half_way.y * C)
         return Pose(
             (
@@ -170,7 +170,7 @@ class FourBarLoop(NamedTuple):
         There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' are alike. But
         (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
         """
-        (S, C, sin_m, cos_m), (first, second) = halves, slopes
+        (S, C, sin_m, cos_m), (turn, bend) = halves, slopes
         kappa = self.transmission.kappa
         p, q = self.transmission.cos.least, self.transmission.sin.least
         (diff_dr, sum_dr), (diff_bc, _) = self.ground, self.dyad
@@ -184,9 +184,9 @@ class FourBarLoop(NamedTuple):
         dr, bc = sum_dr * sum_dr, diff_bc * diff_bc
         g = dr * lack_v + bc * lack_u * (v * v)
         g_slope = 2 * (bc * (lack_u * half_v - v * v * half_u) - dr * half_v)
-        a, e = diff_dr * sum_dr, self.moment * first
+        a, e = diff_dr * sum_dr, 2 * self.moment * turn
         growth = ZERO if self.length is None else self.length[1]
-        e_slope, square_slope = self.moment * second, growth * (S * C)
+        e_slope, square_slope = 2 * self.moment * bend, growth * (S * C)
         alike = a * e > 0
         top, bottom = where(alike, g, a - e), where(alike, a + e, square)
         top_slope = where(alike, g_slope, -e_slope)
@@ -265,56 +265,51 @@ class FourBar(Mechanism):
             return 'change-point'
         return min(links, key=lambda name: links[name])
 
-    def _differences(self) -> tuple[float, float, float, float]:
-        """The sums d - r, d + r, b - c and b + c, m; 0 where a short sum counts as 0."""
+    def loop(self) -> FourBarLoop:
+        """The constants of the pose."""
         r, b, c, d = self._lengths()
-        far, near, other = self._short_sums()
-        sum_dr, sum_bc = exact_sum(d, r), exact_sum(b, c)
-        diff_dr, diff_bc = exact_sum(d, -r), exact_sum(b, -c)
+        longest, side = largest(r, b, c, d), 1 if self.assembly == OPEN else -1
+        far, near, other = (short_sum(longest, *terms) for terms in self._sums().values())
+        ground, (diff_bc, sum_bc) = self._pairs(far, near, other)
+        diff_dr, sum_dr = ground
+        transmission = self._transmission(far, near, other, sum_dr + sum_bc)
+        concentric = diff_dr == 0 and diff_bc == 0
+        return FourBarLoop(
+            transmission,
+            side,
+            axis=(cos(self.frame.angle), sin(self.frame.angle)),
+            ground=ground,
+            dyad=(diff_bc, side * sum_bc),
+            length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
+            moment=diff_bc * sum_bc,
+            arm=(-r * diff_dr, 2 * r * d),
+            quotient=1 if side * transmission.kappa > 0 else -1,
+            # A crank that cannot reach the near side never comes where L would be short.
+            close=not transmission.sin.limits and bool(abs(diff_dr) < _CLOSE * sum_dr),
+        )
+
+    def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:
+        """The pairs d - r, d + r and b - c, b + c, m, which agree with the short sums."""
+        r, b, c, d = self._lengths()
+        sum_dr, diff_dr, diff_bc = exact_sum(d, r), exact_sum(d, -r), exact_sum(b, -c)
         if near == 0 and other == 0:
             diff_dr = diff_bc = 0.0
         elif near == 0 or other == 0:
             diff_bc = diff_dr if near == 0 else -diff_dr
-        return diff_dr, sum_dr, diff_bc, sum_dr if far == 0 else sum_bc
+        return (diff_dr, sum_dr), (diff_bc, sum_dr if far == 0 else exact_sum(b, c))
 
-    def _short_sums(self) -> list[float]:
-        longest = largest(*self._lengths())
-        return [short_sum(longest, *terms) for terms in self._sums().values()]
-
-    def _transmission(self) -> Transmission:
+    def _transmission(self, far: float, near: float, other: float, around: float) -> Transmission:
+        """The map from the short sums and the circumference d + r + b + c, m."""
         r, b, c, d = self._lengths()
-        _, sum_dr, _, sum_bc = self._differences()
-        far, near, other = self._short_sums()
-        delta, four_bc = self.frame.angle, 4 * b * c
+        four_bc, delta = 4 * b * c, self.frame.angle
         at_far = exact_sum(d, r, -b, c) * exact_sum(d, r, b, -c) / four_bc
         at_near = exact_sum(b, c, -d, r) * exact_sum(b, c, d, -r) / four_bc
         return Transmission(
             (delta, 0.0),
             sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
-            cos=Square.of(far * (sum_bc + sum_dr) / four_bc, at_near),
+            cos=Square.of(far * around / four_bc, at_near),
             sin=Square.of(near * other / four_bc, at_far),
             refuse=Opaque(lambda crank: self.reach().refuse(crank)),
-        )
-
-    def loop(self) -> FourBarLoop:
-        """The constants of the pose."""
-        r, d, delta = self.crank.length, self.frame.length, self.frame.angle
-        side = 1 if self.assembly == OPEN else -1
-        diff_dr, sum_dr, diff_bc, sum_bc = self._differences()
-        transmission = self._transmission()
-        concentric = diff_dr == 0 and diff_bc == 0
-        return FourBarLoop(
-            transmission,
-            side,
-            axis=(cos(delta), sin(delta)),
-            ground=(diff_dr, sum_dr),
-            dyad=(diff_bc, side * sum_bc),
-            length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
-            moment=side * diff_bc * sum_bc,
-            arm=(-r * diff_dr, 2 * r * d),
-            quotient=1 if side * transmission.kappa > 0 else -1,
-            # A crank that cannot reach the near side never comes where L would be short.
-            close=not transmission.sin.limits and bool(abs(diff_dr) < _CLOSE * sum_dr),
         )
 
     def other_loop(self, assembly: str) -> ByRocker:
@@ -328,10 +323,9 @@ class FourBar(Mechanism):
 
     def reach(self) -> Reach:
         """Reach of the crank."""
-        transmission = self._transmission()
-        pass_by = abs(self._differences()[0]) / (
-            2 * math.sqrt(self.crank.length * self.frame.length)
-        )
+        loop = self.loop()
+        transmission, (gap, _) = loop.transmission, loop.ground
+        pass_by = abs(gap) / (2 * math.sqrt(self.crank.length * self.frame.length))
         return transmission.reach(
             self.grashof,
             tuple(self._limits(far=transmission.cos.limits, near=transmission.sin.limits)),

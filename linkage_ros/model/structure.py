@@ -353,4 +353,4 @@ class Mechanism(Checked):
 
 def _is_loaded(part: Any) -> bool:
     """Whether a part has a force, a resistance or a spring on its link."""
-    return any(getattr(part, name) for name in getattr(part, 'load_fields', ())[:3])
+    return hasattr(part, 'load_fields') and any(getattr(part, x) for x in part.load_fields[:3])

@@ -117,9 +117,8 @@ class Transmission(NamedTuple):
             error of crank - reference is carried along.
         """
         high, low = self.reference
-        angle, error = two_sum(crank, -high)
-        half_error = 0.5 * (error - low)
-        half = 0.5 * angle
+        half, error = two_sum(0.5 * crank, -0.5 * high)
+        half_error = error - 0.5 * low
         sine, cosine = sin(half), cos(half)
         sin_h, cos_h = sine + half_error * cosine, cosine - half_error * sine
         x, y = self.kappa * sin_h, self.kappa * cos_h
@@ -133,24 +132,25 @@ class Transmission(NamedTuple):
         v = 1.0 if self.sin.least is ZERO else self.kappa * at.sin_h / at.sin_m
         return u, v
 
-    def slopes(self, at: Halves) -> tuple[Real, Real]:
-        """Derivatives of the transmission angle by the crank angle.
+    def slopes(self, at: Halves, factor: float = 1.0) -> tuple[Real, Real]:
+        """How the transmission angle changes with the crank.
 
         Args:
             at: From `place`.
+            factor: What the results are multiplied by.
 
         Returns:
-            d(2m)/d(2h) and d^2(2m)/d(2h)^2.
+            d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
         """
         p, q, sin_m, cos_m = self.cos.least, self.sin.least, at.sin_m, at.cos_m
         u, v = self.ratios(at)
         # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
         second: Real = ZERO
         if q is not ZERO:
-            second = (0.5 * q) * (u * u * cos_m / (sin_m * sin_m * sin_m))
+            second = (0.5 * factor * q) * (u * u * cos_m / (sin_m * sin_m * sin_m))
         if p is not ZERO:
-            second = second - (0.5 * p) * (v * v * sin_m / (cos_m * cos_m * cos_m))
-        return u * v, second
+            second = second - (0.5 * factor * p) * (v * v * sin_m / (cos_m * cos_m * cos_m))
+        return factor * (u * v), second
 
     @property
     def turns_fully(self) -> bool:

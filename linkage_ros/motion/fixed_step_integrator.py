@@ -250,11 +250,11 @@ def _sums(method: Method, size: int) -> _Sums:
 
     slopes = [row(f'slope{i}_') for i in range(len(method.error))]
     *moves, end = (
-        Program(_moved, Constants(weights), (row('phase'), 'h', *slopes[: len(weights)])).compile()
+        Program(_moved, Constants(weights), (row('phase'), 'h', *slopes[: len(weights)])).scalar
         for weights in (*method.stages, method.end)
     )
     error = Program(_errors, Constants(method.error), (row('unit'), row('end'), 'h', *slopes))
-    return _Sums(tuple(moves), end, error.compile())
+    return _Sums(tuple(moves), end, error.scalar)
 
 
 def _moved(

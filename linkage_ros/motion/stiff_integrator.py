@@ -91,7 +91,7 @@ def _solvers(size: int) -> list[Callable[..., Values]]:
     programs = (
         Program(_solved, Constants(row), (*given, *results[: len(row)])) for row in _COUPLINGS
     )
-    return [program.compile() for program in programs]
+    return [program.scalar for program in programs]
 
 
 def _solved(

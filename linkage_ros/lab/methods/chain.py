@@ -18,7 +18,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import Model, balance
+from linkage_ros.dynamics.equations import balance
+from linkage_ros.dynamics.model import Model
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.trees import Constants
@@ -98,8 +99,7 @@ class Task:
 
     def links(self, tool: Any = None) -> stages.Links:
         """Makes the constants of formulas, with the tool of a method."""
-        mechanism, structure = self.mechanism, self.mechanism.structure()
-        refuse = Opaque(require_finite)
+        mechanism, refuse = self.mechanism, Opaque(require_finite)
         rocker = mechanism.rocker.length if isinstance(mechanism, FourBar) else None
         if isinstance(mechanism, FourBar):
             base = mechanism.frame.length
@@ -108,7 +108,8 @@ class Task:
         return stages.Links(
             mechanism.crank.length, mechanism.coupler.length, rocker, base,
             mechanism.frame.angle, 1.0 if mechanism.assembly == OPEN else -1.0,
-            self.speed, self.acceleration, Model.of(mechanism, structure, *(refuse,) * 4),
+            self.speed, self.acceleration,
+            Model.of(mechanism, mechanism.structure().links, mechanism.loop(), *(refuse,) * 3),
             tool,
         )  # fmt: skip
 
@@ -138,7 +139,7 @@ def function_of(
     program = Program(formula, Constants(task.links(tool)), ('crank',))
     if method.narrow:
         return lambda crank: program.arrays(np.asarray(crank, np.float32))
-    return program.compile() if mode == ONE else program.arrays
+    return program.scalar if mode == ONE else program.arrays
 
 
 @functools.cache

@@ -37,7 +37,7 @@ def _looks_up(locate: tables.Locator) -> tuple[Opaque, ...]:
 
 def _newton(task: Task, setting: Setting) -> tuple[Opaque, ...]:
     names = 'crank', 'coupler', 'output'
-    step = Program(stages.newton_step, Constants(task.links()), names).compile()
+    step = Program(stages.newton_step, Constants(task.links()), names).scalar
     return _looks_up(tables.newton_raphson(step, task.guess, setting['tolerance']))
 
 

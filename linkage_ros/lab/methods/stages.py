@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
-from linkage_ros.dynamics.equations import Model
+from linkage_ros.dynamics.model import Model
 from linkage_ros.formulas import ZERO, Vector, atan2, cos, cross, dot, sin, sqrt
 from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.numeric import Real

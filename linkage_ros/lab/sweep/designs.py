@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.dynamics.equations import Model
+from linkage_ros.dynamics.model import Model
+from linkage_ros.dynamics.reactions import Joints
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import Opaque
@@ -80,8 +81,8 @@ def _constants(
         value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(Designs)
         mechanism = with_value(mechanism, name, value)
     structure, ignore = mechanism.structure(), Opaque(lambda *_: None)
-    model = Model.of(mechanism, structure, *(ignore,) * 4)
-    return model, Constants((model, structure.points.get('C')))
+    model = Model.of(mechanism, structure.links, mechanism.loop(), *(ignore,) * 3)
+    return model, Constants((model, structure.points.get('C'), Joints.of(structure, ignore)))
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import Model
+from linkage_ros.dynamics.model import Model
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import reactions
+from linkage_ros.dynamics.reactions import Joints, reactions
 from linkage_ros.dynamics.trees import Constants, transformed
 from linkage_ros.formulas import ZERO, Vector
 from linkage_ros.lab.sweep.designs import groups
@@ -31,7 +31,7 @@ _STEPS = 8  # of Newton's method; four reach the last digits
 _SPEED = 'a crank speed, such as rpm: 60.0, and no dry friction'
 _ROCKER, _SLIDER = 'a rocker', 'a slider'
 _POINTS = 'coupler.point, and points: [x, y, ...]'
-_Constants: TypeAlias = tuple[Model, Any]  # and the coupler point
+_Constants: TypeAlias = tuple[Model, Any, Joints]  # and the coupler point
 
 
 def torque_of(constants: _Constants, angle: Real, speed: Real) -> Real:
@@ -47,7 +47,7 @@ def _output_of(constants: _Constants, angle: Real, _: Real) -> tuple[Real, Real,
 
 def _path_of(constants: _Constants, angle: Real, _: Real) -> Vector:
     """The coupler point, m."""
-    model, point = constants
+    model, point, _ = constants
     directions = [link.direction for link in model.loop.pose((angle,)).links]
     at_rest = [ZERO] * len(directions)
     return cast('Vector', point.follow(directions, at_rest, at_rest)[0])
@@ -55,7 +55,7 @@ def _path_of(constants: _Constants, angle: Real, _: Real) -> Vector:
 
 def _force_of(constants: _Constants, angle: Real, speed: Real) -> Vector:
     """The force on the frame, N."""
-    return reactions(constants[0], (angle,), (speed,), ())[2]
+    return reactions((constants[0], constants[2]), (angle,), (speed,), ())[2]
 
 
 class Batch:

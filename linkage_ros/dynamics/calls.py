@@ -1,0 +1,173 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Runs a mechanism's formulas on what methods of a solver are given: floats, arrays, states."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import numpy as np
+
+from linkage_ros.dynamics.compiled import compiled_arrays
+from linkage_ros.dynamics.model import Model
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.state import State
+from linkage_ros.dynamics.trees import Constants
+from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.formulas import Opaque
+from linkage_ros.model.structure import Description, Link, Mechanism
+from linkage_ros.numeric import Real, real_numbers, require_finite
+from linkage_ros.quantities import shown
+
+
+class Calls:
+    """The formulas of one mechanism in one description.
+
+    Attributes:
+        model: Their constants.
+        names: Names of the coordinates, of their rates and of their accelerations, by the letters
+            q, u and a; 'torque' for itself.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        description: Description,
+        links: tuple[Link, ...],
+        *,
+        compiled: bool,
+    ) -> None:
+        """Names the arguments.
+
+        Args:
+            mechanism: The mechanism.
+            description: The description.
+            links: The links.
+            compiled: Whether Numba compiles programs for arrays.
+
+        Raises:
+            ConfigurationError: A load does not fit the mechanism.
+        """
+        self._compiled, self._links, coordinates = compiled, links, description.coordinates
+        slides = {link.name: link.slides for link in links}
+        self._moving = [[*slides].index(x) for x in coordinates]
+        self.names: dict[str, Any] = {
+            'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in coordinates),
+            'u': tuple(f'{x}_speed' for x in coordinates),
+            'a': tuple(f'{x}_acceleration' for x in coordinates),
+            'torque': 'torque',
+        }
+        q, u, a, _ = self.names.values()
+        self.model = Model.of(
+            mechanism,
+            links,
+            mechanism.loop_of(description),
+            Opaque(functools.partial(refuse_overflow, (*q, *u, *a))),
+            Opaque(functools.partial(refuse_overflow, (*q, *u, 'torque'))),
+            Opaque(_refuse_massless),
+        )
+        self._programs: dict[tuple[Any, ...], Program] = {}
+
+    @functools.cached_property
+    def _constants(self) -> Constants:
+        return Constants(self.model)
+
+    def program(self, formula: Callable[..., Any], *letters: str) -> Program:
+        """The program of a formula of the model and of arguments, given by their letters."""
+        key = formula, letters
+        if key not in self._programs:
+            arguments = tuple(self.names[letter] for letter in letters)
+            self._programs[key] = Program(formula, self._constants, arguments)
+        return self._programs[key]
+
+    def run(self, formula: Callable[..., Any], *, by_math: bool = False, **given: Any) -> Any:
+        """Runs a formula of the model.
+
+        Args:
+            formula: The formula.
+            by_math: Whether array results have the same bits as results of single floats.
+            **given: Its arguments by their letters.
+
+        Returns:
+            Its result: arrays if one of the arguments is an array.
+        """
+        values = [x for letter, row in given.items() for x in self.row(letter, row)]
+        return self.run_program(self.program(formula, *given), *values, by_math=by_math)
+
+    def run_program(self, program: Program, *given: Any, by_math: bool = False) -> Any:
+        """Runs a program; see `run`.
+
+        Raises:
+            ConfigurationError: An argument is not a number, or the shapes do not fit.
+        """
+        if all(type(value) is float for value in given):
+            return program.scalar(*given)
+        values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
+        if not shape:
+            return program.scalar(*values)
+        if self._compiled and not by_math:
+            return compiled_arrays(program, *values)
+        return program.arrays(*values, by_math=by_math)
+
+    def row(self, letter: str, row: Any) -> tuple[Any, ...]:
+        """The values of all coordinates, or of their rates or accelerations; or the torque.
+
+        Raises:
+            ConfigurationError: The number of values is wrong.
+        """
+        if letter == 'torque':
+            return (row,)
+        count, found = len(self._moving), row
+        if count == 1 and not isinstance(row, tuple):
+            found = (row,)
+        elif letter != 'q' and type(row) is float and not row:
+            found = (row,) * count  # the default: at rest
+        elif not isinstance(row, (tuple, list)) and not (isinstance(row, np.ndarray) and row.ndim):
+            found = ()
+        if len(found) != count:
+            words = ', '.join(self.names[letter]).replace('_', ' ') + ',' * (count == 1)
+            raise ConfigurationError(f'{letter} = {shown(row)}: must be a tuple ({words})')
+        return tuple(found)
+
+    def rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
+        """Positions, rates and accelerations of all links.
+
+        Raises:
+            ConfigurationError: It is not a state of this mechanism.
+        """
+        rows = state[:3] if isinstance(state, State) else ()
+        if not rows or any(type(row) is not tuple or len(row) != len(self._links) for row in rows):
+            raise ConfigurationError(
+                f'state = {shown(state)}: must be a State of this mechanism, from its solver'
+            )
+        return rows
+
+    def motion(self, state: State) -> tuple[Real, ...]:
+        """Coordinates, their rates and their accelerations."""
+        return tuple(row[i] for row in self.rows(state) for i in self._moving)
+
+
+def refuse_overflow(names: tuple[str, ...], *values: float) -> NoReturn:
+    """Rejects numbers that are not finite, or whose results overflow.
+
+    Raises:
+        ConfigurationError: Always.
+    """
+    given = dict(zip(names, values, strict=False))
+    require_finite(**given)
+    words = ', '.join(f'{name.replace("_", " ")} = {x:g}' for name, x in given.items())
+    raise ConfigurationError(f'the torque or an acceleration overflows at {words}: lower them')
+
+
+def _refuse_massless() -> NoReturn:
+    """Rejects a mass matrix that is not positive definite.
+
+    Raises:
+        MechanismError: Always.
+    """
+    raise MechanismError(
+        'something moves without a mass: its acceleration under a torque has no finite value; '
+        'give the links a mass or an inertia'
+    )
