@@ -45,7 +45,7 @@ def _commands() -> dict[str, cli.Command]:
     )  # fmt: skip
     return {
         'motion': cli.Command(
-            _draw_motion, 'position, rate, acceleration and torque over one period: PNG and CSV',
+            _draw, 'position, rate, acceleration and torque over one period: PNG and CSV',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
              'my_linkage.yaml --fluctuation 0.02', 'long_rod.yaml short_rod.yaml'),
             (
@@ -138,20 +138,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _draw_motion(options: argparse.Namespace) -> None:
-    """Draws the motion of one mechanism, or of several beside each other."""
-    if len(options.params) > 1:
-        options.command = 'comparison'
-    else:
-        (options.params,) = options.params
-    _draw(options)
-
-
 def _draw(options: argparse.Namespace) -> None:
     """Imports the module of a command and runs it."""
-    room = 'linkage_ros.lab.commands'
-    module = import_module(f'{room}.{_MODULES.get(options.command, options.command)}')
-    getattr(module, options.command)(options)
+    name = _MODULES.get(options.command, options.command)
+    getattr(import_module(f'linkage_ros.lab.commands.{name}'), options.command)(options)
 
 
 def main() -> int:

@@ -30,7 +30,7 @@ from linkage_ros import (
 from linkage_ros.dynamics.period import SpeedDrivenPeriod, extent
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.lab.charts import linkage, movie
-from linkage_ros.lab.charts.comparison import COLORS
+from linkage_ros.lab.charts.motion import DESIGN_COLORS
 from linkage_ros.lab.commands.motion import settled_turn
 from linkage_ros.lab.pump.settling import settle
 from linkage_ros.parameters.configuration import load
@@ -338,7 +338,7 @@ def test_several_mechanisms_stand_beside_each_other_and_in_one_table(
         assert float(row['peak shaking force [N]']) == np.hypot(*forces).max()
     pixels = matplotlib.image.imread(tmp_path / 'comparison.png')[..., :3]
     assert all((edge == 1.0).all() for edge in (pixels[:3], pixels[-3:]))
-    for color in COLORS[: len(names)]:  # the curves of each
+    for color in DESIGN_COLORS[: len(names)]:  # the curves of each
         assert (np.abs(pixels * 255 - color).max(axis=-1) < 2).sum() > 500
 
 

@@ -2,51 +2,46 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sizes the flywheel for a crank, and finds its speed under a motor.
 
-Energy over the crank angle theta gives the speed u without integration in time: under a torque
-tau on the crank,
+With the mechanism's inertia M at the crank, the flywheel's J and the crank speed u, the kinetic
+energy E = (M + J) u^2 / 2 changes over the crank angle by
 
-    (M(theta) + J) u^2 / 2 = T0 + integral of tau - R over theta,
+    dE/dtheta = c + motor(u) - R,
 
-with the mechanism's inertia M at the crank, the flywheel's J, and the torque R of weights, loads
-and friction. Where R depends on the motion, the speed is found by iteration.
+where R is the torque of weights, loads and friction, and c a constant torque. Each round takes R
+and the motor as straight lines of E, solves this linear equation for one period, and chooses the
+energy at its start so that the mean speed is the given one; c follows, because the period closes.
+A motor carries the cycle at the mean speed for which c = 0.
 """
 
 from __future__ import annotations
 
-import functools
-import itertools
 import math
+from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from linkage_ros.dynamics.period import extent, mean
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import ConfigurationError, LinkageError
-from linkage_ros.lab.torque_models import inertia_program
+from linkage_ros.errors import ConfigurationError, LinkageError, MechanismError
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
-from linkage_ros.quantities import build, flatten
 
 _PARTS = 2880  # of a turn: four digits of a flywheel where load curves have corners
-_CLOSE = 1e-11  # of the speed: two rounds so close are one
-_ROUNDS = 200
-_UNEVEN = 10.0  # the fluctuation of a crank that stops
-# Starts of a motor, until its steady speed lies between two of them: up to 50 times the given
+_ROUNDS, _CLOSE = 30, 1e-11  # until the speed changes by less than this share
+_UNEVEN = 10.0  # the fluctuation of a crank whose cycle is not found
+_APART = 1e-6  # of the speed, between two energies that give a slope
+# Mean speeds under a motor, until its own lies between two of them: up to 50 times the given
 # speed, or down to 1/50 of it.
-_STEP, _STARTS = 1.25, 19
-_STOPPED = 1e-3  # of the speed at the start
-_TOLERANCE = 1e-9
-_EVALUATIONS = 20_000  # in one turn of a motor
+_NEXT, _STARTS = 1.25, 19
+_SLOWEST = 1e-13  # of the span of energies, above the one at which the crank stops
 _MASSLESS = 1e-9  # of the largest inertia at the crank: none
-
-
-class UnsteadyError(LinkageError):
-    """The crank would stop within a turn."""
+_NONE = 'no steady cycle of its speed was found'
+_NO_MOTOR = Motor()
 
 
 class Cycle(NamedTuple):
@@ -57,12 +52,14 @@ class Cycle(NamedTuple):
         velocity: Crank speed at these, rad/s.
         torque: Applied torque at these, N m.
         demand: Torque that the mechanism takes, N m; the flywheel takes the rest.
+        constant: Constant part of the applied torque besides the motor's, N m.
     """
 
     crank: Array
     velocity: Array
     torque: Array
     demand: Array
+    constant: float
 
     @property
     def speed(self) -> float:
@@ -76,202 +73,150 @@ class Cycle(NamedTuple):
         return (found.high - found.low) / abs(self.speed)
 
 
-class EvenTorque:
-    """The motion of a crank under a constant torque, at a given mean speed over time.
+class Crank:
+    """The steady cycles of a crank, with and without a flywheel."""
 
-    Attributes:
-        energy: Energy between the extreme speeds to first order: the range of the integral of mean
-            torque less driving torque at a constant speed, J.
-    """
-
-    def __init__(self, mechanism: Mechanism, speed: float) -> None:
-        """Solves the part that does not depend on the flywheel.
+    def __init__(self, mechanism: Mechanism) -> None:
+        """Solves the part that does not depend on the speed.
 
         Args:
             mechanism: A mechanism whose crank turns fully.
-            speed: Mean speed over time, rad/s.
 
         Raises:
-            ConfigurationError: The crank is at rest.
             MechanismError: The crank does not turn fully.
         """
-        if not speed:
-            raise ConfigurationError(
-                'rpm = 0: a crank at rest has no fluctuation; give a speed (--rpm), or leave '
-                '--fluctuation out'
-            )
-        self._full, self._bare = Solver(mechanism), inertia_program(mechanism)
-        self._full.reach.require_full_turn()
-        self._crank, self._speed = self._full.reach.samples(_PARTS), speed
-        ((self._inertia,),) = self._full.matrix(self._crank)
-        even = np.full_like(self._crank, self._speed)
-        taken = extent(self._crank, self._work(self._full.state(self._crank, even).torque))
-        self.energy = taken.high - taken.low
+        self._solver = Solver(mechanism)
+        self._solver.reach.require_full_turn()
+        self._angles = self._solver.reach.samples(_PARTS)
+        ((self._inertia,),) = self._solver.matrix(self._angles)
+        self._growth = CubicSpline(self._angles, self._inertia)(self._angles, 1)
 
-    def first_order(self, fluctuation: float) -> float:
-        """The total inertia for a fluctuation, to first order, kg m^2."""
-        return self.energy / (fluctuation * self._speed**2)
+    def energy(self, speed: float) -> float:
+        """Energy between the extreme speeds to first order, J.
 
-    def inertia_for(self, fluctuation: float) -> float:
+        It is the range of the integral of mean torque less driving torque at a constant speed.
+        """
+        taken = self._solver.state(self._angles, np.full_like(self._angles, speed)).torque
+        work = self._integral(mean(self._angles, taken) - taken)
+        found = extent(self._angles, work)
+        return found.high - found.low
+
+    def inertia_for(self, fluctuation: float, speed: float) -> float:
         """Inertia to add to the crank for a fluctuation, kg m^2; 0: none is needed."""
 
         def excess(added: float) -> float:
             try:
-                return self.cycle(added).fluctuation - fluctuation
-            except UnsteadyError:
+                return self.cycle(speed, added).fluctuation - fluctuation
+            except LinkageError:
                 return _UNEVEN
 
         if excess(0.0) <= 0:
             return 0.0
-        enough = 2 * self.first_order(fluctuation)
+        enough = 2 * self.energy(speed) / (fluctuation * speed**2)
         while excess(enough) > 0:
             enough *= 2
         return float(brentq(excess, 0.0, enough, xtol=1e-12 * enough, rtol=1e-12))
 
-    def cycle(self, added: float) -> Cycle:
-        """The motion with a flywheel.
+    def cycle(self, speed: float, added: float, motor: Motor = _NO_MOTOR) -> Cycle:
+        """The cycle under a motor and a constant torque.
 
         Args:
+            speed: Mean speed over time, with the sign of the rotation, rad/s.
             added: Inertia added to the crank, kg m^2.
+            motor: The motor.
 
         Returns:
             One period.
 
         Raises:
-            UnsteadyError: The crank would stop, or a moving coordinate has no mass.
-        """
-        speeds = np.full_like(self._crank, self._speed)
-        for _ in range(_ROUNDS):
-            changes = speeds * CubicSpline(self._crank, speeds)(self._crank, 1)
-            (inertia,) = self._bare.arrays(self._crank, speeds, changes)
-            last, taken = speeds, self._full.state(self._crank, speeds, changes).torque - inertia
-            speeds = self._speeds(added, self._work(taken))
-            if np.abs(speeds - last).max() <= _CLOSE * abs(self._speed):
-                applied = np.full_like(taken, self._mean(taken))
-                return Cycle(self._crank, speeds, applied, applied - added * changes)
-        raise UnsteadyError('no steady cycle of its speed was found')
-
-    def _work(self, taken: Array) -> Array:
-        """Work of a constant torque since angle 0, minus the work taken, J."""
-        curve = CubicSpline(self._crank, self._mean(taken) - taken).antiderivative()
-        found: Array = curve(self._crank)
-        return found
-
-    def _mean(self, values: Array) -> float:
-        """The mean over the angle, by the same rule as `_work`."""
-        curve = CubicSpline(self._crank, values)
-        return float(curve.integrate(0.0, self._crank[-1]) / self._crank[-1])
-
-    def _speeds(self, added: float, work: Array) -> Array:
-        """Speeds from the energy, with the given mean over time.
-
-        Raises:
-            UnsteadyError: No such speeds exist.
+            MechanismError: No cycle is found.
+            ConfigurationError: A moving coordinate has no mass.
         """
         inertia = self._inertia + added
         if inertia.min() <= _MASSLESS * inertia.max():
-            raise UnsteadyError('something moves without a mass at some angle')
-        rest, speed = work - work.min(), abs(self._speed)
+            raise ConfigurationError('something moves without a mass at some angle')
+        velocity = np.full_like(self._angles, speed)
+        for _ in range(_ROUNDS):
+            slope = CubicSpline(self._angles, velocity)(self._angles, 1)
+            last, change = velocity, velocity * slope
+            energy = inertia * last * last / 2
+            resistance = self._resistance(last, change, motor)
+            faster = self._resistance((1 + _APART) * last, change, motor)
+            slope = (faster - resistance) / (2 * _APART * energy)
+            with np.errstate(all='ignore'):
+                energy, constant = self._solve(resistance, slope, energy, inertia, speed)
+            velocity = math.copysign(1.0, speed) * np.sqrt(2 * energy / inertia)
+            if np.abs(velocity - last).max() <= _CLOSE * abs(speed):
+                applied = constant + motor.at(velocity)
+                return Cycle(self._angles, velocity, applied, applied - added * change, constant)
+        raise MechanismError(_NONE)
 
-        def at(least: float) -> Array:
-            found: Array = np.sqrt(2 * (least + rest) / inertia)
-            return found
+    def under(self, motor: Motor, near: float, added: float) -> Cycle | None:
+        """The cycle under a motor alone.
 
-        def slow(least: float) -> float:
-            return mean(self._crank, 1 / at(least)) * speed - 1
+        Args:
+            motor: The motor.
+            near: A speed near the mean one, with the sign of the rotation, rad/s.
+            added: Inertia added to the crank, kg m^2.
 
-        most = float(inertia.max()) * self._speed**2
-        if slow(1e-9 * most) <= 0:
-            raise UnsteadyError('the crank would stop within a turn')
-        found = brentq(slow, 1e-9 * most, most, xtol=1e-15 * most, rtol=1e-14)
-        return math.copysign(1.0, self._speed) * at(found)
-
-
-def motor_cycle(mechanism: Mechanism, motor: Motor, speed: float, added: float) -> Cycle | None:
-    """The steady motion under a motor, found by integration over the crank angle.
-
-    Args:
-        mechanism: A mechanism whose crank turns fully.
-        motor: The motor.
-        speed: A speed near the steady one, with the sign of the rotation, rad/s.
-        added: Inertia added to the crank, kg m^2.
-
-    Returns:
-        One period; None: the motor cannot turn the crank at any speed from 1/50 to 50 times the
-        given one.
-
-    Raises:
-        LinkageError: A moving coordinate has no mass, or there is friction.
-    """
-    run = _MotorRun(mechanism, motor, speed, added)
-    found = run.bracket(abs(speed))
-    return run.cycle(float(brentq(run.gain, *found, rtol=1e-12))) if found else None
-
-
-class _MotorRun:
-    """Turns of a crank under a motor."""
-
-    def __init__(self, mechanism: Mechanism, motor: Motor, speed: float, added: float) -> None:
-        values = flatten(mechanism)
-        values['crank.inertia'] = mechanism.crank.inertia + added
-        self._solver, self._motor = Solver(build(type(mechanism), values)), motor
-        self._sign, self._added = math.copysign(1.0, speed), added
-        self._solver.accelerations(0.0, speed, 0.0)  # refuses friction
-        self._angles = self._solver.reach.samples()
-        rising = self._angles if self._sign > 0 else self._angles[-1] - self._angles[::-1]
-        self._at = np.clip(rising, 0.0, self._angles[-1])
-
-    @functools.lru_cache(maxsize=8)  # noqa: B019
-    def gain(self, speed: float) -> float:
-        """Gain of speed over a turn, rad/s; minus the initial speed if the crank stops."""
-        speeds = self._turn(speed)
-        return float(speeds[-1]) - speed if len(speeds) == len(self._angles) else -speed
-
-    def bracket(self, start: float) -> tuple[float, float] | None:
-        """Finds two initial speeds of a turn: a slower one that gains, a faster one that loses.
-
-        Faster turns gain less energy, unless the crank stops.
-        """
-        step = _STEP if self.gain(start) > 0 or self._stops(start) else 1 / _STEP
-        for one, other in itertools.pairwise(start * step**i for i in range(_STARTS)):
-            slow, fast = min(one, other), max(one, other)
-            if self.gain(slow) > 0 >= self.gain(fast) and not self._stops(fast):
-                return slow, fast
-        return None
-
-    def _stops(self, speed: float) -> bool:
-        return self.gain(speed) == -speed
-
-    def cycle(self, speed: float) -> Cycle:
-        """The turn that begins at a speed, at increasing crank angles."""
-        turned = self._turn(speed)
-        velocity = self._sign * (turned if self._sign > 0 else turned[::-1])
-        applied = np.broadcast_to(self._motor.at(velocity), velocity.shape)
-        changes = self._solver.accelerations(self._angles, velocity, applied)
-        return Cycle(self._angles, velocity, applied, applied - self._added * changes)
-
-    def _turn(self, speed: float) -> Array:
-        """Absolute speeds over a turn from an initial one; fewer if the crank stops.
+        Returns:
+            One period; None: the motor cannot turn the crank at any mean speed from 1/50 to 50
+            times the given one.
 
         Raises:
-            UnsteadyError: They change too quickly for the integration.
+            ConfigurationError: A moving coordinate has no mass.
         """
-        left = iter(range(_EVALUATIONS))
+        way = math.copysign(1.0, near)
 
-        def slope(turned: float, y: Array) -> float:
-            if next(left, None) is None:
-                raise UnsteadyError('its speed changes too quickly to be followed')
-            u = self._sign * float(y[0])
-            torque = float(self._motor.at(u))
-            return self._solver.forward((self._sign * turned, u), torque)[0] / u
+        @cache
+        def lack(speed: float) -> float:
+            """The torque that the motor lacks to turn the crank at a mean speed, N m."""
+            try:
+                return way * self.cycle(way * speed, added, motor).constant
+            except MechanismError:  # the crank stops: it must be faster
+                return -math.inf
 
-        def stops(_: float, y: Array) -> float:
-            return float(y[0]) - _STOPPED * speed
+        step = _NEXT if lack(abs(near)) < 0 else 1 / _NEXT
+        for pair in pairwise(abs(near) * step**i for i in range(_STARTS)):
+            slow, fast = min(pair), max(pair)
+            if -math.inf < lack(slow) < 0 <= lack(fast):
+                return self.cycle(way * brentq(lack, slow, fast, rtol=1e-12), added, motor)
+        return None
 
-        stops.terminal = True  # type: ignore[attr-defined]
-        with np.errstate(under='ignore'):  # SciPy's first step
-            found: Array = solve_ivp(
-                slope, (0.0, self._at[-1]), [speed], 'DOP853', self._at, events=stops,
-                rtol=_TOLERANCE, atol=_TOLERANCE * speed,
-            ).y[0]  # fmt: skip
-        return found
+    def _resistance(self, velocity: Array, change: Array, motor: Motor) -> Array:
+        """Torque of weights, loads and friction less the motor's, N m."""
+        taken = self._solver.state(self._angles, velocity, change).torque
+        inertia = self._inertia * change + self._growth * velocity * velocity / 2
+        return np.asarray(taken - inertia - motor.at(velocity))
+
+    def _solve(
+        self, resistance: Array, slope: Array, energy: Array, inertia: Array, speed: float
+    ) -> tuple[Array, float]:
+        """Solves dE/dtheta = c - resistance - slope (E - energy) over a period.
+
+        Raises:
+            MechanismError: No solution has the mean speed.
+        """
+        way = 1 if speed > 0 else -1  # in the direction of the motion, in which changes fade
+        slope, rest = way * slope[::way], way * (slope * energy - resistance)[::way]
+        growth = np.exp(self._integral(slope))
+        fixed, even = (self._integral(growth * x) / growth for x in (rest, 1 + 0 * rest))
+        # The energy is fixed + start * each, of which c keeps the period closed.
+        rise, fixed_c = (1 - 1 / growth[-1]) / even[-1], fixed[-1] / even[-1]
+        fixed, each = fixed - fixed_c * even, 1 / growth + rise * even
+
+        def slowness(start: float) -> float:
+            time = np.sqrt(inertia[::way] / (2 * (fixed + start * each)))
+            return mean(self._angles, time) * abs(speed) - 1
+
+        least = float((-fixed / each).max())
+        most = float(((inertia[::way] * speed**2 / 2 - fixed) / each).max())
+        try:
+            start = brentq(slowness, least + _SLOWEST * (most - least), most, rtol=1e-14)
+        except (ValueError, RuntimeError):  # not finite, or within rounding of a stop
+            raise MechanismError(_NONE) from None
+        return (fixed + start * each)[::way], way * float(start * rise - fixed_c)
+
+    def _integral(self, values: Array) -> Array:
+        """The integral over the crank angle from 0."""
+        return np.asarray(CubicSpline(self._angles, values).antiderivative()(self._angles))

@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.text import Annotation
 
 from linkage_ros.dynamics.period import Period
 from linkage_ros.lab.charts.sizes import SMALL
@@ -19,9 +18,10 @@ from linkage_ros.numeric import Array
 from linkage_ros.palette import DARK, GREY, Color, color_of, fractions
 from linkage_ros.view.drawing import Drawing
 
-# Around the names of pins, which may lie on paths.
-_HALO = withStroke(linewidth=2.5, foreground='white')
 _AWAY = 16.0  # points, of a name from its pin
+_NAME: dict[str, Any] = {
+    'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
+}  # fmt: skip
 
 
 class LinkagePicture:
@@ -54,10 +54,15 @@ class LinkagePicture:
         }
         pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
         self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
+        # The names of pivots stand beside the ground, which is below.
         middle = pins[:, 0].mean()
         self._asides = [(pivot[0] - middle, 0.0) for pivot in drawing.pivots]
-        self._names: list[Annotation] = []
         self._draw_scale()
+        halo = withStroke(linewidth=2.5, foreground='white')  # around names, which lie on paths
+        self._names = [
+            axes.annotate(name, (0, 0), xytext=(0, 0), ha='center', path_effects=[halo], **_NAME)
+            for name in (*drawing.pivot_names, *drawing.pins)
+        ]
         axes.set_aspect('equal')
         axes.margins(0.08)
         axes.set_axis_off()
@@ -70,22 +75,10 @@ class LinkagePicture:
             self._links[link].set_data(*line.T)
         pins = np.array([*drawing.pivots, *now[0]])
         self._pins.set_data(*pins.T)
-        for name in self._names:
-            name.remove()
-        labels = np.array([*drawing.pivot_labels, *drawing.labels(now)[0]])
-        ways = labels - pins
-        # The names of pivots stand beside the ground, which is below.
-        ways[: len(drawing.pivots)] = self._asides
-        self._names = [
-            self._axes.annotate(
-                name, tuple(pin), xytext=tuple(_AWAY * way / np.linalg.norm(way)),
-                textcoords='offset points', fontsize=SMALL, ha='center', va='center',
-                annotation_clip=False, path_effects=[_HALO],
-            )
-            for name, pin, way in zip(
-                (*drawing.pivot_names, *drawing.pins), pins, ways, strict=True
-            )
-        ]  # fmt: skip
+        ways = np.array([*self._asides, *(drawing.labels(now)[0] - now[0])])
+        for name, pin, way in zip(self._names, pins, ways, strict=True):
+            name.xy = tuple(pin)
+            name.set_position(_AWAY * way / np.linalg.norm(way))
 
     def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
         (line,) = self._axes.plot(
@@ -99,7 +92,5 @@ class LinkagePicture:
         low, high = self._axes.dataLim.get_points()
         scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
         self._plot(scale, GREY, linewidth=0.9)
-        self._axes.annotate(
-            f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0),
-            textcoords='offset points', fontsize=SMALL, va='center', annotation_clip=False,
-        )  # fmt: skip
+        words = f'{drawing.scale_length:g} m'
+        self._axes.annotate(words, tuple(scale[2]), xytext=(5, 0), **_NAME)

@@ -13,17 +13,18 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from linkage_ros.dynamics.period import Period
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.charts.axes import STYLE, over_crank
 from linkage_ros.lab.charts.linkage import LinkagePicture
-from linkage_ros.lab.charts.sizes import SMALL, TEXT
+from linkage_ros.lab.charts.sizes import TEXT
 from linkage_ros.palette import COLORS, DARK, fractions
 
 SECONDS = 3.0  # of the moving picture, for each turn of the crank
 _RATE = 20  # frames in a second
 _SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels in each
+_WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
 
 
 def draw_movie(
@@ -44,29 +45,29 @@ def draw_movie(
         ConfigurationError: The crank stands still, the file's name has another ending, or ffmpeg
             is missing.
     """
-    writer, samples = _writer(path), _frames(period)
-    figure = Figure(figsize=_SIZE, dpi=_DPI)
-    name, *others = title
-    figure.text(0.02, 0.94, name, weight='bold', fontsize=TEXT, parse_math=False)
-    figure.text(0.02, 0.885, ', '.join(others), fontsize=SMALL, parse_math=False)
-    picture = LinkagePicture(figure.add_axes((0.02, 0.06, 0.5, 0.78)), period, samples)
+    if path.suffix not in _WRITERS:
+        raise ConfigurationError(f'{path}: must end with .gif or .mp4')
+    if not _WRITERS[path.suffix].isAvailable():
+        raise ConfigurationError(f'{path}: ffmpeg is not installed; install it, or write a .gif')
+    writer, samples = _WRITERS[path.suffix](fps=_RATE), _frames(period)
     degrees, torque = np.degrees(period.crank), period.columns['driving_torque'].values
-    with rc_context({'xtick.labelsize': SMALL, 'ytick.labelsize': SMALL}):
+    with rc_context(STYLE):
+        figure = Figure(figsize=_SIZE, dpi=_DPI)
+        figure.text(0.02, 0.94, title[0], weight='bold', fontsize=TEXT)
+        figure.text(0.02, 0.885, ', '.join(title[1:]))
+        picture = LinkagePicture(figure.add_axes((0.02, 0.06, 0.5, 0.78)), period, samples)
         axes = figure.add_axes((0.62, 0.16, 0.35, 0.66))
         axes.plot(degrees, torque, color='0.8', linewidth=1.2)
         (drawn,) = axes.plot([], [], color=fractions(COLORS['crank']), linewidth=1.8)
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
-    axes.set(xlim=(0, degrees[-1]), xticks=np.linspace(0, degrees[-1], 5))
-    axes.set_xlabel('Crank angle, deg', fontsize=SMALL)
-    axes.set_ylabel('Driving torque, N m', fontsize=SMALL)
-    axes.axhline(0, color='0.6', linewidth=0.8, zorder=0)
-    axes.yaxis.set_major_locator(MaxNLocator(5))
-    with writer.saving(figure, path, _DPI):
-        for sample in progress(samples, 'frames'):
-            picture.move(sample)
-            drawn.set_data(degrees[: sample + 1], torque[: sample + 1])
-            dot.set_data(degrees[sample : sample + 1], torque[sample : sample + 1])
-            writer.grab_frame()
+        over_crank(axes, period.crank, 'Driving torque, N m', 4)
+        axes.set_xlabel('Crank angle, deg')
+        with writer.saving(figure, path, _DPI):
+            for sample in progress(samples, 'frames'):
+                picture.move(sample)
+                drawn.set_data(degrees[: sample + 1], torque[: sample + 1])
+                dot.set_data(degrees[sample : sample + 1], torque[sample : sample + 1])
+                writer.grab_frame()
 
 
 def _frames(period: Period) -> list[int]:
@@ -84,18 +85,3 @@ def _frames(period: Period) -> list[int]:
     even = np.linspace(0, time[-1], frames, endpoint=False)
     samples: list[int] = np.searchsorted(time, even).tolist()
     return samples if period.speed > 0 else samples[::-1]
-
-
-def _writer(path: Path) -> Any:
-    """Selects the writer of a file type.
-
-    Raises:
-        ConfigurationError: No writer is available.
-    """
-    if path.suffix == '.gif':
-        return PillowWriter(fps=_RATE)
-    if path.suffix != '.mp4':
-        raise ConfigurationError(f'{path}: must end with .gif or .mp4')
-    if not FFMpegWriter.isAvailable():
-        raise ConfigurationError(f'{path}: ffmpeg is not installed; install it, or write a .gif')
-    return FFMpegWriter(fps=_RATE)

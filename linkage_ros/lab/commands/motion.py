@@ -6,23 +6,20 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
-from typing import cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod, extent, mean
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
-from linkage_ros.errors import ConfigurationError, LinkageError
-from linkage_ros.lab.charts.flywheel import draw_flywheel
-from linkage_ros.lab.charts.motion import draw_motion
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.charts.motion import DESIGN_COLORS, draw_comparison, draw_motion
 from linkage_ros.lab.charts.movie import SECONDS, draw_movie
-from linkage_ros.lab.commands.output import folder, progress, save_table
-from linkage_ros.lab.flywheel import Cycle, EvenTorque, UnsteadyError, motor_cycle
+from linkage_ros.lab.commands.flywheel import size_flywheel
+from linkage_ros.lab.commands.output import folder, progress, save_csv
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import settle
-from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Drive, Motor, SpeedDrive, TorqueDrive
 from linkage_ros.parameters.configuration import Configuration, load
@@ -31,23 +28,56 @@ from linkage_ros.parameters.presets import find_file
 from linkage_ros.units import radians_per_second
 
 
+class Shown(NamedTuple):
+    """A mechanism over one period.
+
+    Attributes:
+        drive: Its drive.
+        period: The period.
+        title: Name, class, speed, and further lines.
+    """
+
+    drive: Drive
+    period: Period
+    title: list[str]
+
+
 def motion(options: argparse.Namespace) -> None:
-    """Draws one period of a mechanism and writes its table.
+    """Draws one period of a mechanism, or of several beside each other, and writes a table.
 
     Args:
         options: Options of the command line.
 
     Raises:
-        ConfigurationError: The mechanism, the speed or the folder cannot be used.
+        ConfigurationError: A mechanism, the options or the folder cannot be used.
     """
-    configuration, name = load(options.params), find_file(options.params).stem
-    period, title = period_of(options, configuration, name)
-    picture, table = options.out / f'{name}_motion.png', options.out / f'{name}_motion.csv'
+    if len(options.params) > 1:
+        _require_comparable(options)
+    names = [find_file(source).stem for source in options.params]
+    others = {x: getattr(options, x) for x in ('acceleration', 'reactions', 'fluctuation')}
+    shown = [show(source, options.rpm, **others) for source in options.params]
+    (drive, period, title), *more = shown
+    stem = 'comparison' if more else f'{names[0]}_motion'
+    picture, table = (options.out / f'{stem}.{suffix}' for suffix in ('png', 'csv'))
+    lines: list[object] = [', '.join(title)]
     with folder(options.out):
-        flywheel = _flywheel(options, period, configuration.drive, name)
-        save_table(table, period.columns.values())
-        draw_motion(period, title, picture)
-    print(', '.join(title), *flywheel, picture, table, sep='\n')
+        if options.fluctuation is not None:
+            flywheel = options.out / f'{names[0]}_flywheel.png'
+            lines += size_flywheel(period, drive, options.fluctuation, names[0], flywheel)
+            lines.append(flywheel)
+        if more:
+            periods = {name: one.period for name, one in zip(names, shown, strict=True)}
+            measures = {name: _measures(one) for name, one in periods.items()}
+            lines = [*_lines(measures)]
+            rows = [[name, *row.values()] for name, row in measures.items()]
+            save_csv(table, ['design', *measures[names[0]]], rows)
+            draw_comparison(periods, picture)
+        else:
+            columns = period.columns.values()
+            values = np.stack([column.values for column in columns], axis=-1).tolist()
+            save_csv(table, [f'{column.name} [{column.unit}]' for column in columns], values)
+            draw_motion(period, title, picture)
+    print(*lines, picture, table, sep='\n')
 
 
 def movie(options: argparse.Namespace) -> None:
@@ -59,11 +89,7 @@ def movie(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism, the speed or the file cannot be used.
     """
-    configuration, name = load(options.params), find_file(options.params).stem
-    plain = argparse.Namespace(
-        **vars(options), acceleration=0.0, reactions=False, fluctuation=None
-    )
-    period, (_, about, speed, *_) = period_of(plain, configuration, name)
+    _, period, (name, about, speed, *_) = show(options.params, options.rpm)
     share = 2 * math.pi / SECONDS / abs(period.speed or math.inf)
     title = [name, about, speed, f'shown at {share:.3g} of its speed']
     with folder(options.out.parent):
@@ -71,45 +97,33 @@ def movie(options: argparse.Namespace) -> None:
     print(', '.join(title), options.out, sep='\n')
 
 
-def period_of(
-    options: argparse.Namespace, configuration: Configuration, name: str
-) -> tuple[Period, list[str]]:
+def show(source: str, rpm: float | None, **others: Any) -> Shown:
     """Computes the period to draw.
 
     Args:
-        options: Options of the command line.
-        configuration: Configuration of the mechanism.
-        name: Name of its file.
+        source: Parameter file or preset.
+        rpm: Crank speed; None: the file's.
+        others: Other options that were given: acceleration, reactions, fluctuation.
 
     Returns:
-        The period, and its title: name, class, lines.
+        The mechanism over one period.
 
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
     """
-    mechanism = configuration.mechanism
-    if Solver(mechanism).mobility is None:  # it moves as its motor drives it
-        drive = cast('TorqueDrive', configuration.drive)
-        period, words = _settled(options, cast('WindPump', mechanism), drive)
-    else:
-        period, words = _driven(options, mechanism, configuration.drive)
-    kind, (group, *lines) = configuration.kind.mechanism, words
-    about = [kind if kind != name else '', mechanism.assembly, group]  # presets bear kinds' names
-    return period, [name, ', '.join(filter(None, about)), *lines]
-
-
-def _flywheel(
-    options: argparse.Namespace, period: Period, drive: Drive, name: str
-) -> list[str | Path]:
-    """Sizes and draws the flywheel if a fluctuation is given; returns lines about it."""
-    if options.fluctuation is None:
-        return []
-    picture = options.out / f'{name}_flywheel.png'
-    return [*size_flywheel(period, drive, options.fluctuation, name, picture), picture]
+    configuration, name = load(source), find_file(source).stem
+    others = {option: value for option, value in others.items() if value}
+    settles = Solver(configuration.mechanism).mobility is None  # it moves as its motor drives it
+    period, (group, *lines) = (_settled if settles else _driven)(
+        source, configuration, rpm, others
+    )
+    kind = configuration.kind.mechanism
+    about = [kind if kind != name else '', configuration.mechanism.assembly, group]
+    return Shown(configuration.drive, period, [name, ', '.join(filter(None, about)), *lines])
 
 
 def _driven(
-    options: argparse.Namespace, mechanism: Mechanism, drive: Drive
+    source: str, configuration: Configuration, rpm: float | None, others: dict[str, Any]
 ) -> tuple[Period, list[str]]:
     """Computes a period at a given speed, its class, and lines about it.
 
@@ -117,62 +131,57 @@ def _driven(
         ConfigurationError: No speed is given, options exclude each other, or the reactions have
             no finite value.
     """
-    rpm = options.rpm
-    if options.fluctuation is not None and options.acceleration:
+    drive = configuration.drive
+    if rpm is None and not isinstance(drive, SpeedDrive):
         raise ConfigurationError(
-            '--fluctuation is for a steady speed, and --acceleration changes it: leave one out'
+            f'{source} has no crank speed of its own: at which speed to draw it? Add --rpm 60'
         )
-    if rpm is None:
-        if not isinstance(drive, SpeedDrive):
-            raise ConfigurationError(
-                f'{options.params} has no crank speed of its own: at which speed to draw it? '
-                'Add --rpm 60'
-            )
-        rpm = drive.rpm
+    rpm = cast('SpeedDrive', drive).rpm if rpm is None else rpm
+    acceleration = others.get('acceleration', 0.0)
+    if 'fluctuation' in others and (acceleration or not rpm):
+        raise ConfigurationError(
+            f'--fluctuation is for a steady speed other than 0, not for {rpm:g} rpm and '
+            f'{acceleration:g} rad/s^2: change --rpm or --acceleration, or leave it out'
+        )
     period = SpeedDrivenPeriod(
-        mechanism, radians_per_second(rpm), options.acceleration, reactions=options.reactions
-    )
-    accelerated = f', {options.acceleration:g} rad/s^2' if options.acceleration else ''
+        configuration.mechanism, radians_per_second(rpm), acceleration,
+        reactions='reactions' in others,
+    )  # fmt: skip
+    accelerated = f', {acceleration:g} rad/s^2' if acceleration else ''
     grashof = period.solver.reach.grashof
     return period, [grashof, f'{rpm:g} rpm{accelerated}', *travel(period.solver).words()]
 
 
 def _settled(
-    options: argparse.Namespace, mechanism: WindPump, drive: TorqueDrive
+    source: str, configuration: Configuration, rpm: float | None, others: dict[str, Any]
 ) -> tuple[Period, list[str]]:
     """Computes the steady motion of a wind pump, and lines about it.
 
     Raises:
         ConfigurationError: It does not settle, or an option does not apply to it.
     """
-    for flag, given in (
-        ('--acceleration', options.acceleration),
-        ('--reactions', options.reactions),
-        ('--fluctuation', options.fluctuation),
-    ):
-        if given:
-            raise ConfigurationError(
-                f'{flag} is for a crank at a given speed, and {options.params} moves as its motor '
-                f'drives it: leave {flag} out'
-            )
-    motor, rpm = drive.motor, drive.start_rpm if options.rpm is None else options.rpm
-    if not rpm > 0:
-        name = 'start_rpm' if options.rpm is None else '--rpm'
+    for option in others:
         raise ConfigurationError(
-            f'{name} = {rpm:g}: must be above 0 rpm, because a wind_pump is started forwards and '
-            'left to its motor; try --rpm 20'
+            f'--{option} is for a crank at a given speed, and {source} moves as its motor '
+            f'drives it: leave --{option} out'
         )
-    speed = radians_per_second(rpm)
-    settled = settle(mechanism, motor, speed, progress)
+    drive = cast('TorqueDrive', configuration.drive)
+    name, given = ('start_rpm', drive.start_rpm) if rpm is None else ('--rpm', rpm)
+    if not given > 0:
+        raise ConfigurationError(
+            f'{name} = {given:g}: must be above 0 rpm, because a wind_pump is started '
+            'forwards and left to its motor; try --rpm 20'
+        )
+    speed = radians_per_second(given)
+    settled = settle(cast('WindPump', configuration.mechanism), drive.motor, speed, progress)
     low, high = settled.turning_points.min(), settled.turning_points.max()
     repeats = f', repeats after {settled.turns} turns' if settled.turns > 1 else ''
-    words = [
-        '', motor_line(motor), f'from {speed:.4g} rad/s',
+    return settled_turn(settled), [
+        '', motor_line(drive.motor), f'from {speed:.4g} rad/s',
         f'settled at {settled.speed:.4g} rad/s{repeats}',
         f'stroke {settled.stroke:.4g} m ({low:.4g} to {high:.4g} m)',
         f'flow (stroke x speed) {settled.flow:.4g} m/s',
     ]  # fmt: skip
-    return settled_turn(settled), words
 
 
 def settled_turn(motion: PeriodicMotion) -> Period:
@@ -186,83 +195,54 @@ def settled_turn(motion: PeriodicMotion) -> Period:
     return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)
 
 
-def size_flywheel(
-    period: Period, drive: Drive, fluctuation: float, name: str, picture: Path
-) -> list[str]:
-    """Finds the flywheel for a period at a constant speed, and draws it.
+# ---------------------------------------------------------------- several mechanisms
 
-    Args:
-        period: The period.
-        drive: The drive; its motor is assessed, if it has one.
-        fluctuation: Allowed difference of largest and smallest speed, relative to the mean.
-        name: Name of the parameter file.
-        picture: The PNG file, replaced if it exists.
 
-    Returns:
-        Lines about it.
+def _require_comparable(options: argparse.Namespace) -> None:
+    """Refuses what cannot be drawn beside each other.
 
     Raises:
-        ConfigurationError: The crank stands still.
-        OSError: The picture cannot be written.
+        ConfigurationError: There are too many, two have one name, or a flywheel is asked for.
     """
-    mechanism = period.solver.mechanism
-    even = EvenTorque(mechanism, period.speed)
-    added, first = even.inertia_for(fluctuation), even.first_order(fluctuation)
-    cycles: dict[str, Cycle] = {}
-    try:
-        cycles['without flywheel'] = even.cycle(0.0)
-        bare = f'{cycles["without flywheel"].fluctuation:.4g}'
-    except UnsteadyError as error:
-        bare = f'none: {error}'
-    cycles['with the flywheel'] = even.cycle(added)
-    lines = [
-        *_demands(period),
-        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {bare})',
-        f'to first order: {even.energy:.4g} J between the extremes, {first:.5g} kg m^2 in total',
-    ]
-    judged: tuple[Motor, Cycle | None] | None = None
-    if isinstance(drive, TorqueDrive):
-        carried, words = _judge(period, drive.motor, added)
-        judged = drive.motor, carried
-        lines += words
-    draw_flywheel(period, cycles, judged, [name, *lines], picture)
+    count = len(options.params)
+    if options.fluctuation is not None:
+        raise ConfigurationError('--fluctuation is for one mechanism: leave it or the others out')
+    if count > len(DESIGN_COLORS):
+        raise ConfigurationError(f'{count} mechanisms: must be at most {len(DESIGN_COLORS)}')
+    names = [find_file(source).stem for source in options.params]
+    if len(set(names)) < count:
+        raise ConfigurationError(f'{", ".join(names)}: give each file another name')
+
+
+def _measures(period: Period) -> dict[str, float | None]:
+    """Measures of a design by name and unit; None if it lacks one."""
+    solver, columns = period.solver, period.columns
+    link = solver.structure.links[-1]
+    way = extent(period.crank, columns[f'{link.name}.position'].values)
+    swing, torque = way.high - way.low, extent(period.crank, columns['driving_torque'].values)
+    found = travel(solver) if solver.mobility else None
+    angles = found.transmission if found else None
+    force = [columns[name].values for name in columns if name.startswith('shaking_force')]
+    return {
+        'swing [deg]': None if link.slides else math.degrees(swing),
+        'stroke [m]': swing if link.slides else None,
+        'time ratio': found.time_ratio if found else None,
+        'least transmission angle [deg]': (
+            math.degrees(min(angles[0], math.pi - angles[1])) if angles else None
+        ),
+        'peak torque [N m]': max(abs(torque.low), abs(torque.high)),
+        'rms torque [N m]': torque.rms,
+        'mean power [W]': period.mean_power,
+        'peak shaking force [N]': float(np.hypot(*force).max()) if force else None,
+    }
+
+
+def _lines(measures: dict[str, dict[str, float | None]]) -> list[str]:
+    """The measures of all designs as text, one line each, without those that no design has."""
+    width = 2 + max(12, *map(len, measures))
+    lines = [' ' * 32 + ''.join(f'{name:>{width}}' for name in measures)]
+    for name in next(iter(measures.values())):
+        cells = ['-' if row[name] is None else f'{row[name]:.4g}' for row in measures.values()]
+        if set(cells) != {'-'}:
+            lines.append(f'{name:<32}' + ''.join(f'{cell:>{width}}' for cell in cells))
     return lines
-
-
-def _demands(period: Period) -> list[str]:
-    """Peak, rms and mean of torque and power at a constant speed."""
-    lines = []
-    for column, average in (
-        ('driving_torque', period.mean_power / period.speed),
-        ('driving_power', period.mean_power),
-    ):
-        found = period.columns[column]
-        size = extent(period.crank, found.values)
-        peak = max(abs(size.low), abs(size.high))
-        lines.append(
-            f'{column.replace("_", " ")}: peak {peak:.4g} {found.unit}, rms {size.rms:.4g} '
-            f'{found.unit}, mean {average:.4g} {found.unit}'
-        )
-    return lines
-
-
-def _judge(period: Period, motor: Motor, added: float) -> tuple[Cycle | None, list[str]]:
-    """Finds the steady motion under a motor with the flywheel (None: none), and lines about it."""
-    needed, given = period.mean_power / period.speed, motor.at(period.speed)
-    at = f'{given:.4g} N m at this speed, where the cycle takes {needed:.4g} N m'
-    lines = [f'{motor_line(motor)}: {at}']
-    found: dict[str, Cycle | None] = {}
-    for name, inertia in (('with the flywheel', added), ('without', 0.0)):
-        try:
-            found[name] = motor_cycle(period.solver.mechanism, motor, period.speed, inertia)
-        except LinkageError as error:
-            lines.append(f'{name}: {error}')
-            continue
-        cycle = found[name]
-        lines.append(
-            f'{name}: the motor does not carry the cycle'
-            if cycle is None
-            else f'{name}: the motor carries the cycle at {cycle.speed * 30 / math.pi:.4g} rpm, '
-            f'fluctuation {cycle.fluctuation:.4g}'
-        )
-    return found.get('with the flywheel'), lines

@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import platform
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from linkage_ros import __version__
-from linkage_ros.dynamics.period import Column
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.progress import progress_bar
 
@@ -31,8 +31,6 @@ def folder(path: Path) -> Iterator[None]:
     try:
         path.mkdir(parents=True, exist_ok=True)
         yield
-    except FileExistsError as error:
-        raise ConfigurationError(f'{path} is no folder: name another') from error
     except OSError as error:
         raise ConfigurationError(f'{path} cannot be written: {error.strerror}') from error
 
@@ -61,9 +59,11 @@ def save_records(path: Path, records: list[dict[str, Any]]) -> None:
     path.write_text(json.dumps({'about': about(), 'records': records}, indent=1) + '\n')
 
 
-def save_table(path: Path, columns: Iterable[Column]) -> None:
-    """Writes columns as CSV, with all digits."""
-    columns = list(columns)
-    names = ','.join(f'{column.name} [{column.unit}]' for column in columns)
-    rows = np.stack([column.values for column in columns], axis=-1)
-    np.savetxt(path, rows, '%s', ',', header=names, comments='', encoding='utf-8')
+def save_csv(path: Path, head: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
+    """Writes a table, floats to the last bit and None as an empty cell, once it is complete."""
+    new = path.with_suffix('.csv.new')
+    with new.open('w', newline='', encoding='utf-8') as stream:
+        writer = csv.writer(stream, lineterminator='\n')
+        writer.writerow(head)
+        writer.writerows(rows)
+    new.replace(path)

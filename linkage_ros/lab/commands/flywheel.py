@@ -1,0 +1,88 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart motion --fluctuation: the flywheel of a mechanism, and its motor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from linkage_ros.dynamics.period import Period, extent
+from linkage_ros.errors import LinkageError
+from linkage_ros.lab.charts.flywheel import draw_flywheel
+from linkage_ros.lab.flywheel import Crank, Cycle
+from linkage_ros.motion.drives import Drive, Motor, TorqueDrive
+from linkage_ros.parameters.descriptions import motor_line
+from linkage_ros.units import radians_per_second
+
+
+def size_flywheel(
+    period: Period, drive: Drive, fluctuation: float, name: str, picture: Path
+) -> list[str]:
+    """Finds the flywheel for a period at a constant speed, and draws it.
+
+    Args:
+        period: The period.
+        drive: The drive; its motor is assessed, if it has one.
+        fluctuation: Allowed difference of largest and smallest speed, relative to the mean.
+        name: Name of the parameter file.
+        picture: The PNG file, replaced if it exists.
+
+    Returns:
+        Lines about it.
+
+    Raises:
+        OSError: The picture cannot be written.
+    """
+    crank, speed = Crank(period.solver.mechanism), period.speed
+    added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
+    cycles, total = {}, energy / (fluctuation * speed**2)
+    try:
+        cycles['without flywheel'] = crank.cycle(speed, 0.0)
+        bare = f'{cycles["without flywheel"].fluctuation:.4g}'
+    except LinkageError as error:
+        bare = f'none: {error}'
+    cycles['with the flywheel'] = crank.cycle(speed, added)
+    lines = [
+        _demand(period, 'driving_torque', period.mean_power / speed),
+        _demand(period, 'driving_power', period.mean_power),
+        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {bare})',
+        f'to first order: {energy:.4g} J between the extremes, {total:.5g} kg m^2 in total',
+    ]
+    motor = drive.motor if isinstance(drive, TorqueDrive) else None
+    carried: Cycle | None = None
+    if motor:
+        needed = f'where the cycle takes {period.mean_power / speed:.4g} N m'
+        lines.append(f'{motor_line(motor)}: {motor.at(speed):.4g} N m at this speed, {needed}')
+        carried, words = _carried(crank, motor, speed, added)
+        lines += [
+            f'with the flywheel: {words}',
+            f'without: {_carried(crank, motor, speed, 0.0)[1]}',
+        ]
+    draw_flywheel(period, cycles, (motor, carried) if motor else None, [name, *lines], picture)
+    return lines
+
+
+def _demand(period: Period, name: str, average: float) -> str:
+    """Peak, rms and mean of torque or power at a constant speed."""
+    column = period.columns[name]
+    size, unit = extent(period.crank, column.values), column.unit
+    peak = max(abs(size.low), abs(size.high))
+    return (
+        f'{name.replace("_", " ")}: peak {peak:.4g} {unit}, rms {size.rms:.4g} {unit}, '
+        f'mean {average:.4g} {unit}'
+    )
+
+
+def _carried(crank: Crank, motor: Motor, speed: float, added: float) -> tuple[Cycle | None, str]:
+    """The cycle under a motor, if there is one, and its description."""
+    try:
+        cycle = crank.under(motor, speed, added)
+    except LinkageError as error:
+        return None, str(error)
+    if cycle is None:
+        return None, 'the motor does not carry the cycle'
+    rpm = cycle.speed / radians_per_second(1.0)
+    return (
+        cycle,
+        f'the motor carries the cycle at {rpm:.4g} rpm, fluctuation {cycle.fluctuation:.4g}',
+    )
