@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -18,48 +17,25 @@ from linkage_ros.errors import MechanismError
 from linkage_ros.lab.torque_models import (
     STATIC,
     TorqueProgram,
-    numbers,
+    counts,
     operations,
     series_program,
     table_program,
     terms,
     torque_program,
-    torques,
     with_point_masses,
     without,
 )
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
-from linkage_ros.quantities import flatten
 from linkage_ros.units import radians_per_second
 
 POINT_MASSES = 'coupler as two point masses'
+_FULL = 'full model'
 _HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
 _NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
 _TIMED = 8  # every such angle is timed
 _SAMPLES = 2048  # even states to which series are fitted, and of which tables have some
-
-
-class Cost(NamedTuple):
-    """The cost of a model of the torque, or the saving of a simpler one.
-
-    Attributes:
-        operations: Operations of its program.
-        microseconds: Time of one run of that program.
-        parameters: Number of values to identify.
-    """
-
-    operations: int
-    microseconds: float
-    parameters: int
-
-    def saved(self, full: Cost) -> Cost:
-        """The saving of this model, compared with the full one."""
-        return Cost(
-            full.operations - self.operations,
-            full.microseconds - self.microseconds,
-            full.parameters - self.parameters,
-        )
 
 
 class Saving(NamedTuple):
@@ -70,22 +46,24 @@ class Saving(NamedTuple):
         rpm: Crank speed.
         left_out: The omitted term, or the reduced model.
         error: Largest error of the torque over a period, as a share of the full torque's peak.
-        saved: Cost of the full model minus that of this model.
-        full: Cost of the full model.
+        operations: Operations that are saved.
+        microseconds: Time that is saved in one run.
+        parameters: Number of values that need not be identified.
+        full_operations: Operations of the full model.
+        full_microseconds: Time of one run of the full model.
+        full_parameters: Number of values of the full model.
     """
 
     mechanism: str
     rpm: float
     left_out: str
     error: float
-    saved: Cost
-    full: Cost
-
-    def record(self) -> dict[str, Any]:
-        """For JSON: the savings, and the costs of the full model as `full_operations` etc."""
-        full = {f'full_{name}': value for name, value in self.full._asdict().items()}
-        head = dict(zip(self._fields[:4], self[:4], strict=True))
-        return {**head, **self.saved._asdict(), **full}
+    operations: int
+    microseconds: float
+    parameters: int
+    full_operations: int
+    full_microseconds: float
+    full_parameters: int
 
 
 class Economy:
@@ -107,14 +85,13 @@ class Economy:
         """
         reach = Solver(mechanism).reach
         reach.require_full_turn()
-        self.terms = terms(mechanism)
+        self.terms, self._counts = terms(mechanism), counts(mechanism)
         if not self.terms.keys() - {'gravity'}:
             raise MechanismError(
                 f'{name} needs no torque, because nothing has a mass or a load: give links masses'
             )
-        self._mechanism, self._name, self._values = mechanism, name, flatten(mechanism)
+        self._mechanism, self._name, self._full = mechanism, name, torque_program(mechanism)
         self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples()
-        self._full = torque_program(mechanism)
 
     def measure(
         self, rpms: Sequence[float], rounds: int, progress: Callable[..., Iterable[Any]]
@@ -132,18 +109,16 @@ class Economy:
         Raises:
             MechanismError: No torque is needed at one of the speeds.
         """
-        models = self._models(radians_per_second(rpms[0])).values()
-        full, *costs = self._costs(
-            [self._full, *(program for program, _ in models)],
-            [self._count(*self.terms.values()), *(needed for _, needed in models)],
-            progress(range(rounds), 'timing'),
-        )
-        found = []
+        first = self._models(radians_per_second(rpms[0]))
+        costs = self._costs(first, progress(range(rounds), 'timing'))
+        full, found = costs.pop(_FULL), []
         for rpm in progress(rpms, 'speeds'):
             speed = radians_per_second(rpm)
-            for (name, (program, _)), cost in zip(self._models(speed).items(), costs, strict=True):
-                error = self._error(program, speed)
-                found.append(Saving(self._name, rpm, name, error, cost.saved(full), full))
+            models = self._models(speed)
+            for name, cost in costs.items():
+                error = self._error(models[name][0], speed)
+                saved = full[0] - cost[0], full[1] - cost[1], full[2] - cost[2]
+                found.append(Saving(self._name, rpm, name, error, *saved, *full))
         return found
 
     def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
@@ -160,37 +135,33 @@ class Economy:
         errors = {x.left_out: x.error for x in savings if x.rpm == rpm}
         out: list[str] = []
         for name in sorted(self.terms, key=lambda name: errors[name]):
-            joint = self._without([*out, name])
-            if self._error(joint, radians_per_second(rpm)) <= tolerance:
+            if self._error(self._without(*out, name), radians_per_second(rpm)) <= tolerance:
                 out.append(name)
-        gone = {x for name in out for x in self.terms[name]}
-        links = {name: own for name, own in self.terms.items() if name != STATIC}
-        needed = [
-            name for name, own in links.items()
-            if not own <= gone and not any(own < other for other in links.values())
-        ]  # fmt: skip
+        gone = frozenset[str]().union(*(self.terms[name] for name in out))
+        left = {x: own for x, own in self.terms.items() if x != STATIC and not own <= gone}
+        needed = [x for x, own in left.items() if not any(own < other for other in left.values())]
         largest = [x for x in out if not any(self.terms[x] < self.terms[y] for y in out)]
-        words = (
+        good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
+        smallest = [
+            words + next(x for x in good if kind in x)
+            for kind, words in ((POINT_MASSES, 'the '), ('harmonic', ''), ('table', 'a '))
+            if any(kind in x for x in good)
+        ]
+        return (
             f'at {rpm:g} rpm, within {100 * tolerance:g} % of the peak, this scene needs '
             f'{_listed(needed, "and")}; it can leave out {_listed(largest, "and")}'
-        )
-        good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
-        kinds = POINT_MASSES, 'harmonic', 'table'
-        found = [next((x for x in good if kind in x), '') for kind in kinds]
-        smallest = [x.replace('table', 'a table').replace('coupler', 'the coupler') for x in found]
-        return words + (f'; {_listed([*filter(None, smallest)], "or")} will do' if good else '')
+        ) + (f'; {_listed(smallest, "or")} will do' if good else '')
 
     def _models(self, speed: float) -> dict[str, tuple[TorqueProgram, int]]:
-        """The simpler models at a speed by name: programs, and the values they need."""
-        everything = {x for own in self.terms.values() for x in own}
-        found = {
-            name: (self._without([name]), self._count(everything - own))
-            for name, own in self.terms.items()
-        }
+        """The full and the simpler models at a speed: programs, and the values they need."""
+        everything = frozenset[str]().union(*self.terms.values())
+        found = {_FULL: (self._full, self._count(everything))}
+        for name, own in self.terms.items():
+            found[name] = self._without(name), self._count(everything - own)
         if reduced := with_point_masses(self._mechanism):
             others = self._count(everything - self.terms['coupler'])
             found[POINT_MASSES] = torque_program(reduced), others + 2
-        even = torques(self._full, np.arange(float(_SAMPLES)) * (self._period / _SAMPLES), speed)
+        even = self._full.torques(np.arange(float(_SAMPLES)) * (self._period / _SAMPLES), speed)
         for n in _HARMONICS:
             program = series_program(even, self._period, n)
             found[f'{n} harmonic{"s" if n > 1 else ""}'] = program, 2 * n + 1
@@ -198,40 +169,31 @@ class Economy:
             found[f'table of {n} nodes'] = table_program(even[:: _SAMPLES // n], self._period), n
         return found
 
-    def _without(self, names: Iterable[str]) -> TorqueProgram:
+    def _without(self, *names: str) -> TorqueProgram:
         return torque_program(without(self._mechanism, names), static=STATIC in names)
 
-    @functools.cache  # noqa: B019
-    def _exact(self, speed: float) -> Array:
-        """Torques of the full model at all angles, N m."""
-        return torques(self._full, self._samples, speed)
-
-    def _count(self, *groups: Iterable[str]) -> int:
-        """Counts the values in groups of parameters."""
-        return sum(numbers(self._values[name]) for name in {*itertools.chain(*groups)})
+    def _count(self, parameters: Iterable[str]) -> int:
+        return sum(self._counts[name] for name in parameters)
 
     def _costs(
-        self, programs: Sequence[TorqueProgram], needed: Sequence[int], rounds: Iterable[int]
-    ) -> list[Cost]:
-        """Measures the costs of programs, alternating so that a busy machine slows all alike."""
-        by_source = {program.source: program for program in programs}
-        best = dict.fromkeys(by_source, math.inf)
-        for _ in rounds:
-            for source, program in by_source.items():
-                best[source] = min(best[source], self._time(program))
-        return [
-            Cost(operations(program), best[program.source], count)
-            for program, count in zip(programs, needed, strict=True)
-        ]
+        self, models: dict[str, tuple[TorqueProgram, int]], rounds: Iterable[int]
+    ) -> dict[str, tuple[int, float, int]]:
+        """Measures operations, microseconds and values of each model.
 
-    def _time(self, program: TorqueProgram) -> float:
-        """Time of one run, us."""
-        run = program.scalar
-        angles = self._samples[::_TIMED].tolist()
-        start = time.perf_counter()
-        for angle in angles:
-            run(angle, 1.0)
-        return (time.perf_counter() - start) / len(angles) * 1e6
+        The programs alternate, so that a busy machine slows all alike.
+        """
+        programs = {program.source: program.scalar for program, _ in models.values()}
+        best, angles = dict.fromkeys(programs, math.inf), self._samples[::_TIMED].tolist()
+        for _ in rounds:
+            for source, run in programs.items():
+                start = time.perf_counter()
+                for angle in angles:
+                    run(angle, 1.0)
+                best[source] = min(best[source], time.perf_counter() - start)
+        return {
+            name: (operations(source), best[source] / len(angles) * 1e6, count)
+            for name, ((_, source), count) in models.items()
+        }
 
     def _error(self, program: TorqueProgram, speed: float) -> float:
         """The largest error of a program's torque, as a share of the full torque's peak.
@@ -239,13 +201,18 @@ class Economy:
         Raises:
             MechanismError: The torque is 0.
         """
-        full, found = self._exact(speed), torques(program, self._samples, speed)
+        full = self._exact(speed)
         peak = np.abs(full).max()
         if not peak:
             raise MechanismError(
                 f'{self._name} needs no torque at {speed:g} rad/s: choose other speeds (--rpm)'
             )
-        return float(np.abs(found - full).max() / peak)
+        return float(np.abs(program.torques(self._samples, speed) - full).max() / peak)
+
+    @functools.cache  # noqa: B019
+    def _exact(self, speed: float) -> Array:
+        """Torques of the full model at all angles, N m."""
+        return self._full.torques(self._samples, speed)
 
 
 def handover(savings: Sequence[Saving]) -> float | None:
@@ -253,11 +220,11 @@ def handover(savings: Sequence[Saving]) -> float | None:
 
     The torque of weights does not depend on speed; that of inertia grows with its square.
     """
-    for one in savings:
-        errors = {x.left_out: x.error for x in savings if x.rpm == one.rpm}
-        weights, inertia = errors.get('gravity', 0.0), errors.get(STATIC, 0.0)
+    errors = {(x.rpm, x.left_out): x.error for x in savings}
+    for rpm in dict.fromkeys(x.rpm for x in savings):
+        weights, inertia = errors.get((rpm, 'gravity'), 0.0), errors.get((rpm, STATIC), 0.0)
         if weights and inertia:
-            return abs(one.rpm) * math.sqrt(weights / inertia)
+            return abs(rpm) * math.sqrt(weights / inertia)
     return None
 
 

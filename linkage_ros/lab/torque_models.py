@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -32,11 +32,11 @@ STATIC = 'inertia'  # without it the masses resist no motion; weights and loads 
 TERMS: dict[str, tuple[str, ...]] = {
     'gravity': ('gravity',),
     STATIC: ('crank.inertia', 'coupler.inertia', 'rocker.inertia'),
-    'crank': ('crank.mass', 'crank.inertia'),
+    'crank': ('crank.mass', 'crank.inertia', 'crank.center'),
     'crank.inertia': ('crank.inertia',),
-    'coupler': ('coupler.mass', 'coupler.inertia'),
+    'coupler': ('coupler.mass', 'coupler.inertia', 'coupler.center'),
     'coupler.inertia': ('coupler.inertia',),
-    'rocker': ('rocker.mass', 'rocker.inertia'),
+    'rocker': ('rocker.mass', 'rocker.inertia', 'rocker.center'),
     'rocker.inertia': ('rocker.inertia',),
     'slider': ('slider.mass',),
     'rocker.torque': ('rocker.torque',),
@@ -51,24 +51,28 @@ _SLOW = 1e-6  # of the speed, at which inertia takes no torque
 _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
-def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
-    """The terms of a mechanism, with their non-zero parameters."""
-    values = flatten(mechanism)
-    masses = any(values[x] for x in values if x.endswith(('.mass', '.inertia')))
-    found = {name: _present(values, own) for name, own in TERMS.items()}
-    # A link without mass has its inertia as its only term.
-    twice = {name for name, own in found.items() if own == found.get(f'{name}.inertia')}
+def counts(mechanism: Mechanism) -> dict[str, int]:
+    """How many values of each parameter are not 0, without centres of massless links."""
+    found = {}
+    for name, value in flatten(mechanism).items():
+        items = value if isinstance(value, tuple) else (value,)
+        found[name] = sum(bool(item) and not isinstance(item, str) for item in items)
     return {
-        name: own for name, own in found.items()
-        if (own or (name == STATIC and masses)) and name not in twice
+        name: count for name, count in found.items()
+        if count and (not name.endswith('.center') or found[name.replace('.center', '.mass')])
     }  # fmt: skip
 
 
-def _present(values: Mapping[str, object], wanted: Iterable[str]) -> frozenset[str]:
-    """The non-zero parameters of a term; a mass includes its centre."""
-    own = _members(values, wanted)
-    centers = {x.replace('.mass', '.center') for x in own if x.endswith('.mass') and values[x]}
-    return frozenset(x for x in own | (centers & values.keys()) if numbers(values[x]))
+def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
+    """The terms of a mechanism, with their non-zero parameters."""
+    values = counts(mechanism)
+    masses = any(name.endswith(('.mass', '.inertia')) for name in values)
+    found = {name: frozenset(_members(values, own)) for name, own in TERMS.items()}
+    return {
+        name: own for name, own in found.items()
+        # A link without mass has its inertia as its only term.
+        if (own or (name == STATIC and masses)) and own != found.get(f'{name}.inertia')
+    }  # fmt: skip
 
 
 def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
@@ -76,18 +80,13 @@ def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
     return {x for x in values for name in wanted if x == name or x.startswith(f'{name}.')}
 
 
-def numbers(value: object) -> int:
-    """Counts the non-zero values of a parameter."""
-    items = value if isinstance(value, (tuple, list)) else (value,)
-    return sum(bool(item) and not isinstance(item, str) for item in items)
-
-
 def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     """Removes terms from a mechanism by setting their parameters to 0."""
     values = flatten(mechanism)
-    gone = {x for name in names for x in _members(values, TERMS[name])}
-    left = {name: value for name, value in values.items() if name not in gone}
-    return build(type(mechanism), {'gravity': (0.0, 0.0)} | left)
+    for name in names:
+        for parameter in _members(values, TERMS[name]):
+            del values[parameter]
+    return build(type(mechanism), {'gravity': (0.0, 0.0)} | values)
 
 
 def with_point_masses(mechanism: Any) -> Mechanism | None:
@@ -97,15 +96,13 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         mechanism: The mechanism.
 
     Returns:
-        The mechanism with a massless coupler; None: it has no coupler between crank and output
-        link, or the coupler has no mass or a centre of mass that is not between the pins.
+        The mechanism with a massless coupler; None: there is no coupler, or it has no mass, or a
+        centre of mass that is not between the pins.
     """
     coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
-    if coupler is None or not hasattr(mechanism, output) or not coupler.mass:
+    if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):
         return None
     share = coupler.center[0] / coupler.length
-    if not 0 <= share <= 1:
-        return None
     link, at_end = getattr(mechanism, output), share * coupler.mass
     if isinstance(link, Body):
         link = _with_mass_at_tip(link, at_end)
@@ -135,24 +132,19 @@ class TorqueProgram(NamedTuple):
         scalar: Function of crank angle, rad, and constant speed, rad/s; returns the torque, N m,
             in a tuple.
         source: Python text of the program; with friction, of one round.
-        takes_arrays: Whether it accepts arrays of angles.
     """
 
-    scalar: Callable[..., tuple[Any]]
+    scalar: Callable[[float, float], tuple[Any]]
     source: str
-    takes_arrays: bool = False
+
+    def torques(self, angles: Array, speed: float) -> Array:
+        """The torques at crank angles, N m."""
+        return np.array([self.scalar(angle, speed)[0] for angle in angles.tolist()])
 
 
-def _with_friction(mechanism: Mechanism, *, static: bool) -> TorqueProgram:
-    """The torque of a mechanism with friction, found in rounds."""
-    pace, values = (_SLOW if static else 1.0), flatten(mechanism)
-    damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
-    solver = Solver(build(type(mechanism), values | damped))
-    return TorqueProgram(
-        lambda angle, speed: (solver.state(angle, pace * speed).torque,),
-        solver.source,
-        takes_arrays=True,
-    )
+def _program(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
+    program = Program(formula, Constants(constants), ('angle', 'speed'))
+    return TorqueProgram(program.scalar, program.source)
 
 
 def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgram:
@@ -166,39 +158,20 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         The program; with friction, the repeated rounds.
     """
     if mechanism.joint_loads():
-        return _with_friction(mechanism, static=static)
-    return _torque(_static_torque if static else driving_torque, _model(mechanism))
-
-
-def _torque(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
-    program = Program(formula, Constants(constants), ('angle', 'speed'))
-    return TorqueProgram(program.scalar, program.source)
-
-
-def inertia_program(mechanism: Mechanism) -> Program:
-    """The torque of inertia alone, N m, from crank angle, speed and acceleration."""
-    weightless = _model(mechanism)._replace(gravity=Vector(0.0, 0.0), loads=())
-    return Program(driving_torque, Constants(weightless), ('angle', 'speed', 'acceleration'))
-
-
-def _model(mechanism: Mechanism) -> Model:
+        pace, values = (_SLOW if static else 1.0), flatten(mechanism)
+        damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
+        solver = Solver(build(type(mechanism), values | damped))
+        return TorqueProgram(lambda q, u: (solver.state(q, pace * u).torque,), solver.source)
     refuse = Opaque(require_finite)
-    return Model.of(mechanism, mechanism.structure().links, mechanism.loop(), *(refuse,) * 3)
+    model = Model.of(mechanism, mechanism.structure().links, mechanism.loop(), *(refuse,) * 3)
+    return _program(_static_torque if static else driving_torque, model)
 
 
-def torques(program: TorqueProgram, angles: Array, speed: float) -> Array:
-    """The torques at crank angles, N m."""
-    if program.takes_arrays:
-        (found,) = program.scalar(angles, speed)
-        return np.asarray(found)
-    return np.array([program.scalar(angle, speed)[0] for angle in angles.tolist()])
-
-
-def driving_torque(model: Model, angle: Real, speed: Real, *change: Real) -> tuple[Real]:
-    """The driving torque at a crank angle and speed, N m, in a tuple."""
+def driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
+    """The driving torque at a crank angle and constant speed, N m, in a tuple."""
     pose = model.loop.pose((angle,))
     rates = velocities(pose, (speed,))
-    return (balance(model, pose, rates, accelerations(pose, (speed,), change))[0],)
+    return (balance(model, pose, rates, accelerations(pose, (speed,), ()))[0],)
 
 
 def _static_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
@@ -206,20 +179,6 @@ def _static_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
     rates = velocities(pose, (speed,))
     acting = [load.forces(pose.links, rates) for load in model.all_loads()]
     return (-total(x * pose.links[j].jacobian[0] for forces in acting for j, x in forces.items()),)
-
-
-class _Series(NamedTuple):
-    """A Fourier series of torques.
-
-    Attributes:
-        rate: Phase of the first harmonic per crank angle.
-        mean: Mean torque, N m.
-        waves: Amplitudes of cosine and sine of each harmonic, N m.
-    """
-
-    rate: float
-    mean: float
-    waves: tuple[Vector, ...]
 
 
 def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgram:
@@ -233,35 +192,18 @@ def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgr
     Returns:
         A program like that of `torque_program`, at any speed.
     """
-    spectrum = np.fft.rfft(torques, norm='forward')
-    parts = 2 * spectrum[1 : harmonics + 1]
-    waves = tuple(Vector(float(x.real), float(-x.imag)) for x in parts)
-    series = _Series(2 * math.pi / period, float(spectrum[0].real), waves)
-    return _torque(_series_torque, series)
+    mean, *others = np.fft.rfft(torques, norm='forward')[: harmonics + 1].tolist()
+    waves = tuple(Vector(2 * x.real, -2 * x.imag) for x in others)
+    return _program(_series_torque, (2 * math.pi / period, mean.real, waves))
 
 
-def _series_torque(series: _Series, angle: Real, _: Real) -> tuple[Real]:
-    wave = Vector.at(series.rate * angle)  # Clenshaw's sum
+def _series_torque(series: Any, angle: Real, _: Real) -> tuple[Real]:
+    rate, mean, waves = series
+    wave = Vector.at(rate * angle)  # Clenshaw's sum
     now = before = Vector(ZERO, ZERO)
-    for amplitude in reversed(series.waves):
+    for amplitude in reversed(waves):
         now, before = amplitude + now * (2.0 * wave.x) - before, now
-    return (series.mean + (now.x * wave.x - before.x) + now.y * wave.y,)
-
-
-class _Table(NamedTuple):
-    """A periodic table of torques.
-
-    Attributes:
-        per_angle: Nodes per crank angle, 1/rad.
-        floor: The node before a place.
-        value: Torque at a node, N m.
-        slope: Difference to the next node, N m.
-    """
-
-    per_angle: float
-    floor: Opaque
-    value: Opaque
-    slope: Opaque
+    return (mean + (now.x * wave.x - before.x) + now.y * wave.y,)
 
 
 def table_program(torques: Array, period: float) -> TorqueProgram:
@@ -274,27 +216,27 @@ def table_program(torques: Array, period: float) -> TorqueProgram:
     Returns:
         A program like that of `torque_program`, at any speed.
     """
-    nodes, values = len(torques), torques.tolist()
-    slopes = (np.roll(torques, -1) - torques).tolist()
-    at, after = (Opaque(lambda i, row=row: row[i % nodes]) for row in (values, slopes))
-    table = _Table(nodes / period, Opaque(math.floor), at, after)
-    return _torque(_table_torque, table)
+    nodes, rows = len(torques), (torques.tolist(), (np.roll(torques, -1) - torques).tolist())
+    value, slope = (Opaque(lambda i, row=row: row[i % nodes]) for row in rows)
+    return _program(_table_torque, (nodes / period, Opaque(math.floor), value, slope))
 
 
-def _table_torque(table: _Table, angle: Real, _: Real) -> tuple[Real]:
-    place = table.per_angle * angle
-    node = table.floor(place)
-    return (table.value(node) + table.slope(node) * (place - node),)
+def _table_torque(table: Any, angle: Real, _: Real) -> tuple[Real]:
+    per_angle, floor, value, slope = table
+    place = per_angle * angle
+    node = floor(place)
+    return (value(node) + slope(node) * (place - node),)
 
 
-def operations(program: TorqueProgram) -> int:
+def operations(source: str) -> int:
     """Counts the operations of a run of a program, including guards, without their errors."""
-    _, run = ast.parse(program.source).body
+    _, run = ast.parse(source).body
     parts = [x.test if isinstance(x, ast.If) else x for x in run.body]  # type: ignore[attr-defined]
-    nodes = (node for part in parts for node in ast.walk(part) if isinstance(node, _COUNTED))
     return sum(
+        isinstance(x, _COUNTED)
         # A minus before a number is no operation, nor is a result put together.
-        not isinstance(getattr(x, 'operand', None), ast.Constant)
+        and not isinstance(getattr(x, 'operand', None), ast.Constant)
         and getattr(getattr(x, 'func', None), 'id', '') != 'new'
-        for x in nodes
+        for part in parts
+        for x in ast.walk(part)
     )

@@ -10,8 +10,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.charts.economy import draw_economy
 from linkage_ros.lab.commands.output import folder, progress, save_records
 from linkage_ros.lab.economy import Economy
-from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.parameters.configuration import Configuration, load
+from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file
 
 _FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # of the mechanism's own speed, where none are given
@@ -28,36 +27,19 @@ def economy(options: argparse.Namespace) -> None:
         MechanismError: The crank angle does not determine the motion, or nothing needs a torque.
     """
     configuration, name = load(options.params), find_file(options.params).stem
-    own, rpms = _speeds(options, configuration)
-    records, picture = options.out / f'{name}_economy.json', options.out / f'{name}_economy.png'
+    given = options.rpm or []
+    own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)  # of the summary
+    rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
+    if 0.0 in rpms:
+        raise ConfigurationError(
+            f'{options.params} at 0 rpm: a crank at rest, or without a speed of its own, has no '
+            'turn to compare; choose speeds, such as --rpm 30 60'
+        )
+    records, picture = (options.out / f'{name}_economy.{suffix}' for suffix in ('json', 'png'))
     measured = Economy(configuration.mechanism, name)
     with folder(options.out):
         savings = measured.measure(rpms, 20 if options.quick else 200, progress)
         sentence = measured.sentence(own, options.tolerance, savings)
-        save_records(records, [saving.record() for saving in savings])
+        save_records(records, [saving._asdict() for saving in savings])
         draw_economy(savings, sentence, own, options.tolerance, picture)
     print(f'{name}: {sentence}', records, picture, sep='\n')
-
-
-def _speeds(
-    options: argparse.Namespace, configuration: Configuration
-) -> tuple[float, list[float]]:
-    """The speed of the summary (the file's, or the first given), and all speeds, rpm.
-
-    Raises:
-        ConfigurationError: No speed is given, or the crank is at rest.
-    """
-    drive, given = configuration.drive, options.rpm or []
-    is_driven = isinstance(drive, SpeedDrive)
-    if not (is_driven or given):
-        raise ConfigurationError(
-            f'{options.params} has no crank speed of its own: at which speeds to leave terms out? '
-            'Add --rpm 30 60'
-        )
-    own = drive.rpm if isinstance(drive, SpeedDrive) else given[0]
-    rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
-    if 0.0 in rpms:
-        raise ConfigurationError(
-            'rpm = 0: a crank at rest has no turn to compare; choose other speeds (--rpm)'
-        )
-    return own, rpms
