@@ -15,8 +15,9 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, TextIO, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 from linkage_ros import __version__
 from linkage_ros.errors import ConfigurationError, LinkageError, missing_library, one_line
@@ -56,22 +57,6 @@ def make_parser(
     return parser
 
 
-def refuse_arguments(parser: argparse.ArgumentParser, arguments: list[str]) -> None:
-    """Ends a program that is given arguments other than those of ROS.
-
-    Args:
-        parser: Its parser, which knows --help and --version.
-        arguments: What is left of the command line without those of ROS.
-    """
-    _, others = parser.parse_known_args(arguments)
-    if others:
-        words = ' '.join(others)
-        parser.error(
-            f'unknown: {words}; parameters stand behind --ros-args, as in `{parser.prog} '
-            '--ros-args -p rpm:=60.0`'
-        )
-
-
 def path(text: str) -> Path:
     """Converts an argument of a command line to a path; refuses an empty one.
 
@@ -89,40 +74,31 @@ def path(text: str) -> Path:
     return Path(text)
 
 
-def add_number(
-    parser: Any, *names: str, quantity: Quantity, note: str = '', **options: Any
-) -> None:
-    """Adds an option that takes a number; its help and errors give range and unit.
+def add_options(parser: Any, options: Iterable[Option]) -> None:
+    """Adds options to a parser, or a group of it.
 
     Args:
         parser: Parser of the program or the command, or a group of it.
-        names: Names of the option.
-        quantity: Meaning, unit and range of the number.
-        note: Added to the help.
-        options: Keyword arguments of `add_argument`.
+        options: The options; help and errors of a number give range and unit, and `note` is added
+            to its help.
     """
-
-    def read(text: str) -> object:
-        value: float | str = text
-        for kind in (float, int):  # a whole number stays one
-            with suppress(ValueError):
-                value = kind(text)
-        try:
-            return quantity.clean(names[-1], value)
-        except ConfigurationError as error:
-            raise argparse.ArgumentTypeError(f'{shown(text)}: must be {quantity.valid}') from error
-
-    words = f'{quantity.meaning}, {quantity.span}{note}'
-    parser.add_argument(*names, type=read, help=words, **options)
-
-
-def add_options(parser: Any, options: Iterable[Option]) -> None:
-    """Adds options to a parser, or a group of it."""
     for names, quantity, others in options:
+        given = dict(others)
         if quantity:
-            add_number(parser, *names, quantity=quantity, **others)
-        else:
-            parser.add_argument(*names, **others)
+            given['type'] = partial(_read_number, names[-1], quantity)
+            given['help'] = f'{quantity.meaning}, {quantity.span}{given.pop("note", "")}'
+        parser.add_argument(*names, **given)
+
+
+def _read_number(name: str, quantity: Quantity, text: str) -> object:
+    value: float | str = text
+    for kind in (float, int):  # a whole number stays one
+        with suppress(ValueError):
+            value = kind(text)
+    try:
+        return quantity.clean(name, value)
+    except ConfigurationError as error:
+        raise argparse.ArgumentTypeError(f'{shown(text)}: must be {quantity.valid}') from error
 
 
 class Command(NamedTuple):
@@ -232,21 +208,17 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         code = command() or 0
         if sys.stdout is not None:  # it was closed
             sys.stdout.flush()
-    except LinkageError as error:
-        print_error(name, error)
-        return 2
-    except ImportError as error:
-        print_error(name, missing_library(error.name or ''))
-        return 2
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return STOPPED_BY_USER
     except BrokenPipeError:  # the reader of our output is gone
         _discard_stdout()
         return 0
-    except OSError as error:  # stdout is a file on a full disk
-        print_error(name, error)
-        _discard_stdout()
+    except (LinkageError, ImportError, OSError) as error:  # stdout may be a file on a full disk
+        words = missing_library(error.name or '') if isinstance(error, ImportError) else error
+        print_error(name, words)
+        if isinstance(error, OSError):
+            _discard_stdout()
         return 2
     return code
 
@@ -272,7 +244,7 @@ def leave(code: int) -> int:
 
 
 def _discard_stdout() -> None:
-    """Redirects stdout to /dev/null, so that Python does not fail again at exit."""
+    """Redirects stdout to /dev/null if it fails, so that Python does not fail again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -281,15 +253,6 @@ def _discard_stdout() -> None:
 
 def print_error(name: str, error: object) -> None:
     """Prints one line, unless stderr is blocked for a second by a full pipe or Ctrl-S."""
-    if sys.stderr is not None and _is_writable(sys.stderr):
-        with suppress(OSError):
+    with suppress(OSError, TypeError):  # closed, or gone
+        if select.select([], [sys.stderr], [], _LONGEST_WAIT)[1]:
             print(f'{name}: {one_line(str(error))}', file=sys.stderr)
-
-
-def _is_writable(stream: TextIO) -> bool:
-    """Returns whether a stream accepts a line within a second."""
-    try:
-        number = stream.fileno()
-    except OSError:
-        return True
-    return bool(select.select([], [number], [], _LONGEST_WAIT)[1])

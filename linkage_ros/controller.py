@@ -29,16 +29,8 @@ from linkage_ros.parameters.descriptions import help_on
 from linkage_ros.parameters.session import JOINT_PREFIX
 from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
-from linkage_ros.ros.parameters import (
-    ParameterNode,
-    declare_values,
-    given_values,
-)
-from linkage_ros.ros.process import (
-    reported_as_configuration,
-    ros_program,
-    spinning,
-)
+from linkage_ros.ros.parameters import ParameterNode, given_values
+from linkage_ros.ros.process import run_program
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
@@ -138,19 +130,19 @@ class SpeedController:
 class ControllerNode(ParameterNode):
     """Answers each message on joint_states with a command on joint_commands."""
 
-    def __init__(self) -> None:
+    def __init__(self, stop: cli.Stop) -> None:
         super().__init__(_NAME)
+        self._stop = stop
         given = without_ros_parameters(given_values(self))
         names = [leaf.name for leaf in PARAMETERS]
-        if unknown := [name for name in given if name not in names]:
-            raise ConfigurationError(
-                unknown_name(unknown[0], _NAME, PARAMETERS, f'{_NAME} --help')
-            )
+        for name in given:
+            if name not in names:
+                raise ConfigurationError(unknown_name(name, _NAME, PARAMETERS, f'{_NAME} --help'))
         settings = build(Settings, given)
         plant = load(settings.plant)
         if settings.joint_prefix is None:
             settings = replace(settings, joint_prefix=plant.session.joint_prefix)
-        declare_values(self, PARAMETERS, flatten(settings))
+        self.declare(PARAMETERS, flatten(settings))
         self._controller = SpeedController(
             plant.mechanism, settings.rpm, settings.bandwidth,
             settings.lead_time if settings.feed_forward else None,
@@ -164,6 +156,11 @@ class ControllerNode(ParameterNode):
             f'{"the exact torque" if settings.feed_forward else "nothing"} fed forward; '
             f'waits for {states.topic_name}'
         )
+
+    def work(self) -> int:
+        """Waits until the end is requested; returns the exit code."""
+        self._stop.wait()
+        return 0
 
     def _answer(self, state: JointState) -> None:
         if self._crank not in state.name:  # the message of another robot
@@ -193,19 +190,9 @@ def _parser() -> argparse.ArgumentParser:
     )
 
 
-def _run(arguments: list[str]) -> int:
-    stop = cli.Stop()
-    with ros_program(arguments, _parser()):
-        with reported_as_configuration():
-            node = ControllerNode()
-        with spinning(node):
-            stop.wait()
-    return 0
-
-
 def main() -> int:
     """Entry point."""
-    return cli.run(_NAME, lambda: _run(sys.argv))
+    return cli.run(_NAME, lambda: run_program(sys.argv, _parser(), ControllerNode))
 
 
 if __name__ == '__main__':

@@ -9,13 +9,12 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
-from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.configuration import configure
 from linkage_ros.parameters.session import SPAWN
 from linkage_ros.progress import waiting
 from linkage_ros.record import record
@@ -28,14 +27,14 @@ _SECONDS, _RPM, _RATE = 8.0, 150.0, 200.0
 _START_SECONDS = 1.0  # from the log's first byte until the crank turns
 
 
-def _run_live(viewer: str | Path) -> None:
+def _run_live(viewer: str) -> None:
     settings = {
         'rpm': _RPM, 'rate_hz': _RATE, 'log': _LOG, 'log_overwrite': 'true', 'viewer': viewer,
     }  # fmt: skip
     arguments = [word for name, value in settings.items() for word in ('-p', f'{name}:={value}')]
-    command = [sys.executable, '-m', 'linkage_ros.node', '--ros-args', *arguments]
     print(f'linkage_node turns the quadrilateral at {_RPM:g} rpm for {_SECONDS:g} s')
     _LOG.unlink(missing_ok=True)
+    command = [sys.executable, '-m', 'linkage_ros.node', '--ros-args', *arguments]
     process = subprocess.Popen(command)  # noqa: S603
     try:
         while process.poll() is None and not _LOG.exists():
@@ -49,33 +48,25 @@ def _run_live(viewer: str | Path) -> None:
         raise LinkageError(f'linkage_node ended with exit code {code}')
 
 
-def _run_recorded(viewer: str | Path) -> None:
+def _run_recorded(viewer: str) -> None:
     print('rclpy is not installed here: recording the run without ROS')
-    configuration = load('quadrilateral')
-    session = replace(configuration.session, rate_hz=_RATE)
-    record(replace(configuration, session=session), _LOG, duration=_SECONDS, overwrite=True)
-    command = [sys.executable, '-m', 'linkage_ros.replay', str(_LOG), '--no-ros']
-    rate = '1000' if viewer == _VIEW else '1'  # nobody watches a file
-    subprocess.run([*command, '--viewer', str(viewer), '--rate', rate], check=True)  # noqa: S603
-
-
-def _viewer() -> str | Path:
-    """Selects the viewer: a window if there is a screen, else a file."""
-    try:
-        require_screen()
-    except ViewerError:
-        _VIEW.unlink(missing_ok=True)
-        return _VIEW
-    return SPAWN
+    configuration = configure({'rate_hz': _RATE})
+    record(configuration, _LOG, duration=_SECONDS, overwrite=True)
+    rate = '1' if viewer == SPAWN else '1000'  # nobody watches a file
+    command = [sys.executable, '-m', 'linkage_ros.replay', str(_LOG), '--no-ros', '--rate', rate]
+    subprocess.run([*command, '--viewer', viewer], check=True)  # noqa: S603
 
 
 def _run() -> None:
     _FOLDER.mkdir(exist_ok=True)
-    viewer = _viewer()
-    if find_spec('rclpy'):
-        _run_live(viewer)
-    else:
-        _run_recorded(viewer)
+    viewer = SPAWN
+    try:
+        require_screen()
+    except ViewerError:
+        viewer = str(_VIEW)
+        _VIEW.unlink(missing_ok=True)
+    run = _run_live if find_spec('rclpy') else _run_recorded
+    run(viewer)
     python = Path(sys.executable).parent
     shown = python.relative_to(Path.cwd()) if python.is_relative_to(Path.cwd()) else python
     print(f'look inside:      {shown}/linkage_log info {_LOG}')

@@ -6,12 +6,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import replace
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import create_file, is_same_file
-from linkage_ros.parameters.configuration import Configuration, load
+from linkage_ros.parameters.configuration import Configuration, configure, read_values
 from linkage_ros.parameters.presets import find_file, preset_names
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.mjcf import make_mjcf
@@ -30,12 +29,9 @@ def urdf(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism cannot be used, or the file cannot be written.
     """
     configuration = _configuration(options)
-    session = configuration.session
-    text = make_urdf(
-        configuration.mechanism, session.joint_prefix, session.frame_id,
-        ros2_control=options.ros2_control,
-    )  # fmt: skip
-    _write(options, text)
+    prefix, frame_id = configuration.session.joint_prefix, configuration.session.frame_id
+    control = options.ros2_control
+    _write(options, make_urdf(configuration.mechanism, prefix, frame_id, ros2_control=control))
 
 
 def mjcf(options: argparse.Namespace) -> None:
@@ -50,17 +46,14 @@ def mjcf(options: argparse.Namespace) -> None:
     configuration = _configuration(options)
     simulator = Simulator(configuration)
     start = simulator.snapshot_at(simulator.begin(0), 0).state
-    text = make_mjcf(configuration.mechanism, start, configuration.session.joint_prefix)
-    _write(options, text)
+    _write(options, make_mjcf(configuration.mechanism, start, configuration.session.joint_prefix))
 
 
 def _configuration(options: argparse.Namespace) -> Configuration:
-    configuration = load(options.params)
-    if options.joint_prefix is None:
-        return configuration
-    session = replace(configuration.session, joint_prefix=options.joint_prefix)
-    session.require_fixed_frame(configuration.mechanism)
-    return replace(configuration, session=session)
+    values = dict(read_values(options.params))
+    if options.joint_prefix is not None:
+        values['joint_prefix'] = options.joint_prefix
+    return configure(values)
 
 
 def _write(options: argparse.Namespace, text: str) -> None:
@@ -69,14 +62,15 @@ def _write(options: argparse.Namespace, text: str) -> None:
     Raises:
         ConfigurationError: It exists and is not to be replaced, or cannot be written.
     """
-    out = options.out
-    if is_same_file(str(out), str(find_file(options.params))):
-        raise ConfigurationError(f'{out} holds the parameters and is kept: choose another name')
+    if is_same_file(str(options.out), str(find_file(options.params))):
+        raise ConfigurationError(
+            f'{options.out} holds the parameters and is kept: choose another name'
+        )
     with create_file(
-        out, ConfigurationError, overwrite=options.overwrite, cure='give --overwrite'
+        options.out, ConfigurationError, overwrite=options.overwrite, cure='give --overwrite'
     ) as stream:
         stream.write(text.encode())
-    print(out)
+    print(options.out)
 
 
 def _options(file: str) -> tuple[cli.Option, ...]:

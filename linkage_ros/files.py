@@ -62,9 +62,7 @@ def create_file(
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
     except FileExistsError:
-        problem = 'cannot be replaced: choose another name'
-        if is_replaceable(path):
-            problem = f'exists already and is kept: choose another name, or {cure}'
+        problem = f'exists already and is kept: choose another name, or {cure}'
     except BlockingIOError:
         problem = 'is being written by another run and is kept: choose another name'
     except OSError as error:
@@ -77,34 +75,23 @@ def _open_nonblocking(path: str, flags: int) -> int:
 
 
 def _open_locked(path: str, flags: int) -> int:
-    """Opens a file for writing, locks it and then empties it.
+    """Opens a file for writing, locks it until it is closed, and then empties it.
 
     Raises:
-        OSError: The file cannot be opened; BlockingIOError if it is locked.
+        BlockingIOError: The file is locked.
+        OSError: The file cannot be opened.
     """
     number = _open_nonblocking(path, flags & ~os.O_TRUNC)
-    try:
-        if stat.S_ISREG(os.fstat(number).st_mode):  # /dev/null is shared
-            _lock(number)
-            os.ftruncate(number, 0)
-    except OSError:
-        os.close(number)
-        raise
+    if stat.S_ISREG(os.fstat(number).st_mode):  # /dev/null is shared
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(number)
+            raise
+        except OSError:  # some network file systems have no locks
+            pass
+        os.ftruncate(number, 0)
     return number
-
-
-def _lock(number: int) -> None:
-    """Locks a file until it is closed or its process ends.
-
-    Raises:
-        BlockingIOError: The file is locked already.
-    """
-    try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise
-    except OSError:  # some network file systems have no locks
-        return
 
 
 def is_written(path: Path | str) -> bool:
@@ -126,19 +113,6 @@ def is_same_file(path: str, other: str) -> bool:
     return False
 
 
-def is_replaceable(path: Path | str) -> bool:
-    """Returns whether `open_file` can replace a file; not a folder, pipe or loop of links."""
-    try:
-        mode = Path(path).stat().st_mode
-    except FileNotFoundError:  # or a link to a file that does not exist yet
-        return True
-    except (OSError, ValueError):
-        return False
-    return stat.S_ISREG(mode) or stat.S_ISCHR(mode)  # as /dev/null is
-
-
 def path_exists(path: Path | str) -> bool:
     """Returns whether a path exists; unlike Path.exists, also for impossible names."""
-    with suppress(OSError, ValueError):
-        return Path(path).exists()
-    return False
+    return os.path.exists(path)  # noqa: PTH110

@@ -22,6 +22,7 @@ from linkage_ros.errors import ConfigurationError, shortened
 
 _T = TypeVar('_T')
 _LONGEST = 80  # characters of a value in an error
+_ANY = '(?s).*'  # text
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,29 @@ class Quantity:
         Raises:
             ConfigurationError: The value is of the wrong type or outside its range.
         """
-        cleaned = getattr(self, f'_{self.kind}')(value)
+        cleaned = self._read(value)
         if cleaned is None:
             raise ConfigurationError(f'{name} = {shown(value)}: must be {self.valid}')
         return cleaned
+
+    def _read(self, value: object) -> object:
+        """The value in its field's type; None if it is not valid."""
+        if self.kind == 'number':
+            return self._number(value)
+        if self.kind in {'pair', 'list'}:
+            items = value.tolist() if hasattr(value, 'tolist') else value
+            if not isinstance(items, (list, tuple)) or not items:
+                return None
+            numbers = tuple(map(self._number, items))
+            is_valid = None not in numbers and (self.kind == 'list' or len(numbers) == 2)
+            return numbers if is_valid else None
+        is_valid = {
+            'whole': isinstance(value, int) and self._number(value) is not None,
+            'choice': isinstance(value, str) and value in self.choices,
+            'text': isinstance(value, str) and bool(re.fullmatch(self.pattern or _ANY, value)),
+            'switch': isinstance(value, bool),
+        }[self.kind]
+        return value if is_valid else None
 
     def _number(self, value: object) -> float | None:
         if isinstance(value, bool) or not isinstance(value, (Real, Decimal)):
@@ -93,31 +113,6 @@ class Quantity:
             return None
         # Adding 0.0 turns -0.0 into 0.0, so that equal settings give equal bytes.
         return number + 0.0 if self.low <= number <= self.high else None
-
-    def _whole(self, value: object) -> int | None:
-        return value if isinstance(value, int) and self._number(value) is not None else None
-
-    def _pair(self, value: object) -> tuple[float | None, ...] | None:
-        numbers = self._list(value)
-        return numbers if numbers is not None and len(numbers) == 2 else None
-
-    def _list(self, value: object) -> tuple[float | None, ...] | None:
-        items = value.tolist() if hasattr(value, 'tolist') else value
-        if not isinstance(items, (list, tuple)) or not items:
-            return None
-        numbers = tuple(map(self._number, items))
-        return None if None in numbers else numbers
-
-    def _choice(self, value: object) -> str | None:
-        return value if isinstance(value, str) and value in self.choices else None
-
-    def _text(self, value: object) -> str | None:
-        if not isinstance(value, str) or (self.pattern and not re.fullmatch(self.pattern, value)):
-            return None
-        return value
-
-    def _switch(self, value: object) -> bool | None:
-        return value if isinstance(value, bool) else None
 
 
 def shown(value: object) -> str:
@@ -159,36 +154,53 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
     """
     valid = f'{", ".join(kind.__name__ for kind in kinds)} or another {base.__name__}'
     named = {kind.group: kind for kind in kinds if kind.group}
-    return dataclasses.field(default=(), metadata={'groups': named, 'base': base, 'valid': valid})
+    held = _Held(named, base, valid, is_group=True)
+    return dataclasses.field(default=(), metadata={'quantity': held})
+
+
+class _Held(NamedTuple):
+    """Dataclasses of quantities that a field may hold.
+
+    Attributes:
+        kinds: The dataclasses by their names in dotted names.
+        base: Class of all that it may hold.
+        valid: What it may hold, in words.
+        is_group: Whether it holds a tuple of them, one of each kind at most.
+    """
+
+    kinds: Mapping[str, Any]
+    base: Any
+    valid: str
+    is_group: bool
+
+
+def _parts(cls: Any) -> Iterator[tuple[dataclasses.Field[Any], Quantity | _Held]]:
+    """The fields of a dataclass of quantities, and what each holds."""
+    hints = typing.get_type_hints(cls)
+    for field in dataclasses.fields(cls):
+        kind = hints[field.name]
+        held = _Held({field.name: kind}, kind, getattr(kind, '__name__', ''), is_group=False)
+        yield field, field.metadata.get('quantity', held)
 
 
 class Checked:
     """Base of frozen dataclasses of quantities, which checks them on creation."""
 
     def __post_init__(self) -> None:
-        hints = typing.get_type_hints(type(self))
-        for field in dataclasses.fields(typing.cast('Any', self)):
+        for field, part in _parts(type(self)):
             value = getattr(self, field.name)
-            described = field.metadata.get('quantity')
-            if 'groups' in field.metadata:
-                self._check_group(field, value)
-            elif described is None:
-                kind = hints[field.name]
-                if not isinstance(value, kind):
+            if isinstance(part, Quantity):
+                if value is not None or field.default is not None:
+                    object.__setattr__(self, field.name, part.clean(field.name, value))
+                continue
+            members = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+            for member in members:
+                if not isinstance(member, part.base):
                     raise ConfigurationError(
-                        f'{field.name} = {shown(value)}: must be a {kind.__name__}'
+                        f'{field.name} = {shown(member)}: must be a {part.valid}'
                     )
-            elif not (value is None and field.default is None):
-                object.__setattr__(self, field.name, described.clean(field.name, value))
-
-    def _check_group(self, field: dataclasses.Field[Any], value: object) -> None:
-        members = tuple(value) if isinstance(value, (list, tuple)) else (value,)
-        for member in members:
-            if not isinstance(member, field.metadata['base']):
-                raise ConfigurationError(
-                    f'{field.name} holds {shown(member)}: each must be a {field.metadata["valid"]}'
-                )
-        object.__setattr__(self, field.name, members)
+            if part.is_group:
+                object.__setattr__(self, field.name, members)
 
 
 class Leaf(NamedTuple):
@@ -205,24 +217,19 @@ class Leaf(NamedTuple):
     default: object
 
 
-def leaves(cls: type) -> tuple[Leaf, ...]:
+def leaves(cls: type, prefix: str = '') -> tuple[Leaf, ...]:
     """All quantities of a dataclass, nested ones with dotted names, in order of declaration."""
-    return tuple(_walk(cls, ''))
-
-
-def _walk(cls: type, prefix: str) -> Iterator[Leaf]:
-    hints = typing.get_type_hints(cls)
-    for field in dataclasses.fields(cls):
-        described = field.metadata.get('quantity')
-        if described is not None:
-            yield Leaf(prefix + field.name, described, field.default)
-        elif 'groups' in field.metadata:
-            for name, kind in field.metadata['groups'].items():
-                for leaf in _walk(kind, f'{prefix}{name}.'):
-                    # Required only where the group is there.
-                    yield leaf._replace(default=None) if leaf.default is MISSING else leaf
-        else:
-            yield from _walk(hints[field.name], f'{prefix}{field.name}.')
+    found: list[Leaf] = []
+    for field, part in _parts(cls):
+        if isinstance(part, Quantity):
+            found.append(Leaf(prefix + field.name, part, field.default))
+            continue
+        for name, kind in part.kinds.items():
+            for leaf in leaves(kind, f'{prefix}{name}.'):
+                # Of a group required only where the group is there.
+                is_optional = part.is_group and leaf.default is MISSING
+                found.append(leaf._replace(default=None) if is_optional else leaf)
+    return tuple(found)
 
 
 def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
@@ -239,55 +246,45 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
     Raises:
         ConfigurationError: A value is bad; the message starts with its dotted name.
     """
-    hints = typing.get_type_hints(cls)
     arguments: dict[str, object] = {}
-    for field in dataclasses.fields(typing.cast('Any', cls)):
+    for field, part in _parts(cls):
         name = prefix + field.name
-        described = field.metadata.get('quantity')
-        if 'groups' in field.metadata:
-            arguments[field.name] = tuple(
+        if not isinstance(part, Quantity):
+            members = tuple(
                 build(kind, values, f'{prefix}{group}.')
-                for group, kind in field.metadata['groups'].items()
-                if any(given.startswith(f'{prefix}{group}.') for given in values)
+                for group, kind in part.kinds.items()
+                if not part.is_group or any(x.startswith(f'{prefix}{group}.') for x in values)
             )
-        elif described is None:
-            arguments[field.name] = build(hints[field.name], values, name + '.')
+            arguments[field.name] = members if part.is_group else members[0]
         elif name in values:
-            arguments[field.name] = described.clean(name, values[name])
+            arguments[field.name] = part.clean(name, values[name])
         elif field.default is MISSING:
-            raise ConfigurationError(f'{name} is missing: must be {described.valid}')
+            raise ConfigurationError(f'{name} is missing: must be {part.valid}')
     return cls(**arguments)
 
 
 def flatten(instance: object, prefix: str = '') -> dict[str, object]:
-    """The quantities of an object by dotted name; those that are None are left out."""
-    flat: dict[str, object] = {}
-    for field in dataclasses.fields(typing.cast('Any', instance)):
-        value = getattr(instance, field.name)
-        if 'groups' in field.metadata:
-            for group, member in _by_group(field, value).items():
-                flat.update(flatten(member, f'{prefix}{group}.'))
-        elif field.metadata.get('quantity') is None:
-            flat.update(flatten(value, f'{prefix}{field.name}.'))
-        elif value is not None:
-            flat[prefix + field.name] = value
-    return flat
-
-
-def _by_group(field: dataclasses.Field[Any], members: tuple[object, ...]) -> dict[str, object]:
-    """The members of a field by the names of their groups.
+    """The quantities of an object by dotted name; those that are None are left out.
 
     Raises:
-        ConfigurationError: Parameters cannot express them: two of one kind, or a user's own kind.
+        ConfigurationError: Parameters cannot express it: two of one kind, or a user's own kind.
     """
-    names = {kind: name for name, kind in field.metadata['groups'].items()}
-    found: dict[str, object] = {}
-    for member in members:
-        name = names.get(type(member))
-        if name is None or name in found:
-            raise ConfigurationError(
-                f'{field.name} holds {shown(member)}: parameters can say one of each: '
-                f'{", ".join(names.values())}'
-            )
-        found[name] = member
-    return found
+    flat: dict[str, object] = {}
+    for field, part in _parts(type(instance)):
+        value = getattr(instance, field.name)
+        if isinstance(part, Quantity):
+            if value is not None:
+                flat[prefix + field.name] = value
+            continue
+        found: dict[Any, object] = {field.name: value}
+        if part.is_group:
+            names = {kind: name for name, kind in part.kinds.items()}
+            found = {names.get(type(member)): member for member in value}
+            if None in found or len(found) < len(value):
+                raise ConfigurationError(
+                    f'{field.name} holds {shown(value)}: parameters can say one of each: '
+                    f'{", ".join(part.kinds)}'
+                )
+        for name, member in found.items():
+            flat.update(flatten(member, f'{prefix}{name}.'))
+    return flat

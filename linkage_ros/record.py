@@ -8,9 +8,10 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+
+import numpy as np
 
 from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
@@ -75,19 +76,17 @@ def record(
     """
     simulator = Simulator(configuration)
     motion = simulator.begin(0, record_steps)
-    count = count_states(simulator, motion, duration, revolutions)
-    turns = revolutions if count is None else None
+    count, written = count_states(simulator, motion, duration, revolutions), 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
         description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
         log.write_motion(segment := motion.segment)
         log.write(description, 0, simulator.description)
-        written = 0
         try:
             with progress_bar(
                 total=count, wanted=progress, unit=' states', unit_scale=True
             ) as bar:
-                for rows in _rows(simulator, motion, count, turns):
+                for rows in _rows(simulator, motion, count, revolutions or 0):
                     if stopped():
                         break
                     if motion.segment is not segment:
@@ -105,7 +104,7 @@ def record(
 
 
 def _rows(
-    simulator: Simulator, motion: Motion, count: int | None, turns: int | None
+    simulator: Simulator, motion: Motion, count: int | None, turns: int
 ) -> Iterator[bytearray]:
     """Yields the states of a motion in batches.
 
@@ -113,12 +112,13 @@ def _rows(
         simulator: Simulator of the configuration.
         motion: Its motion from t = 0.
         count: Number of states; None: until the last turn ends.
-        turns: Turns of the crank, either way; None: `count` sets the end.
+        turns: Turns of the crank, either way.
 
     Yields:
         Rows in the machine's layout.
 
     Raises:
+        ConfigurationError: The crank has not made its turns within an hour.
         MotionError: The motion cannot be continued.
     """
     start, tick = simulator.configuration.drive.crank_angle, 0
@@ -129,11 +129,17 @@ def _rows(
         found = motion.at_all(stamps)
         stamps = stamps[: len(found.unwrapped)]
         rows = simulator.rows(stamps, found, simulator.ahead(motion, stamps))
-        angles = zip(stamps, found.unwrapped - start, strict=True)
-        for i, (stamp, angle) in enumerate(angles if turns else ()):
-            if turns and _has_turned(angle, turns, stamp):
-                yield rows[: i * simulator.layout.size]
+        if count is None:
+            turned = np.abs(found.unwrapped - start) / (2 * math.pi)
+            after = int((turned < turns).argmin())
+            if turned[after] >= turns:
+                yield rows[: after * simulator.layout.size]
                 return
+            if stamps[-1] > _LONGEST_WAIT * NS_PER_S:
+                raise ConfigurationError(
+                    f'the crank has not made {turns} revolutions within {_LONGEST_WAIT} s, but '
+                    f'{turned[-1]:.3g}: give a --duration'
+                )
         yield rows
         tick += len(stamps)
 
@@ -173,29 +179,6 @@ def count_states(
     return simulator.tick_at(end - 1) + 1
 
 
-def _has_turned(angle: float, revolutions: int, stamp: int) -> bool:
-    """Whether a torque-driven crank has made its revolutions.
-
-    Args:
-        angle: Crank angle since the start, rad.
-        revolutions: Turns, either way.
-        stamp: Time since the start, ns.
-
-    Returns:
-        True if it has.
-
-    Raises:
-        ConfigurationError: It has not done so within an hour.
-    """
-    turned = abs(angle) / (2 * math.pi)
-    if stamp > _LONGEST_WAIT * NS_PER_S:
-        raise ConfigurationError(
-            f'the crank has not made {revolutions} revolutions within {_LONGEST_WAIT} s, but '
-            f'{turned:.3g}: give a --duration'
-        )
-    return turned >= revolutions
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = cli.make_parser(
         _NAME,
@@ -219,12 +202,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _record(options: argparse.Namespace) -> int:
-    stop = cli.Stop()
-    values = read_values(options.params)
-    configuration = configure(values)
+    stop, values = cli.Stop(), dict(read_values(options.params))
     if options.rate is not None:
-        session = replace(configuration.session, rate_hz=options.rate)
-        configuration = replace(configuration, session=session)
+        values['rate_hz'] = options.rate
+    configuration = configure(values)
     count = record(
         configuration,
         options.out,
@@ -239,13 +220,10 @@ def _record(options: argparse.Namespace) -> int:
     if stop.is_set():
         print(f'{options.out}: stopped; the first {count} states are kept')
         return cli.STOPPED_BY_USER
-    seconds = count / configuration.session.rate_hz
-    shows = (
-        f'; linkage_replay {options.out} --viewer web --no-ros shows it'
-        if options.out.is_file()
-        else ''
-    )
-    print(f'{options.out}: {count} states, {seconds:g} s{shows}')
+    words = f'{options.out}: {count} states, {count / configuration.session.rate_hz:g} s'
+    if options.out.is_file():
+        words += f'; linkage_replay {options.out} --viewer web --no-ros shows it'
+    print(words)
     return 0
 
 

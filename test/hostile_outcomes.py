@@ -12,7 +12,7 @@ from linkage_ros import LinkageError, replay
 from linkage_ros.log.channels import paired
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log_tool import info, saved, verdict
-from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.configuration import load, parameter_leaves
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.playback.feed import excerpt_of, feed
 from linkage_ros.quantities import build, flatten
@@ -114,16 +114,16 @@ class LiveNode:
     """
 
     def __init__(self, configuration, context):
-        from rclpy.node import Node
-
-        from linkage_ros.ros.parameters import declare
+        from linkage_ros.ros.parameters import ParameterNode
 
         self.configuration = configuration
-        self.node = Node('live', context=context, enable_rosout=False)
+        self.node = ParameterNode('live', context=context, enable_rosout=False)
         self._simulator = Simulator(configuration)
         self.motion = self._simulator.begin(0)
         self._drive, self._stamp = configuration.drive, 0
-        declare(self.node, configuration, self._set)
+        leaves = parameter_leaves(configuration.kind)
+        self.node.declare(leaves, configuration.parameters())
+        self.node.set_live = self._set
 
     def _set(self, name, value):
         assert type(value) is float

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.ros.publishers import message_class
+from linkage_ros.ros.topics import message_class
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from linkage_ros.ros.publishers import message_class
+from linkage_ros.ros.topics import message_class
 from linkage_ros.wire.codecs import (
     JointStateCodec,
     TrajectoryCodec,

@@ -55,7 +55,7 @@ def live(folder):
     serialization = pytest.importorskip('rclpy.serialization')
     from ros_harness import logged, node_arguments, stop, watched
 
-    from linkage_ros.ros.publishers import message_class
+    from linkage_ros.ros.topics import message_class
 
     path, drive = folder / 'run.mcap', {'start_rpm': -30.0, 'crank_acceleration': 7.1}
     with watched(DIAGNOSTICS, *node_arguments(log=path, **drive)) as (listener, process):

@@ -244,11 +244,9 @@ def test_a_link_load_is_what_the_link_itself_says():
 
 
 def test_what_is_no_load_is_refused():
-    expected = (
-        f'each must be a {", ".join(kind.__name__ for kind in LOADS)} or another AppliedLoad'
-    )
+    expected = f'must be a {", ".join(kind.__name__ for kind in LOADS)} or another AppliedLoad'
     for wrong in (Rocker(1.0), 5.0, LoadCurve, None):
-        with pytest.raises(ConfigurationError, match=f'^loads holds .*: {expected}$'):
+        with pytest.raises(ConfigurationError, match=f'^loads = .*: {expected}$'):
             with_loads(ON['rocker'], wrong)
 
 

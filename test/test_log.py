@@ -320,7 +320,7 @@ def test_what_is_no_log_is_never_overwritten(tmp_path, old):
 )  # fmt: skip
 def test_what_overwriting_would_not_replace_needs_another_name(tmp_path, make):
     make(tmp_path / 'run.mcap')
-    words = r'run\.mcap cannot be replaced: choose another name'
+    words = r'run\.mcap exists already and is kept: choose another name'
     refused(tmp_path / 'run.mcap', words, overwrite=False)
 
 

@@ -73,7 +73,7 @@ def simulated(tmp_path_factory):
         assert len(stamps(listener)) == 101  # it stood still
         clock.reach(START - 10**9)
         clock.run(0.2)
-        for seconds, rest in ((2**31 - 1, 2**32 - 1), (60, 10**9), (-1, 0)):
+        for seconds, rest in ((2**31 - 1, 2**32 - 1), (-1, 0)):
             clock.publish(seconds, rest)
         clock.run(0.05)
         code, output = stop(process)
@@ -96,7 +96,7 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(simul
 
 def test_a_clock_that_tells_no_time_ends_nothing(simulated):
     got, path, output = simulated
-    assert '/clock says 2147483647 s and 4294967295 ns, which is no time: left out' in output
+    assert 'message on /clock is left out: 2147483651294967295 ns: must be from 0 to' in output
     assert 'Traceback' not in output
     with LogReader(path) as log:
         report = verify(log)

@@ -108,12 +108,6 @@ BAD_VALUES = [
     (FOUR, 'rpm', 1e7, f'rpm = 10000000.0: {AN_RPM}'),
     (FOUR, 'start_rpm', -1e7, f'start_rpm = -10000000.0: {AN_RPM}'),
     (SLIDER, 'crank_acceleration', -1, 'crank_acceleration = -1: must be a number from 0 …'),
-    (
-        FOUR,
-        'lead_time',
-        0.1,
-        'lead_time = 0.1: … on effort_command_topic … or leave lead_time out',
-    ),
     (FOUR, 'rate_hz', 0, f'rate_hz = 0: {A_RATE}'),
     # Words and switches.
     (FOUR, 'mechanism', 'five_bar', "mechanism = 'five_bar': must be one of four_bar, slider_…"),

@@ -193,9 +193,9 @@ VALID = re.escape('is not one of: spawn, web, rerun+http://HOST:PORT/proxy or a 
 @pytest.mark.parametrize(
     ('target', 'words'),
     [('', VALID), ('http://x/run.rrd', VALID), ('rerun+http://127.0.0.1:65536/proxy', VALID),
-     ('folder.rrd', 'cannot be replaced: choose another name'),
+     ('folder.rrd', 'exists already and is kept'),
      ('none/run.rrd', 'cannot be written: No such file'),
-     ('pipe.rrd', 'cannot be replaced: choose another name'),
+     ('pipe.rrd', 'exists already and is kept'),
      ('old.rrd', 'exists already and is kept: choose .* set log_overwrite')],
 )  # fmt: skip
 def test_wrong_target_is_refused_and_left_alone(tmp_path, monkeypatch, target, words):

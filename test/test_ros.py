@@ -14,9 +14,6 @@ import pytest
 from ros_harness import Listener, command, environment, fresh_domain, node_arguments, wait_for
 from test_node import TYPES, logged
 
-from linkage_ros import ConfigurationError
-from linkage_ros.ros import process
-
 STUCK = """
 import rclpy
 from rclpy.node import Node
@@ -153,14 +150,3 @@ def test_a_program_without_stderr_or_stdout_does_its_work(tmp_path, closed):
             node.wait()
     _, messages = logged(path)
     assert len(messages['/joint_states']) >= len(listener.received['/joint_states'])
-
-
-@pytest.mark.parametrize('domain', ['233', '+300', ' 300', '300abc', '0233', '9' * 30])
-def test_a_domain_without_ports_is_refused(domain):
-    with pytest.raises(ConfigurationError, match='from 0 to 232'):
-        process._require_ports(domain)
-
-
-@pytest.mark.parametrize('domain', ['', '0', '232', '007', ' +12', 'abc'])
-def test_other_domains_are_left_to_rcl(domain):
-    process._require_ports(domain)

@@ -4,6 +4,7 @@
 
 import threading
 from fractions import Fraction
+from itertools import accumulate
 
 import pytest
 from hypothesis import given
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.run import ticker as ticker_module
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.run.ticker import CLOCK_STEP, Callbacks, RealTimeTicker, SimTimeTicker
+from linkage_ros.run.ticker import CLOCK_STEP, RealTimeTicker, SimTimeTicker
 
 MS = 1_000_000
 
@@ -62,8 +63,9 @@ def run(clock, rate_hz, ticks, act=lambda tick: None):
         restamps.append((old, new))
 
     errors = []
-    callbacks = Callbacks(tick, restamp, lambda error: (errors.append(error), done.set()))
-    ticker = RealTimeTicker(simulator, callbacks)
+    ticker = RealTimeTicker(
+        simulator, tick, restamp, lambda error: (errors.append(error), done.set())
+    )
     ticker.start()
     assert done.wait(20)
     ticker.stop()
@@ -127,8 +129,7 @@ def test_an_error_in_a_tick_ends_the_thread_and_is_reported(clock):
 def test_it_never_sleeps_longer_than_it_may_take_to_stop(monkeypatch):
     simulator = Simulator(configure({'rate_hz': 0.01}))
     first = threading.Event()
-    callbacks = Callbacks(lambda stamp: first.set(), lambda *_: None, lambda error: None)
-    ticker = RealTimeTicker(simulator, callbacks)
+    ticker = RealTimeTicker(simulator, lambda _: first.set(), lambda *_: None, lambda _: None)
     ticker.start()
     assert first.wait(5)
     ticker.stop()
@@ -164,51 +165,55 @@ class Every:
 
 
 class SimulatedRun:
-    """What a ticker called for."""
+    """What a ticker called for while a clock told some times, before it was stopped."""
 
-    def __init__(self, period=5 * MS):
+    def __init__(self, *times, period=5 * MS, last=None, tick=None):
         self.stamps, self.begun, self.moved, self.failed = [], [], [], []
-        self.callbacks = Callbacks(
-            self._tick, lambda *pair: self.moved.append(pair), self.failed.append
-        )
-        self.ticker = SimTimeTicker(Every(period), self.callbacks)
+        self._times, self._last = list(times), last
+        self.ticker = SimTimeTicker(
+            Every(period), tick or self._tick, lambda *pair: self.moved.append(pair),
+            self.failed.append, self._receive,
+        )  # fmt: skip
         self.ticker.start()
+        self.ticker._thread.join(20)
+        assert not self.ticker._thread.is_alive()
+
+    def _receive(self):
+        if not self._times:
+            self.ticker._stop.set()
+        while self._times:
+            yield self._times.pop(0)
 
     def _tick(self, stamp):
         self.begun = self.begun or [self.ticker.t0]
         self.stamps.append(stamp)
-
-    def advance_to(self, *times):
-        for time in times:
-            self.ticker.advance_to(time)
-        return self
+        if len(self.stamps) == self._last:
+            self.ticker._stop.set()
 
 
 def test_tick_0_is_the_first_time_heard_and_every_tick_up_to_now_is_made():
-    run = SimulatedRun().advance_to(100 * MS, 104 * MS, 105 * MS, 122 * MS)
+    run = SimulatedRun(100 * MS, 104 * MS, 105 * MS, 122 * MS)
     assert run.begun == [100 * MS]
     assert run.stamps == [(100 + 5 * i) * MS for i in range(5)]
     assert (run.ticker.counts.kept, run.ticker.counts.missed) == (5, 0)
 
 
 def test_nothing_happens_while_the_clock_stands():
-    run = SimulatedRun().advance_to(7, *[10 * MS] * 100)
+    run = SimulatedRun(7, *[10 * MS] * 100)
     assert run.stamps == [7, 5 * MS + 7]
     assert run.moved == []
 
 
 @given(st.lists(st.integers(0, 40 * MS), max_size=60))
 def test_how_often_the_clock_speaks_makes_no_difference(gaps):
-    run, now = SimulatedRun().advance_to(0), 0
-    for gap in gaps:
-        now += gap
-        run.advance_to(now)
-    assert run.stamps == list(range(0, now + 1, 5 * MS))
+    times = list(accumulate(gaps, initial=0))
+    run = SimulatedRun(*times)
+    assert run.stamps == list(range(0, times[-1] + 1, 5 * MS))
     assert run.ticker.counts.clock_steps == 0
 
 
 def test_a_clock_that_goes_back_moves_the_motion_with_it():
-    run = SimulatedRun().advance_to(1000 * MS, 1012 * MS, 300 * MS, 306 * MS)
+    run = SimulatedRun(1000 * MS, 1012 * MS, 300 * MS, 306 * MS)
     # 1015 ms was due next: it is 300 ms now, and the grid goes on from there.
     assert run.moved == [(1015 * MS, 300 * MS)]
     assert run.stamps == [1000 * MS, 1005 * MS, 1010 * MS, 300 * MS, 305 * MS]
@@ -216,35 +221,20 @@ def test_a_clock_that_goes_back_moves_the_motion_with_it():
 
 
 def test_a_long_jump_forward_is_missed_and_counted():
-    run = SimulatedRun().advance_to(0, 10**12)
-    assert run.stamps == [0, 10**12]
+    run = SimulatedRun(0, 10**12, 10**12 + 5 * MS)
+    assert run.stamps == [0, 10**12, 10**12 + 5 * MS]
     assert run.ticker.counts.missed == 10**12 // (5 * MS) - 1
-    run.advance_to(10**12 + 5 * MS)
-    assert run.stamps[-1] == 10**12 + 5 * MS
 
 
-def test_it_ends_when_it_is_stopped_and_not_before_it_begins():
-    run = SimulatedRun()
-    ticker = SimTimeTicker(Every(MS), run.callbacks)
-    ticker.advance_to(5)
-    ticker.stop()
-    assert run.stamps == []
-    run.advance_to(0)
-    run.ticker.stop()
-    run.advance_to(10**9)
-    assert run.stamps == [0]
+def test_a_stopped_ticker_makes_no_more_of_the_ticks_that_are_due():
+    run = SimulatedRun(0, 10**9, period=2 * MS, last=3)
+    assert run.stamps == [0, 2 * MS, 4 * MS]
 
 
 def test_a_tick_that_fails_ends_the_motion_and_is_told():
     def fail(_):
         raise ValueError('on purpose')
 
-    failed = []
-    ticker = SimTimeTicker(Every(MS), Callbacks(fail, fail, failed.append))
-    ticker.start()
-    ticker.advance_to(0)
-    ticker.advance_to(10**9)
-    assert [str(error) for error in failed] == ['on purpose']
-    assert ticker.error is failed[0]
-    with pytest.raises(ValueError, match='on purpose'):
-        raise ticker.error
+    run = SimulatedRun(0, 10**9, tick=fail)
+    assert [str(error) for error in run.failed] == ['on purpose']
+    assert run.ticker.error is run.failed[0]

@@ -12,7 +12,7 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
+from linkage_ros.motion.drives import Drive, TorqueDrive
 from linkage_ros.motion.torque_driven import start
 from linkage_ros.parameters.drives import DRIVES, SpeedFeedForward
 from linkage_ros.parameters.parameter_file import read_parameter_file
@@ -80,20 +80,16 @@ class Configuration:
     def parameters(self) -> dict[str, object]:
         """All settings by parameter name, defaults included."""
         parts = (self.kind, self.mechanism, self.drive, self.session)
-        flat = {name: value for part in parts for name, value in flatten(part).items()}
-        return {name: value for name, value in flat.items() if name not in _lacking(self.kind)}
+        known = {leaf.name for leaf in parameter_leaves(self.kind)}
+        flat = (item for part in parts for item in flatten(part).items())
+        return {name: value for name, value in flat if name in known}
 
 
 def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
     """The parameters that a mechanism and a drive use, in the order of their declaration."""
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
-    lacking = _lacking(kind)
-    return tuple(leaf for cls in classes for leaf in leaves(cls) if leaf.name not in lacking)
-
-
-def _lacking(kind: MechanismAndDrive) -> tuple[str, ...]:
-    """Session parameters that a drive does not have: measurements set the rate of `follow`."""
-    return ('rate_hz',) if kind.drive == 'follow' else ()
+    unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set it
+    return tuple(leaf for cls in classes for leaf in leaves(cls) if leaf.name != unused)
 
 
 def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
@@ -119,37 +115,26 @@ def configure(values: Mapping[str, object]) -> Configuration:
     preset: Mapping[str, object] = {}
     if 'mechanism' not in given:
         preset = read_parameter_file(preset_path(DEFAULT_PRESET))
-    kind = MechanismAndDrive.of({**preset, **given})
+    # Those of the preset that the drive does not have, such as rpm, are ignored.
+    chosen = {**preset, **given}
+    kind = MechanismAndDrive.of(chosen)
     valid = [leaf.name for leaf in parameter_leaves(kind)]
     for name in given:
         if name not in valid:
             raise ConfigurationError(_not_a_parameter(name, kind))
-    # Those of the preset that the drive does not have, such as rpm, are ignored.
-    given = {**preset, **given}
-    mechanism = build(MECHANISMS[kind.mechanism], given)
-    drive = build(DRIVES[kind.drive], given)
+    mechanism = build(MECHANISMS[kind.mechanism], chosen)
+    drive, session = build(DRIVES[kind.drive], chosen), build(Session, chosen)
+    session.require_names(mechanism)
     if isinstance(drive, TorqueDrive):
-        _require_start(mechanism, drive)
-    elif isinstance(drive, SpeedDrive):
+        try:
+            q, u, *_ = start(mechanism, drive)
+            Solver(mechanism).accelerations(q, u, drive.motor.at(u[0]))
+        except UnreachableError as error:
+            raise ConfigurationError(f'no motion starts there: {error}') from error
+    elif isinstance(drive, SpeedFeedForward):
         Solver(mechanism).reach.require_full_turn()
-    session = build(Session, given)
-    session.require_fixed_frame(mechanism)
-    if isinstance(drive, SpeedFeedForward):
         drive.require_rate(session.rate_hz)
     return Configuration(kind, mechanism, drive, session)
-
-
-def _require_start(mechanism: Mechanism, drive: TorqueDrive) -> None:
-    """Refuses a torque-driven mechanism with an impossible start.
-
-    Raises:
-        ConfigurationError: The loop cannot close there, or no mass moves.
-    """
-    try:
-        q, u, *_ = start(mechanism, drive)
-        Solver(mechanism).accelerations(q, u, drive.motor.at(u[0]))
-    except UnreachableError as error:
-        raise ConfigurationError(f'no motion starts there: {error}') from error
 
 
 def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
@@ -159,24 +144,21 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
     block = name.partition('.')[0]
     sought = name if any(leaf.name.startswith(f'{block}.') for leaf in valid) else block
     for drive in _others(sought, DRIVES, kind.drive):
-        cure = f'leave it out, or set drive: {drive} (-p drive:={drive})'
+        cure = f'or set drive: {drive} (-p drive:={drive})'
         if len(MECHANISMS[kind.mechanism].coordinates) > 1:
-            cure = 'leave it out, and set motor.torque and start_rpm'
-        return f'{shown(name)} is not a parameter of {owner}: {cure}'
+            cure = 'and set motor.torque and start_rpm'
+        return f'{shown(name)} is not a parameter of {owner}: leave it out, {cure}'
     others = ' or a '.join(_others(sought, MECHANISMS, kind.mechanism))
     elsewhere = f': only a {others} has {sought}' if others else ''
-    if name in _lacking(kind):
+    if name == 'rate_hz':
         elsewhere = ': measurements set the rate'
     return unknown_name(name, owner, valid, 'linkage_record --help', elsewhere)
 
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
     """The other kinds with a parameter or group of this name; none if the own kind has it."""
-    having = [
-        kind
-        for kind, cls in kinds.items()
-        if any(f'{leaf.name}.'.startswith(f'{sought}.') for leaf in leaves(cls))
-    ]
+    names = {kind: [f'{leaf.name}.' for leaf in leaves(cls)] for kind, cls in kinds.items()}
+    having = [kind for kind in kinds if any(x.startswith(f'{sought}.') for x in names[kind])]
     return [] if own in having else having
 
 

@@ -4,14 +4,14 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
 from linkage_ros.quantities import Checked, quantity, shown
 
-_TOPIC = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
+_NAME = '[A-Za-z_][A-Za-z0-9_]*'
+_TOPIC = f'(/?{_NAME}(/{_NAME})*)?'
 
 
 @dataclass(frozen=True)
@@ -24,41 +24,13 @@ class FeedForward(Checked):
     """
 
     effort_command_topic: str = quantity(
-        'text', 'topic of the driving torque for a controller; empty: none', default=''
-    )
+        'text', 'topic of the driving torque for a controller; empty: none',
+        pattern=_TOPIC, default='',
+    )  # fmt: skip
     lead_time: float = quantity(
-        'number',
-        'time ahead of the stamp for which it is computed',
-        's',
-        span=(0.0, 10.0),
-        default=0.0,
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._require_topic('effort_command_topic', '/effort_controller/commands', 'lead_time')
-
-    def _require_topic(self, name: str, example: str, time: str) -> None:
-        """Refuses an invalid topic name, and a time for a topic that is not set.
-
-        Args:
-            name: Parameter that holds the topic.
-            example: A valid topic.
-            time: Parameter that affects only this topic, s.
-
-        Raises:
-            ConfigurationError: The topic is not valid, or missing.
-        """
-        topic, seconds = getattr(self, name), getattr(self, time)
-        if topic and not _TOPIC.fullmatch(topic):
-            raise ConfigurationError(
-                f'{name} = {shown(topic)}: must be a topic name, such as {example}'
-            )
-        if not topic and seconds != getattr(type(self), time):
-            raise ConfigurationError(
-                f'{time} = {shown(seconds)}: is for the messages on {name}, which names none: '
-                f'name a topic, or leave {time} out'
-            )
+        'number', 'time ahead of the stamp for which it is computed', 's',
+        span=(0.0, 10.0), default=0.0,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -71,18 +43,13 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
     """
 
     trajectory_command_topic: str = quantity(
-        'text', "topic of the crank's motion and torque ahead of time; empty: none", default=''
-    )
+        'text', "topic of the crank's motion and torque ahead of time; empty: none",
+        pattern=_TOPIC, default='',
+    )  # fmt: skip
     trajectory_horizon: float = quantity(
         'number', 'time ahead that the motion reaches; half of it is between messages', 's',
         span=(0.01, 10.0), default=0.5,
     )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._require_topic(
-            'trajectory_command_topic', '/crank_controller/joint_trajectory', 'trajectory_horizon'
-        )
 
     def require_rate(self, rate_hz: float) -> None:
         """Refuses a rate at which a trajectory would end before the next one arrives.

@@ -158,22 +158,19 @@ def _file_in_memory(text: str) -> str:
     return f'/proc/{os.getpid()}/fd/{descriptor}'
 
 
-def is_installed(package: str) -> bool:
-    """Returns whether a sourced workspace has a ROS package."""
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    index = Path('share', 'ament_index', 'resource_index', 'packages', package)
-    return any(Path(prefix, index).is_file() for prefix in prefixes if prefix)
-
-
-def how_to_install(package: str, without: str) -> str:
-    """Message for a user who lacks a ROS package.
+def how_to_install(package: str, feature: str) -> str:
+    """What to do where no sourced workspace has a ROS package; empty if one has it.
 
     Args:
         package: Its name.
-        without: The feature that is missing without it.
+        feature: The feature that is missing without it.
 
     Returns:
         One line.
     """
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    index = Path('share', 'ament_index', 'resource_index', 'packages', package)
+    if any(Path(prefix, index).is_file() for prefix in prefixes if prefix):
+        return ''
     debian = f'ros-jazzy-{package.replace("_", "-")}'
-    return f'{package} is not installed, so there is no {without}: sudo apt install {debian}'
+    return f'{package} is not installed, so there is no {feature}: sudo apt install {debian}'

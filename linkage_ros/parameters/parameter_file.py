@@ -11,7 +11,9 @@ drops or garbles.
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeAlias, cast
 
@@ -49,7 +51,7 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
     Raises:
         ConfigurationError: The file cannot be read, or rcl refuses or garbles it.
     """
-    return _Reader(path, 'parameter', node_name).read()
+    return _Reader(path, 'parameter', node_name, _LAYOUT).read(())
 
 
 def read_study_file(path: Path | str) -> Parameters:
@@ -64,15 +66,15 @@ def read_study_file(path: Path | str) -> Parameters:
     Raises:
         ConfigurationError: The file cannot be read, or is not a study.
     """
-    return _Reader(path, 'study', '').read_values()
+    return _Reader(path, 'study', 'study', 'write "name: value"').read(('study', _SECTION))
 
 
 class _Reader:
-    """One pass over the events of a file, with a method for each level of nesting."""
+    """One pass over the events of a file."""
 
-    def __init__(self, path: Path | str, kind: str, node_name: str) -> None:
+    def __init__(self, path: Path | str, kind: str, node_name: str, layout: str) -> None:
         self.file = str(path) if str(path).isprintable() else repr(str(path))
-        self.node_name, self.line = node_name, 1
+        self.node_name, self.layout, self.line = node_name, layout, 1
         try:
             with open_file(path) as stream:
                 self.data = stream.read(_MAX_BYTES + 1)
@@ -86,63 +88,57 @@ class _Reader:
         self.events = yaml.parse(self.data, Loader=_LOADER)
         self.sections: dict[str, Parameters] = {}
 
-    def read(self) -> Parameters:
+    def read(self, path: tuple[str, ...]) -> Parameters:
+        """Reads the file, whose names are below a path of names."""
         while not isinstance(event := self.next(), yaml.StreamEndEvent):
             if isinstance(event, yaml.MappingStartEvent):
-                self.nodes('', 0)
+                for names, value in self.leaves(path):
+                    self.take(names, value)
             elif isinstance(event, yaml.NodeEvent):
-                raise self.error(f'{_show(event)} where a mapping belongs; {_LAYOUT}')
+                raise self.error(f'{_show(event)} where a mapping belongs; {self.layout}')
         return {name: value for own in self.sections.values() for name, value in own.items()}
 
-    def read_values(self) -> Parameters:
-        """Reads a file that is one mapping of parameters."""
-        values: Parameters = {}
-        while not isinstance(event := self.next(), yaml.StreamEndEvent):
-            if isinstance(event, yaml.MappingStartEvent):
-                self.parameters(values, '', 0)
-            elif isinstance(event, yaml.NodeEvent):
-                raise self.error(f'{_show(event)} where a mapping belongs; write "name: value"')
-        return values
+    def leaves(self, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], yaml.Event]]:
+        """Yields the names down to each value of a mapping, and the event that begins it."""
+        key, section = '', _section(path)
+        while following := self.key(path if section is None else path[section + 1 :]):
+            if section is None and key.startswith(_SECTION):
+                raise self.error(f'{following!r} follows ros__parameters; move it before')
+            key = following
+            event = self.next()
+            if not isinstance(event, yaml.MappingStartEvent):
+                yield (*path, key), event
+                continue
+            # Within another name, rcl misnames what follows these.
+            if path and section != len(path) - 1 and ('/' if section is None else '.') in key:
+                raise self.error(f'{key!r} is a path; write its parts one below the other')
+            yield from self.leaves((*path, key))
+        if section is not None and section < len(path) - 1 and not key:
+            raise self.error(f'{path[-1]!r} is an empty group; remove it')
 
-    def nodes(self, name: str, depth: int) -> str:
-        """Reads a mapping of node names; returns rcl's prefix for the names after it."""
-        while key := self.key(name):
-            in_section = key.startswith(_SECTION)  # rcl compares no further
-            if in_section and not _NODE.fullmatch(name):
-                raise self.error(f'{name!r} before ros__parameters is no node; {_LAYOUT}')
-            if not isinstance(event := self.next(), yaml.MappingStartEvent):
-                raise self.error(f'{_show(event)} where a mapping belongs; {_LAYOUT}')
-            if in_section:
-                ours = _matches(name, self.node_name)
-                self.parameters(self.sections.setdefault(name, {}) if ours else None, '', 0)
-                if key := self.key(name):
-                    raise self.error(f'{key!r} follows ros__parameters; move it before')
-                break
-            name = self.nodes(f'{name.removesuffix("/")}/{key}' if depth else key, depth + 1)
-        return name.rpartition('/')[0] if depth > 1 else ''
-
-    def parameters(self, values: Parameters | None, group: str, depth: int) -> str:
-        """Reads a mapping of parameters; returns rcl's group for the names after it."""
-        name = ''
-        while key := self.key(group):
-            if values and group in values:
+    def take(self, path: tuple[str, ...], event: yaml.Event) -> None:
+        """Takes a value, if it is for this node."""
+        section = _section(path)
+        if section is None or section == len(path) - 1:
+            raise self.error(f'{_show(event)} where a mapping belongs; {self.layout}')
+        node, name = '/'.join(path[:section]), '.'.join(path[section + 1 :])
+        if section > 1:
+            node = node.replace('//', '/')
+        if not _NODE.fullmatch(node):
+            raise self.error(f'{node!r} before ros__parameters is no node; {self.layout}')
+        value = self.value(name, event)
+        if not _matches(node, self.node_name):
+            return
+        values = self.sections.setdefault(node, {})
+        if value == []:
+            raise self.error(f'{name!r} is an empty list; {_VALUE}')
+        for group in itertools.accumulate(path[section + 1 : -1], '{}.{}'.format):
+            if group in values:
                 raise self.error(f'{group!r} is a value and a group; rename one')
-            name = f'{group}.{key}' if group else key
-            if isinstance(event := self.next(), yaml.MappingStartEvent):
-                group = self.parameters(values, name, depth + 1)
-                continue
-            value = self.value(name, event)
-            if values is None:
-                continue
-            if value == []:
-                raise self.error(f'{name!r} is an empty list; {_VALUE}')
-            # Which of two values rcl keeps depends on their types, and on their spelling.
-            if name in values and ('.' in key or _types(value) != _types(values[name])):
-                raise self.error(f'{name!r} is set twice, in two ways; remove one')
-            values[name] = value
-        if group and not name:
-            raise self.error(f'{group!r} is an empty group; remove it')
-        return group.rpartition('.')[0] if depth > 1 else ''
+        # Which of two values rcl keeps depends on their types, and on their spelling.
+        if name in values and ('.' in path[-1] or _types(value) != _types(values[name])):
+            raise self.error(f'{name!r} is set twice, in two ways; remove one')
+        values[name] = value
 
     def value(self, name: str, event: yaml.Event) -> ParameterValue:
         if isinstance(event, yaml.ScalarEvent):
@@ -164,14 +160,14 @@ class _Reader:
             raise self.error(f'{name!r} has no value; {_VALUE}')
         return read_scalar(event.value)
 
-    def key(self, group: str) -> str:
-        """The next key of a mapping; empty at its end."""
+    def key(self, path: tuple[str, ...]) -> str:
+        """The next key of a mapping below a path of names; empty at its end."""
         event = self.next()
         if isinstance(event, yaml.MappingEndEvent):
             return ''
         if not isinstance(event, yaml.ScalarEvent) or not event.value:
             raise self.error(f'{_show(event)} is no name; write "name: value"')
-        if len(group) + len(event.value) > _MAX_NAME:
+        if len('.'.join((*path, event.value))) > _MAX_NAME:
             raise self.error(f'{_show(event)} makes a name of over {_MAX_NAME}; shorten it')
         return event.value
 
@@ -195,6 +191,12 @@ class _Reader:
 
     def error(self, problem: str) -> ConfigurationError:
         return ConfigurationError(f'{self.file}, line {self.line}: {problem}')
+
+
+def _section(path: tuple[str, ...]) -> int | None:
+    """Place of `ros__parameters` in a path of names; None if it is not there."""
+    # rcl compares no further than its length.
+    return next((i for i, key in enumerate(path) if key.startswith(_SECTION)), None)
 
 
 def _matches(section: str, node: str) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
@@ -29,23 +28,18 @@ def preset_path(name: str) -> Path:
         name: The preset's name, which is its file's name without `.yaml`.
 
     Returns:
-        The file, in the first of these places that has it: the share of each prefix in
-        AMENT_PREFIX_PATH, the share of the installation that this module belongs to, the
-        source tree.
+        The file, in the first place that has it.
 
     Raises:
         ConfigurationError: No place has such a preset.
     """
     presets = _presets()
-    if not presets:
-        raise ConfigurationError(
-            'linkage_ros is installed without its presets, share/linkage_ros/config: '
-            'install it with `pip install .` or `colcon build`'
-        )
     if name not in presets:
-        raise ConfigurationError(
-            f'no preset {shown(name)}: choose one of {", ".join(sorted(presets))}'
+        known = ', '.join(sorted(presets)) or (
+            'none: share/linkage_ros/config is missing; install with `pip install .` or `colcon '
+            'build`'
         )
+        raise ConfigurationError(f'no preset {shown(name)}: choose one of {known}')
     return presets[name]
 
 
@@ -65,29 +59,18 @@ def find_file(source: str) -> Path:
 
 def _presets() -> dict[str, Path]:
     """The presets: for each name, the first file found."""
-    presets: dict[str, Path] = {}
-    for folder in _folders():
-        for path in folder.glob('*.yaml'):
-            if path.is_file():  # a link into a workspace that was deleted is not
-                presets.setdefault(path.stem, path)
-    return presets
-
-
-def _folders() -> Iterator[Path]:
-    """The folders that may hold presets, in order of precedence."""
-    share = Path('share', 'linkage_ros', 'config')
-    # A sourced workspace comes first, also for code that runs from a checkout: by sourcing, a ROS
-    # user selects an installation, and an overlay replaces presets.
-    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
-        if prefix:
-            yield Path(prefix, share)
     root = Path(__file__).resolve().parents[2]
-    yield root / share  # pip install --target
-    if root.name in {'site-packages', 'dist-packages'}:
-        # PREFIX/Lib/site-packages or PREFIX/lib/python3.X/site-packages, where PREFIX need
-        # not be sys.prefix: pip install --user or --prefix, and Debian's /usr/local.
-        yield root.parents[1] / share
-        yield root.parents[2] / share
-    yield Path(sys.prefix, share)
+    # A sourced workspace comes first, also for code that runs from a checkout: by sourcing, a ROS
+    # user selects an installation, and an overlay replaces presets. Then come those of pip: with
+    # --target; with --user or --prefix, in PREFIX/lib/python3.X/site-packages; in an environment.
+    sourced = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    prefixes = [*map(Path, sourced), root, *root.parents[2:3], Path(sys.prefix)]
+    folders = [prefix / 'share' / 'linkage_ros' / 'config' for prefix in prefixes]
     if (root / 'package.xml').is_file():  # a stranger's site-packages/config is not ours
-        yield root / 'config'
+        folders.append(root / 'config')
+    paths = (path for folder in folders for path in folder.glob('*.yaml'))
+    presets: dict[str, Path] = {}
+    for path in paths:
+        if path.is_file():  # a link into a workspace that was deleted is not
+            presets.setdefault(path.stem, path)
+    return presets

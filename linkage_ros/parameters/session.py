@@ -69,8 +69,8 @@ class Session(Checked):
                 'that of an .mcap file'
             )
 
-    def require_fixed_frame(self, mechanism: Mechanism) -> None:
-        """Refuses a frame_id that is the name of a joint or moving link.
+    def require_names(self, mechanism: Mechanism) -> None:
+        """Refuses a frame_id or crank_joint that is another name of the linkage.
 
         Args:
             mechanism: The linkage.
@@ -83,6 +83,11 @@ class Session(Checked):
             raise ConfigurationError(
                 f'frame_id = {shown(self.frame_id)}: must not be a joint or moving link of this '
                 'linkage; name the link that carries its fixed pivots, or change joint_prefix'
+            )
+        if self.crank_joint in joints[1:]:
+            raise ConfigurationError(
+                f'crank_joint = {shown(self.crank_joint)}: must not be another joint of this '
+                f"linkage, {', '.join(joints[1:])}; give the robot's name for the crank"
             )
 
 

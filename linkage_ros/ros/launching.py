@@ -12,7 +12,7 @@ from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutd
 from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
-from linkage_ros.parameters.launched import how_to_install, is_installed, parameter_file
+from linkage_ros.parameters.launched import how_to_install, parameter_file
 from linkage_ros.parameters.session import VIEWERS
 
 # Default and meaning of launch arguments, by name.
@@ -120,7 +120,8 @@ def where_installed(package: str, feature: str, action: Any) -> Any:
     Returns:
         The action, or one that says what to install.
     """
-    return action if is_installed(package) else LogInfo(msg=how_to_install(package, feature))
+    cure = how_to_install(package, feature)
+    return LogInfo(msg=cure) if cure else action
 
 
 def _end(event: ProcessExited, _: LaunchContext) -> list[Any]:

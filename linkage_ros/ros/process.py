@@ -6,14 +6,16 @@ from __future__ import annotations
 
 import argparse
 import faulthandler
+import itertools
 import os
 import re
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import (
@@ -29,12 +31,13 @@ from rclpy.utilities import remove_ros_args
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, LinkageError, one_line
-from linkage_ros.ros.parameters import check_parameter_files
+from linkage_ros.files import path_exists
+from linkage_ros.parameters.parameter_file import read_parameter_file
+from linkage_ros.parameters.presets import preset_names, preset_path
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
 _FLUSH_SECONDS = 1.0  # s, for the reader of our last lines
 _DESTROY_SECONDS = 10.0  # s after which a node that does not end never will
-_LAST_DOMAIN = 232  # for which there are ports
 
 # What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
 # which has no public name, is a RuntimeError.
@@ -46,6 +49,58 @@ USER_ERRORS = (
     InvalidNodeNameException,
     InvalidTopicNameException,
 )
+
+
+def run_program(
+    arguments: list[str], parser: argparse.ArgumentParser, make: Callable[[cli.Stop], Any]
+) -> int:
+    """Runs a node that takes only ROS arguments.
+
+    Args:
+        arguments: The command line.
+        parser: Knows the program's name, --help and --version.
+        make: Makes the node; its method `work` runs until the end and returns an exit code.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        ConfigurationError: rcl refuses an argument, a parameter file or the environment.
+    """
+    stop = cli.Stop()
+    _check_parameter_files(arguments, parser.prog)
+    with nonblocking_stderr(), ros_context(arguments) as others:
+        _, unknown = parser.parse_known_args(others)
+        if unknown:
+            parser.error(
+                f'unknown: {" ".join(unknown)}; parameters stand behind --ros-args, as in '
+                f'`{parser.prog} --ros-args -p rpm:=60.0`'
+            )
+        node = make(stop)
+        with spinning(node):
+            code: int = node.work()
+    return code
+
+
+def _check_parameter_files(arguments: list[str], node: str) -> None:
+    """Reads parameter files before rcl does, to give clearer errors than rcl.
+
+    Args:
+        arguments: Arguments of the command line.
+        node: Name of the node, where they give no other.
+
+    Raises:
+        ConfigurationError: A file has an error, or a preset is given instead of a path.
+    """
+    given = dict(text.split(':=', 1) for text in arguments if re.match('__.*:=', text))
+    name = given.get('__node') or given.get('__name') or node
+    for option, path in itertools.pairwise(arguments):
+        if option == '--params-file':
+            if path in preset_names() and not path_exists(path):
+                raise ConfigurationError(
+                    f'{path} is a preset, and --params-file takes a path: {preset_path(path)}'
+                )
+            read_parameter_file(path, f'{given.get("__ns", "")}/{name}')
 
 
 @contextmanager
@@ -63,7 +118,6 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
     Raises:
         ConfigurationError: rcl refuses them, or the environment.
     """
-    _require_ports(os.environ.get('ROS_DOMAIN_ID', ''))
     with muted_stderr(), reported_as_configuration():
         others: list[str] = remove_ros_args(arguments)
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -71,42 +125,6 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
         yield others[1:]
     finally:
         rclpy.try_shutdown()
-
-
-@contextmanager
-def ros_program(arguments: list[str], parser: argparse.ArgumentParser) -> Iterator[None]:
-    """Runs a program that takes only ROS arguments, with rclpy and a non-blocking stderr.
-
-    Args:
-        arguments: The command line.
-        parser: Knows the program's name, --help and --version.
-
-    Yields:
-        While rclpy may be used.
-
-    Raises:
-        ConfigurationError: rcl refuses an argument, a parameter file or the environment.
-    """
-    check_parameter_files(arguments, parser.prog)
-    with nonblocking_stderr(), ros_context(arguments) as others:
-        cli.refuse_arguments(parser, others)
-        yield
-
-
-def _require_ports(domain: str) -> None:
-    """Refuses a domain without ports, for which Fast DDS would end the process.
-
-    Args:
-        domain: ROS_DOMAIN_ID; rcl refuses text that is not a number.
-
-    Raises:
-        ConfigurationError: The number is too large.
-    """
-    found = re.match(r'\s*\+?0*(\d+)', domain)  # as rcl reads it
-    if found and int(found[1][:10]) > _LAST_DOMAIN:
-        raise ConfigurationError(
-            f'ROS_DOMAIN_ID = {domain}: must be a whole number from 0 to {_LAST_DOMAIN}'
-        )
 
 
 @contextmanager
@@ -122,10 +140,9 @@ def reported_as_configuration() -> Iterator[None]:
     except LinkageError:  # it says by itself what to do
         raise
     except USER_ERRORS as error:
-        text = ' '.join(str(error).split())
+        text = re.sub(r'(, at \S+:\d+)+|Error: error not set', '', ' '.join(str(error).split()))
         if text.startswith('['):  # UnknownROSArgsError names them and nothing else
             text = f'unknown ROS arguments {text}'
-        text = re.sub(r'(, at \S+:\d+)+|Error: error not set', '', text)
         raise ConfigurationError(
             f'{text.rstrip(" .,")}; check the ROS arguments (--ros-args -p NAME:=VALUE, '
             '--params-file FILE, -r FROM:=TO)'

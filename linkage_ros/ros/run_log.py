@@ -5,19 +5,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from rclpy.node import Node
 
 from linkage_ros import cli
-from linkage_ros.log.writer import LogItem, LogWriter
-from linkage_ros.motion.drives import Drive, FollowDrive, TorqueDrive
 from linkage_ros.motion.segments import Segment
 from linkage_ros.run.health import Health
 from linkage_ros.run.scheduling import accompany_ticker
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.worker import Worker
-from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
-from linkage_ros.wire.untrusted_command import LARGEST_COMMAND
+from linkage_ros.wire.topics import Topic
 
 # Items that wait for a stalled disk: half a minute's at 1 kHz.
 _CAPACITY = 30_000
@@ -31,7 +29,7 @@ _CLOSE_SECONDS = 30.0
 
 
 class RunLog:
-    """Writes a log in separate threads; any thread may add to it."""
+    """Writes a log, if the run has one, in separate threads; any thread may add to it."""
 
     def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
         """Creates the log.
@@ -39,42 +37,40 @@ class RunLog:
         Args:
             node: Its logger reports how the log ends.
             simulator: Makes the states.
-            others: Topics published besides the states; received messages are logged too.
+            others: Topics besides the states', published or received.
 
         Raises:
             LogError: The file cannot be created.
+            ImportError: MCAP is not installed.
         """
-        session = simulator.configuration.session
-        self._node, self._path = node, session.log
-        self._heard = heard_topics(simulator.configuration.drive)
+        self._node, session = node, simulator.configuration.session
+        self._path, self._workers = session.log, list[Worker[Any]]()
         self._segment: Segment | None = None
+        if not session.log:
+            return
+        from linkage_ros.log.writer import LogWriter
+
         log = LogWriter(session.log, simulator.configuration, overwrite=session.log_overwrite)
         names = ((topic, node.resolve_topic_name(topic.name)) for topic in simulator.topics)
         log.add_states(simulator.layout, names)
         self._channels = {
             topic.name: log.add_topic(topic, node.resolve_topic_name(topic.name))
-            for topic in (*others, *self._heard)
+            for topic in others
         }
-        # A disk that is slow to keep things must not hold up the flushes.
-        self._sync: Worker[None] = Worker(
-            'sync',
-            log.disk_sync(),
-            capacity=1,
-            period=_SYNC_PERIOD,
-            on_error=self._report_sync_error,
-        )
-        self._worker: Worker[LogItem] = Worker(
-            'log',
-            log,
-            capacity=_CAPACITY,
-            period=_PERIOD,
-            on_error=self._fail,
+        writing: Worker[Any] = Worker(
+            'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._report_end,
             on_start=accompany_ticker,
+        )  # fmt: skip
+        # A disk that is slow to keep things must not hold up the flushes.
+        syncing: Worker[Any] = Worker(
+            'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._report_no_sync
         )
+        self._workers = [writing, syncing]
 
-    def write_row(self, row: bytes) -> None:
-        """Logs the messages of a state, in the layout of the simulator."""
-        self._worker.offer(row)
+    def offer(self, item: object) -> None:
+        """Logs an item of the log writer, such as the messages of a state."""
+        if self._workers:
+            self._workers[0].offer(item)
 
     def write(self, stamp: int, topic: Topic, message: bytes) -> None:
         """Logs a message.
@@ -84,53 +80,35 @@ class RunLog:
             topic: One of the other topics.
             message: CDR bytes.
         """
-        self._worker.offer((self._channels[topic.name], stamp, message))
-
-    def write_heard(self, received: int, data: bytes) -> None:
-        """Logs a received message: a command or a measurement.
-
-        Args:
-            received: Time of receipt, ns.
-            data: CDR bytes; a message of megabytes is left out.
-        """
-        (topic,) = self._heard
-        if len(data) <= LARGEST_COMMAND:
-            self.write(received, topic, data)
+        if self._workers:
+            self.offer((self._channels[topic.name], stamp, message))
 
     def write_motion(self, segment: Segment) -> None:
         """Logs a segment of motion, unless it is the last logged one."""
         if segment is not self._segment:
-            self._worker.offer(segment)
+            self.offer(segment)
         self._segment = segment
 
     def health(self) -> Health:
         """Health of the log."""
-        return Health(self._path, self._worker.dropped, self.error)
-
-    @property
-    def error(self) -> Exception | None:
-        """The error that ended it; None: it works."""
-        return self._worker.error or self._sync.error
+        if not self._workers:
+            return Health('')
+        writing, syncing = self._workers
+        return Health(self._path, writing.dropped, writing.error or syncing.error)
 
     def close(self) -> bool:
         """Completes the log; returns whether it succeeded."""
         # The disk last: what it is to keep comes first.
-        closed = self._worker.close(_CLOSE_SECONDS) and self._sync.close(_CLOSE_SECONDS)
+        closed = all(worker.close(_CLOSE_SECONDS) for worker in self._workers)
         if not closed:
             words = f'the log could not be completed within {_CLOSE_SECONDS:g} s: the disk hangs'
             cli.print_error(self._node.get_name(), words)
-        return closed and self.error is None
+        return closed and self.health().error is None
 
-    def _fail(self, error: Exception) -> None:
+    def _report_end(self, error: Exception) -> None:
         self._node.get_logger().error(f'the log ends here, the motion goes on: {error}')
 
-    def _report_sync_error(self, error: Exception) -> None:
-        if self._worker.error is None:  # else it was said that the log has ended
+    def _report_no_sync(self, error: Exception) -> None:
+        if self._workers[0].error is None:  # else it was said that the log has ended
             words = f'the log goes on, but may not outlive a power cut: {error}'
             self._node.get_logger().error(words)
-
-
-def heard_topics(drive: Drive) -> list[Topic]:
-    """The topics that a node with this drive subscribes to."""
-    topics = {TorqueDrive: JOINT_COMMANDS, FollowDrive: MEASURED_JOINT_STATES}
-    return [topic for kind, topic in topics.items() if isinstance(drive, kind)]

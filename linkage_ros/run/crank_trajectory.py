@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from linkage_ros.motion.torque_driven import Motion
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.drives import SpeedFeedForward
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
@@ -28,31 +28,22 @@ class CrankTrajectory:
         topic: Topic of the trajectories.
     """
 
-    def __init__(self, simulator: Simulator, topic: str, horizon: float) -> None:
+    def __init__(self, simulator: Simulator, drive: SpeedFeedForward) -> None:
         """Prepares the trajectories.
 
         Args:
-            simulator: Solves the states.
-            topic: Name of the topic.
-            horizon: Duration of a trajectory, s.
+            simulator: Its solver and names are used.
+            drive: Names the topic, and has the horizon.
         """
-        self.topic = trajectory_commands(topic)
-        session = simulator.configuration.session
-        self._codec = CrankTrajectoryCodec(simulator.crank_joint, session.frame_id)
-        self._simulator, self._horizon = simulator, round(horizon * NS_PER_S)
-        self._motion: Motion | None = None
+        self.topic = trajectory_commands(drive.trajectory_command_topic)
+        frame_id = simulator.configuration.session.frame_id
+        self._codec = CrankTrajectoryCodec(simulator.crank_joint, frame_id)
+        self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
+        self._motion: SpeedMotion | None = None
         self._points: deque[tuple[int, TrajectoryPoint]] = deque()
         self._next = self._due = 0
 
-    @classmethod
-    def of(cls, simulator: Simulator) -> CrankTrajectory | None:
-        """Prepares the trajectories of a configuration; None if it has none."""
-        drive = simulator.configuration.drive
-        if not isinstance(drive, SpeedFeedForward) or not drive.trajectory_command_topic:
-            return None
-        return cls(simulator, drive.trajectory_command_topic, drive.trajectory_horizon)
-
-    def message_at(self, motion: Motion, stamp: int) -> bytes | None:
+    def message_at(self, motion: SpeedMotion, stamp: int) -> bytes | None:
         """The message that is due at a stamp.
 
         Args:
@@ -67,7 +58,9 @@ class CrankTrajectory:
             self._points.clear()
             self._motion, self._next, self._due = motion, stamp, stamp
         while self._next < stamp + self._horizon + _STEP:
-            self._points.append((self._next, self._simulator.crank_at(motion, self._next)))
+            (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
+            point = TrajectoryPoint(unwrapped, u, a, float(self._solver.state(q, u, a).torque))
+            self._points.append((self._next, point))
             self._next += _STEP
         while self._points[1][0] <= stamp:
             self._points.popleft()

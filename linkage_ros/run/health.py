@@ -21,6 +21,10 @@ WINDOW = 10
 # Shares of missed ticks above which the warning begins, and below which it ends. They differ, so
 # that a share near one of them does not switch the warning on and off.
 _OVERLOADED, _RECOVERED = 0.10, 0.05
+_BUSY = (
+    f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were missed: '
+    'the machine is too busy for this rate_hz'
+)
 _FAST_CRANK = (
     ', or the crank is too fast: a fast crank costs more per tick (add motor.damping or lower '
     'rate_hz)'
@@ -43,14 +47,6 @@ class Health(NamedTuple):
     trouble: str = ''
 
 
-class _Observation(NamedTuple):
-    """The inputs of one report; times in s."""
-
-    time: float
-    counts: TickCounts
-    parts: dict[str, Health]
-
-
 class HealthMonitor:
     """Judges a run by its last seconds, at each report."""
 
@@ -62,11 +58,11 @@ class HealthMonitor:
             is_torque_driven: Whether the motion is integrated; its cost grows with the speed.
         """
         self._node = node
-        self._is_torque_driven = is_torque_driven
-        self._observations = deque(
-            [_Observation(time.monotonic(), TickCounts(), {})], maxlen=WINDOW + 1
-        )
+        self._busy = _BUSY + _FAST_CRANK * is_torque_driven
         self._is_overloaded = False
+        # Time, s, and counts at each report of the window; its start is that of the first.
+        self._counts = deque([(time.monotonic(), TickCounts())], maxlen=WINDOW + 1)
+        self._parts: deque[dict[str, Health]] = deque([{}], maxlen=WINDOW + 1)
         self._last: dict[str, Status] = {}
 
     def report(
@@ -87,11 +83,9 @@ class HealthMonitor:
         Returns:
             The motion's status first.
         """
-        self._observations.append(_Observation(time.monotonic(), replace(counts), parts))
-        return [
-            self._motion_status(figures, troubles),
-            *(self._output_status(part) for part in parts),
-        ]
+        self._counts.append((time.monotonic(), replace(counts)))
+        self._parts.append(parts)
+        return [self._motion(figures, list(troubles)), *map(self._output, parts)]
 
     def changes(self, statuses: Sequence[Status]) -> list[Status]:
         """Selects the statuses to log: new warnings, and warnings that have ended.
@@ -102,34 +96,28 @@ class HealthMonitor:
         Returns:
             The statuses; a part that fails logs that itself.
         """
-        found, nothing = [], Status(OK, '', '', {})
-        for status in statuses:
-            before = self._last.get(status.name, nothing)
-            is_other = status.level == WARN and status.message != before.message
-            if is_other or status.level < before.level:
-                found.append(status)
+        last, nothing = self._last, Status(OK, '', '', {})
         self._last = {status.name: status for status in statuses}
-        return found
+        return [
+            status
+            for status in statuses
+            for before in [last.get(status.name, nothing)]
+            if status.level < before.level
+            or (status.level == WARN and status.message != before.message)
+        ]
 
-    def _motion_status(self, figures: dict[str, str], troubles: Sequence[str]) -> Status:
-        first, last = self._observations[0], self._observations[-1]
-        counts, troubles = last.counts, list(troubles)
-        kept, missed = counts.kept - first.counts.kept, counts.missed - first.counts.missed
-        if counts.clock_steps > first.counts.clock_steps:
+    def _motion(self, figures: dict[str, str], troubles: list[str]) -> Status:
+        (start, first), (now, counts) = self._counts[0], self._counts[-1]
+        kept, missed = counts.kept - first.kept, counts.missed - first.missed
+        if counts.clock_steps > first.clock_steps:
             troubles.append(f'the clock was stepped in the last {WINDOW} s')
             missed = 0  # simulated time that jumps skips ticks, however fast the machine is
-        share = missed / max(1, kept + missed)
-        is_full = len(self._observations) > WINDOW
-        self._is_overloaded = is_full and share > (
-            _RECOVERED if self._is_overloaded else _OVERLOADED
-        )
+        limit = _RECOVERED if self._is_overloaded else _OVERLOADED
+        is_full = len(self._counts) > WINDOW
+        self._is_overloaded = is_full and missed > limit * max(1, kept + missed)
         if self._is_overloaded:
-            troubles.append(
-                f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were '
-                'missed: the machine is too busy for this rate_hz'
-                + (_FAST_CRANK if self._is_torque_driven else '')
-            )
-        rate = kept / (last.time - first.time)
+            troubles.append(self._busy)
+        rate = kept / (now - start)
         median, p99 = np.quantile(list(counts.lateness) or [0], (0.5, 0.99))
         values = {
             'rate kept, Hz': f'{rate:.2f}',
@@ -145,18 +133,18 @@ class HealthMonitor:
         words = '; '.join(troubles) or f'{rate:.1f} Hz kept'
         return Status(WARN if troubles else OK, f'{self._node}: motion', words, values)
 
-    def _output_status(self, part: str) -> Status:
-        past = [seen.parts.get(part, Health('')) for seen in self._observations]
-        health = past[-1]
-        values = {'target': health.target, 'lost': str(health.dropped)}
-        level, words = OK, 'well' if health.target else 'off'
-        if health.error is not None:
-            level, words = ERROR, f'failed: {health.error}'
-        elif health.trouble:
-            level, words = WARN, health.trouble
+    def _output(self, part: str) -> Status:
+        past = [parts.get(part, Health('')) for parts in self._parts]
+        target, dropped, error, trouble = past[-1]
+        level, words = OK, 'well' if target else 'off'
+        if error is not None:
+            level, words = ERROR, f'failed: {error}'
+        elif trouble:
+            level, words = WARN, trouble
         # Losses during a trouble belong to it.
-        elif health.dropped > past[0].dropped and not any(one.trouble for one in past):
+        elif dropped > past[0].dropped and not any(one.trouble for one in past):
             level, words = WARN, f'the {part} lags: items were left out in the last {WINDOW} s'
-        elif health.dropped:
-            words = f'well, but {health.dropped} items were left out'
+        elif dropped:
+            words = f'well, but {dropped} items were left out'
+        values = {'target': target, 'lost': str(dropped)}
         return Status(level, f'{self._node}: {part}', words, values)

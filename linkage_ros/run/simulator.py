@@ -34,7 +34,6 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.codecs import (
     STAMP_SOURCES,
     JointStateCodec,
-    TrajectoryPoint,
     encode_string,
     float64,
     float64_array,
@@ -63,14 +62,12 @@ class Snapshot(NamedTuple):
     """A run at one stamp.
 
     Attributes:
-        coordinates: Coordinates of the mechanism.
-        state: Its state there.
+        state: State of the mechanism.
         stamp: ns.
         numbers: The numbers in the messages, without stamps.
         layout: Layout of the messages.
     """
 
-    coordinates: Coordinates
     state: State
     stamp: int
     numbers: list[float]
@@ -102,9 +99,8 @@ class Simulator:
 
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
-        mechanism = configuration.mechanism
+        mechanism, session = configuration.mechanism, configuration.session
         self.solver = Solver(mechanism)
-        session = configuration.session
         prefix, frame_id = session.joint_prefix, session.frame_id
         self._links = self.solver.structure.links
         self.joints = joint_names(self._links, prefix)
@@ -205,10 +201,8 @@ class Simulator:
         Returns:
             The state and its messages.
         """
-        coordinates = motion.at(stamp)
-        if self._lead is None:
-            return self._snapshot(stamp, coordinates)
-        return self._snapshot(stamp, coordinates, motion.at(stamp + self._lead))
+        ahead = None if self._lead is None else motion.at(stamp + self._lead)
+        return self._snapshot(stamp, motion.at(stamp), ahead)
 
     def snapshot_measured(self, stamp: int, coordinates: Coordinates) -> Snapshot:
         """Solves the state of a measured crank.
@@ -227,12 +221,10 @@ class Simulator:
         return None if self._lead is None else later(coordinates, self._lead / NS_PER_S)
 
     def _snapshot(
-        self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None = None
+        self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
     ) -> Snapshot:
-        state, numbers = self._numbers(coordinates)
-        if ahead is not None:
-            numbers.append(self._numbers(ahead)[0].torque + 0.0)
-        return Snapshot(coordinates, state, stamp, numbers, self.layout)
+        state, numbers = self._numbers(coordinates, ahead)
+        return Snapshot(state, stamp, numbers, self.layout)
 
     def rows(
         self,
@@ -255,29 +247,11 @@ class Simulator:
         Returns:
             Records of their messages, bit-identical to those of the snapshots.
         """
-        _, numbers = self._numbers(coordinates, by_math=True)
-        if ahead is not None:
-            numbers.append(self._numbers(ahead, by_math=True)[0].torque + 0.0)
+        _, numbers = self._numbers(coordinates, ahead, by_math=True)
         nanoseconds = np.array(stamps)
         stamped = np.divmod(nanoseconds, NS_PER_S)
         logged = nanoseconds if times is None else times
         return (layout or self.layout).fill(len(stamps), (logged, *stamped, *numbers))
-
-    def crank_at(self, motion: Motion, stamp: int) -> TrajectoryPoint:
-        """The crank at a stamp, as a trajectory point.
-
-        Args:
-            motion: Motion in the segment that contains the stamp.
-            stamp: ns.
-
-        Returns:
-            Its motion and torque.
-        """
-        coordinates = motion.at(stamp)
-        state, _ = self._numbers(coordinates)
-        return TrajectoryPoint(
-            coordinates.unwrapped, coordinates.u[0], coordinates.a[0], float(state.torque)
-        )
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
         """Coordinates for the feed-forward torque at stamps; None without feed-forward."""
@@ -285,14 +259,21 @@ class Simulator:
         return None if lead is None else motion.at_all([stamp + lead for stamp in stamps])
 
     def _numbers(
-        self, coordinates: Coordinates, *, by_math: bool = False
+        self, coordinates: Coordinates, ahead: Coordinates | None, *, by_math: bool = False
     ) -> tuple[State, list[Real]]:
         """Solves a state; returns it and the numbers in its messages, without signed zeros."""
-        q, u, a, unwrapped, state = coordinates
-        if state is None:
-            row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
-            state = self.solver.state(*row, by_math=by_math)
-        rows = joint_rows(self._links, state, unwrapped, np.rint if by_math else round)
+        state = self._state(coordinates, by_math=by_math)
+        to_whole = np.rint if by_math else round
+        rows = joint_rows(self._links, state, coordinates.unwrapped, to_whole)
         if self._has_coupler_point:
             rows.append([*self.solver.point(state, 'C', by_math=by_math).position])
+        if ahead is not None:
+            rows.append([self._state(ahead, by_math=by_math).torque])
         return state, [number + 0.0 for row in rows for number in row]
+
+    def _state(self, coordinates: Coordinates, *, by_math: bool) -> State:
+        q, u, a, _, state = coordinates
+        if state is not None:
+            return state
+        row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
+        return self.solver.state(*row, by_math=by_math)

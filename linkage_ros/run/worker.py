@@ -6,21 +6,10 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import Generic, Protocol, TypeVar
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
 
 _T = TypeVar('_T')
-_T_contra = TypeVar('_T_contra', contravariant=True)
-
-
-class Consumer(Protocol[_T_contra]):
-    """The receiver of a worker's items."""
-
-    def consume(self, items: Sequence[_T_contra]) -> None:
-        """Takes the items that were offered since the last call; there may be none."""
-
-    def close(self) -> None:
-        """Ends the work."""
 
 
 class Worker(Generic[_T]):
@@ -38,7 +27,7 @@ class Worker(Generic[_T]):
     def __init__(
         self,
         name: str,
-        consumer: Consumer[_T],
+        consumer: Any,
         *,
         capacity: int,
         period: float,
@@ -49,7 +38,8 @@ class Worker(Generic[_T]):
 
         Args:
             name: Name of the thread.
-            consumer: Used by this thread alone from now on.
+            consumer: Used by this thread alone from now on. Its `consume` takes the items that
+                were offered since the last call, of which there may be none; then `close`.
             capacity: Items that the queue holds.
             period: Time between batches, s.
             on_error: Called from the thread, once, if the consumer fails.
@@ -59,10 +49,10 @@ class Worker(Generic[_T]):
         self.dropped = 0
         self._consumer, self._on_error, self._on_start = consumer, on_error, on_start
         self._capacity, self._period = capacity, period
-        self._lock = threading.Lock()
         self._queue: deque[_T] = deque(maxlen=capacity)
+        self._lock = threading.Lock()
         self._stop = threading.Event()
-        # A daemon: a consumer that hangs for good must not keep the process alive.
+        # A daemon thread: a hanging disk must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
@@ -87,25 +77,24 @@ class Worker(Generic[_T]):
 
     def _run(self) -> None:
         self._on_start()
-        try:
-            while not self._stop.wait(self._period):
-                self._consumer.consume(self._take())
-            self._consumer.consume(self._take())
-        except Exception as error:  # noqa: BLE001, no failure may stop the ticks
-            self._fail(error)
-        try:
-            self._consumer.close()
-        except Exception as error:  # noqa: BLE001, as above
-            if self.error is None:
+        for act in (self._feed, self._consumer.close):
+            try:
+                act()
+            except Exception as error:  # noqa: BLE001, PERF203, no failure may stop the ticks
                 self._fail(error)
 
-    def _take(self) -> list[_T]:
-        with self._lock:
-            items = list(self._queue)
-            self._queue.clear()
-        return items
+    def _feed(self) -> None:
+        is_last = False
+        while not is_last:
+            is_last = self._stop.wait(self._period)
+            with self._lock:
+                items = list(self._queue)
+                self._queue.clear()
+            self._consumer.consume(items)
 
     def _fail(self, error: Exception) -> None:
+        if self.error is not None:
+            return
         with self._lock:
             self.error = error
             self.dropped += len(self._queue)

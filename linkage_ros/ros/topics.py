@@ -1,0 +1,196 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of a node: publishers that take bytes, and subscriptions to commands and measurements."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator
+from importlib import import_module
+from typing import Any
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.units import NS_PER_S, TIME_END
+from linkage_ros.wire.cdr import stamp_of
+from linkage_ros.wire.topics import Topic
+from linkage_ros.wire.untrusted_command import LARGEST_COMMAND
+
+# s given to subscribers to find a node, and to be matched with it.
+_DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2
+# Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
+# As many times of /clock wait: a burst is not thinned out.
+_DEPTH = 100
+_PATIENCE = 0.1  # s that the end of a node waits for a message at most
+# Of every node of rclpy.
+_ROS_TOPICS = ('/rosout', '/parameter_events')
+
+
+def message_class(name: str) -> Any:
+    """The Python class of a message type such as 'std_msgs/msg/Float64'."""
+    package, _, kind = name.split('/')
+    return getattr(import_module(f'{package}.msg'), kind)
+
+
+def create_publisher(node: Node, topic: Topic) -> Publisher:
+    """Creates a publisher with the topic's quality of service; it takes CDR bytes.
+
+    Args:
+        node: The node.
+        topic: Name, type and quality of service.
+
+    Returns:
+        The publisher.
+    """
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
+    qos = QoSProfile(
+        depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability
+    )
+    return node.create_publisher(message_class(topic.interface.name), topic.name, qos)
+
+
+def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
+    """Refuses two topics of a node with one name: it would hear itself, or mix its messages.
+
+    Args:
+        node: The node, which knows namespace and remappings.
+        topics: The topics, those that the node hears first.
+
+    Raises:
+        ConfigurationError: Two have one name.
+    """
+    found: dict[str, str] = {}
+    for name in (*_ROS_TOPICS, *(topic.name for topic in topics)):
+        resolved, own = node.resolve_topic_name(name), name.lstrip('/')
+        if resolved in found:
+            cure = f'give {name} another name, -r {name}:=linkage/{own}'
+            if found[resolved].lstrip('/') == own:  # a remapping cannot tell the two apart
+                cure = f'name another topic in the parameter that holds {name}'
+            raise ConfigurationError(
+                f'{found[resolved]} and {name} are one topic, {resolved}: {cure}'
+            )
+        found[resolved] = name
+
+
+def wait_for_subscribers(
+    publishers: Collection[Publisher],
+    patience: float = _DISCOVERY_SECONDS,
+    settle: float = _MATCH_SECONDS,
+) -> bool:
+    """Waits until existing subscribers have found a node, so that they miss no message.
+
+    Args:
+        publishers: Publishers of the node.
+        patience: Longest time to wait until one of them has a subscriber, s.
+        settle: Further time for other subscribers, s.
+
+    Returns:
+        Whether there is a subscriber.
+    """
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        if any(publisher.get_subscription_count() for publisher in publishers):
+            time.sleep(settle)
+            return True
+        time.sleep(0.01)
+    return False
+
+
+class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
+    """Hides a subscription from the executor.
+
+    Each message would wake its thread. Thousands a second took the interpreter from the thread of
+    the ticks: at 10 kHz, five of six ticks were missed.
+    """
+
+    def can_execute(self, entity: object) -> bool:  # noqa: ARG002, the executor's signature
+        """Always False."""
+        return False
+
+
+class PolledSubscription:
+    """Keeps the last messages of a topic until the thread of the ticks takes them.
+
+    It is best-effort, and so compatible with every publisher; losses are not resent.
+
+    Attributes:
+        name: Resolved name of the topic.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: Topic,
+        read: Callable[[bytes, int], Any],
+        log: Callable[[int, Topic, bytes], None],
+    ) -> None:
+        """Subscribes.
+
+        Args:
+            node: The node.
+            topic: The topic.
+            read: Reads a message that came at a time, ns; raises a ValueError if it is refused.
+            log: Called with each message: when it came, ns, the topic, and CDR bytes.
+        """
+        self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
+        self._topic, self._read, self._log = topic, read, log
+        self._kind, self._depth = message_class(topic.interface.name), max(topic.depth, _DEPTH)
+        qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._subscription = node.create_subscription(
+            self._kind, topic.name, lambda _: None, qos, raw=True, callback_group=_PolledGroup()
+        )
+        self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
+
+    def receive(self) -> Iterator[Any]:
+        """Waits a little for messages; yields what was read from those that are not refused."""
+        handle = self._subscription.handle
+        with handle:
+            self._wait_set.clear_entities()
+            self._wait_set.add_subscription(handle)
+            self._wait_set.wait(round(_PATIENCE * NS_PER_S))
+        yield from self.take()
+
+    def take(self) -> Iterator[Any]:
+        """Yields what was read from the queued messages that are not refused."""
+        handle, refused = self._subscription.handle, ''
+        for _ in range(self._depth):  # a flood must not keep the thread here while more comes
+            with handle:
+                found = handle.take_message(self._kind, True)
+            if not found:
+                break
+            data, info = found
+            received = info['received_timestamp'] or time.time_ns()
+            if len(data) <= LARGEST_COMMAND:  # one of megabytes would be a log's largest chunk
+                self._log(received, self._topic, data)
+            try:
+                result = self._read(data, received)
+            except ValueError as error:
+                refused = refused or str(error)
+            else:
+                yield result
+        if refused:
+            words = f'a message on {self.name} is left out: {refused}'
+            self._logger.warning(words, throttle_duration_sec=1.0)
+
+
+def read_clock(data: bytes, _: int) -> int:
+    """Reads a message of /clock.
+
+    Args:
+        data: CDR bytes.
+
+    Returns:
+        The time, ns.
+
+    Raises:
+        ValueError: No stamp can hold it.
+    """
+    time = stamp_of(data)
+    if not 0 <= time < TIME_END:
+        raise ValueError(f'{time} ns: must be from 0 to 2^31 s')
+    return time
