@@ -25,8 +25,8 @@ from linkage_ros.errors import (
 )
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.friction import Friction
-from linkage_ros.model.link_load import LinkLoad
 from linkage_ros.model.load_curve import LoadCurve
+from linkage_ros.model.loads import LinkLoad
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,

@@ -123,9 +123,9 @@ WRONG = {
         name: (f'{SLIDER}, load: {{link: slider, file: {name}}}', words)
         for name, words in {
             'words.csv': r"'words\.csv': the first line must be at,value or",
-            'binary.csv': r"'binary\.csv': no table; give the path of a CSV file",
-            'wide.csv': r"'wide\.csv': no table; give the path of a CSV file",
-            'long.csv': r"'long\.csv': is longer than 4194304 bytes; give fewer points",
+            'binary.csv': r"'binary\.csv': 'utf-8' codec can.t decode.*; give the path of a CSV",
+            'wide.csv': r"'wide\.csv': field larger than field limit.*; give the path of a CSV",
+            'long.csv': r"'long\.csv': is longer than 4194304 bytes; give the path",
             'semicolons.csv': 'the first line must be at,value or at,value,return_value',
             'infinite.csv': r'row 3: must be 2 finite numbers',
             'empty.csv': 'holds no points',

@@ -617,9 +617,6 @@ def test_function_that_numba_cannot_compile_runs_without_it():
         def forces(self, links, rates):
             return {2: self[0](links[2].position)}
 
-        def resistance(self, links, rates):
-            return {}
-
     @dataclass(frozen=True)
     class Pulled(FourBar):
         def link_loads(self):

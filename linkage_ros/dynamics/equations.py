@@ -208,7 +208,9 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
         for row, one in zip(matrix, u, strict=True)
         for mass, other in zip(row, u, strict=True)
     )
-    potential = total(load.potential(pose.links) for load in model.all_loads())
+    potential = total(
+        load.potential(pose.links) for load in model.all_loads() if hasattr(load, 'potential')
+    )
     require(is_finite(kinetic, potential), model.refuse, *q, *u)
     return kinetic, potential
 

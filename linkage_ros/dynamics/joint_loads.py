@@ -41,21 +41,14 @@ class FoundLoad(NamedTuple):
     inner: tuple[Real, ...]
     outer: tuple[Real, ...]
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+    def forces(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        del links, rates
         both = zip(self.inner, self.outer, strict=True)
         return {j: inner + outer for j, (inner, outer) in enumerate(both)}
 
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+    def resistance(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        del links, rates
         return dict(enumerate(self.outer))
-
-    def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`: there is none."""
-        del links
-        return ZERO
 
 
 class Round(NamedTuple):

@@ -39,18 +39,12 @@ class Weight(NamedTuple):
         arm = total(link.center.weights[j] * link.mass for link in turning)
         return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+    def forces(self, links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`: Re(conj(i W_j e^(i phi_j)) g)."""
-        del rates
         return {
             j: (dot if self.links[j].slides else cross)(link.direction, self._moment(j))
             for j, link in enumerate(links)
         }
-
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: there is none."""
-        del links, rates
-        return {}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """See `Load`."""

@@ -118,7 +118,8 @@ class _Balance:
         for load in model.loads:
             for j, force in load.forces(pose.links, rates).items():
                 pushes[j] += force
-            for j, force in load.resistance(pose.links, rates).items():
+            held = load.resistance(pose.links, rates) if hasattr(load, 'resistance') else {}
+            for j, force in held.items():
                 self._resistance[j] += force
         self._centers, self._needed, self._couples = [], [], []
         for body, direction, push, change in zip(

@@ -9,6 +9,7 @@ import csv
 import itertools
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import ClassVar, NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import open_file
-from linkage_ros.formulas import ZERO, Opaque, where
+from linkage_ros.formulas import Opaque, where
 from linkage_ros.model.loads import AppliedLoad, continuous
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.model.structure import Mechanism
@@ -24,6 +25,7 @@ from linkage_ros.numeric import Real, without_turns
 from linkage_ros.quantities import quantity, shown
 
 _TURN = 2 * math.pi
+_ROUNDING = 8 * math.ulp(_TURN)  # rad, of points that are one turn apart
 _PLACES = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
 _COLUMNS = 'at', 'value', 'return_value'
@@ -82,10 +84,10 @@ class LoadCurve(AppliedLoad):
                     f'load.{name} has {len(row)} numbers and load.at {len(at)}: give one for each '
                     'point'
                 )
-        for i, (x, y) in enumerate(itertools.pairwise(at)):
+        for i, (x, y) in enumerate(itertools.pairwise(at), 2):
             if not x < y:
                 raise ConfigurationError(
-                    f'load.at must rise: its number {i + 2}, {y:g}, is not above {x:g} before it'
+                    f'load.at must rise: its number {i}, {y:g}, is not above {x:g} before it'
                 )
         if self.over == 'crank_angle':
             self._require_one_turn(at, value)
@@ -100,11 +102,9 @@ class LoadCurve(AppliedLoad):
                 f'load.file = {shown(self.file)}: leave out at, value and return_value, which the '
                 'file holds'
             )
-        columns = _columns_of(self.file)
-        for field in fields(self):
-            if field.name in columns:
-                name, row = f'load.{field.name}', columns[field.name]
-                object.__setattr__(self, field.name, field.metadata['quantity'].clean(name, row))
+        kinds = {field.name: field.metadata['quantity'] for field in fields(self)}
+        for name, row in _columns_of(self.file).items():
+            object.__setattr__(self, name, kinds[name].clean(f'load.{name}', row))
         object.__setattr__(self, 'file', '')
 
     def _require_one_turn(self, at: Sequence[float], value: Sequence[float]) -> None:
@@ -114,15 +114,14 @@ class LoadCurve(AppliedLoad):
                 'tells forth from back'
             )
         span = at[-1] - at[0]
-        if abs(span - _TURN) <= 8 * math.ulp(_TURN):
-            if value[0] != value[-1]:
-                raise ConfigurationError(
-                    f'load.value starts with {value[0]:g} and ends, one turn later, with '
-                    f'{value[-1]:g}: they must be equal, or leave the last point out'
-                )
-        elif span > _TURN:
+        if span > _TURN + _ROUNDING:
             raise ConfigurationError(
                 f'load.at spans {span:g} rad: must be at most one turn, {_TURN!r}'
+            )
+        if span >= _TURN - _ROUNDING and value[0] != value[-1]:
+            raise ConfigurationError(
+                f'load.value starts with {value[0]:g} and ends, one turn later, with '
+                f'{value[-1]:g}: they must be equal, or leave the last point out'
             )
 
     def on(self, mechanism: Mechanism) -> CurveForce:
@@ -132,16 +131,15 @@ class LoadCurve(AppliedLoad):
             ConfigurationError: The mechanism has no such link, or the link turns fully, over:
                 position.
         """
-        link, at = mechanism.output(self.link, 'load.link'), self.at or ()
+        link, at, value = mechanism.output(self.link, 'load.link'), self.at or (), self.value or ()
         if self.over == 'crank_angle':
-            return CurveForce(link, None, Opaque(Table(at, self.value or (), turns=True)))
+            return CurveForce(link, 0, None, Opaque(Table(at, value, turns=True)))
         middle = mechanism.swing_middle(link, "load.over = 'position'")
         if middle is not None:
             turns = round((0.5 * (at[0] + at[-1]) - middle) / _TURN)
             at = tuple(place - turns * _TURN for place in at)
-        forth = Opaque(Table(at, self.value or ()))
         back = Opaque(Table(at, self.return_value)) if self.return_value else None
-        return CurveForce(link, middle, forth, back, over_position=True)
+        return CurveForce(link, link, middle, Opaque(Table(at, value)), back)
 
 
 class CurveForce(NamedTuple):
@@ -149,37 +147,25 @@ class CurveForce(NamedTuple):
 
     Attributes:
         link: Index of the link.
-        middle: Middle of the swing of a link that turns, rad.
-        value: The load as a function of angle or position.
+        over: Index of the link on whose position the curve depends.
+        middle: Middle of the swing of a link that turns, rad; see `continuous`.
+        value: The load as a function of this position.
         return_value: The load while the position falls; None: the same.
-        over_position: Whether the curve depends on the link's position, not on the crank angle.
     """
 
     link: int
+    over: int
     middle: Real
     value: Opaque
     return_value: Opaque | None = None
-    over_position: bool = False
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        place = links[0].position
-        if self.over_position:
-            place = continuous(links[self.link].position, self.middle)
+        place = continuous(links[self.over].position, self.middle)
         force = self.value(place)
         if self.return_value is not None:
             force = where(rates[self.link] >= 0, force, self.return_value(place))
         return {self.link: force}
-
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: none, because the force is external."""
-        del links, rates
-        return {}
-
-    def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`: there is none."""
-        del links
-        return ZERO
 
 
 class Table:
@@ -198,38 +184,30 @@ class Table:
         Raises:
             ConfigurationError: Two points are so close together that no slope can be computed.
         """
-        self._turns, self._first = turns, at[0]
-        if turns:
+        self._turns = turns
+        if turns and at[0] + _TURN - at[-1] > _ROUNDING:
             at, value = (*at, at[0] + _TURN), (*value, value[0])
-            if at[-1] - at[-2] <= 8 * math.ulp(_TURN):
-                at, value = at[:-1], value[:-1]
         with np.errstate(all='ignore'):
             slopes = np.diff(value) / np.diff(at)
-        steep = np.flatnonzero(~np.isfinite(slopes))
-        if len(steep):
-            first, second = at[steep[0]], at[steep[0] + 1]
+        for i in np.flatnonzero(~np.isfinite(slopes)).tolist():
             raise ConfigurationError(
-                f'load.at: {first!r} and {second!r} are too close together; move them apart'
+                f'load.at: {at[i]!r} and {at[i + 1]!r} are too close together; move them apart'
             )
         # The slopes before the first point and after the last; a direction that is rounded may lie
         # there.
         before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
-        self._at = list(at)
-        self._from = [at[0], *at]
-        self._value = [value[0], *value]
-        self._slope = [float(before), *slopes.tolist(), float(after)]
-        self._rows = [np.array(row) for row in (at, self._from, self._value, self._slope)]
+        self._lists = [[*at], [at[0], *at], [value[0], *value], [before, *slopes, after]]
+        self._arrays = [np.array(row) for row in self._lists]
+        self._lists[3] = self._arrays[3].tolist()
 
     def __call__(self, place: Real) -> Real:
         """The value at a place, or at an array of them."""
+        is_float = isinstance(place, float)
+        at, start, value, slope = self._lists if is_float else self._arrays
         if self._turns:
-            place = without_turns(place, self._first)
-        if isinstance(place, float):
-            i = bisect.bisect_right(self._at, place)
-            return self._value[i] + self._slope[i] * (place - self._from[i])
-        at, start, value, slope = self._rows
-        found = np.searchsorted(at, place, side='right')
-        return value[found] + slope[found] * (place - start[found])
+            place = without_turns(place, at[0])
+        i = bisect.bisect_right(at, place) if is_float else np.searchsorted(at, place, 'right')
+        return value[i] + slope[i] * (place - start[i])
 
 
 def _columns_of(path: str) -> dict[str, tuple[float, ...]]:
@@ -240,40 +218,32 @@ def _columns_of(path: str) -> dict[str, tuple[float, ...]]:
     """
     try:
         with open_file(path) as stream:
-            text = stream.read(_MOST_BYTES + 1).decode('utf-8-sig')
-        if len(text) > _MOST_BYTES:
-            raise ConfigurationError(
-                f'load.file = {shown(path)}: is longer than {_MOST_BYTES} bytes; give fewer points'
-            )
-        rows = [row for row in csv.reader(text.splitlines()) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, 'strerror', None) or 'no table'
+            return _columns(stream.read(_MOST_BYTES + 1))
+    except (OSError, ValueError, csv.Error) as error:
         raise ConfigurationError(
-            f'load.file = {shown(path)}: {reason}; give the path of a CSV file with the columns '
-            'at, value and, if wanted, return_value'
+            f'load.file = {shown(path)}: {getattr(error, "strerror", None) or error}; give the '
+            'path of a CSV file with the columns at, value and, if wanted, return_value'
         ) from error
-    names = [name.strip() for name in rows[0]] if rows else []
-    if names not in (list(_COLUMNS[:2]), list(_COLUMNS)):
-        raise ConfigurationError(
-            f'load.file = {shown(path)}: the first line must be at,value or at,value,return_value'
-        )
-    columns: dict[str, list[float]] = {name: [] for name in names}
+
+
+def _columns(data: bytes) -> dict[str, tuple[float, ...]]:
+    """The columns of a CSV table.
+
+    Raises:
+        ValueError: It is not such a table.
+    """
+    if len(data) > _MOST_BYTES:
+        raise ValueError(f'is longer than {_MOST_BYTES} bytes')
+    rows = [row for row in csv.reader(data.decode('utf-8-sig').splitlines()) if row]
+    names = tuple(name.strip() for name in rows[0]) if rows else ()
+    if names not in (_COLUMNS[:2], _COLUMNS):
+        raise ValueError('the first line must be at,value or at,value,return_value')
     if len(rows) == 1:
-        raise ConfigurationError(f'load.file = {shown(path)}: holds no points')
+        raise ValueError('holds no points')
+    table = []
     for line, row in enumerate(rows[1:], 2):
-        numbers = [_number(cell) for cell in row]
-        if len(row) != len(names) or not all(map(math.isfinite, numbers)):
-            raise ConfigurationError(
-                f'load.file = {shown(path)}, row {line}: must be {len(names)} finite numbers'
-            )
-        for name, number in zip(names, numbers, strict=True):
-            columns[name].append(number)
-    return {name: tuple(column) for name, column in columns.items()}
-
-
-def _number(cell: str) -> float:
-    """Reads a cell; nan if it is not a number."""
-    try:
-        return float(cell)
-    except ValueError:
-        return math.nan
+        with suppress(ValueError):
+            table.append([float(cell) for cell in row])
+        if len(table) < line - 1 or not math.isfinite(sum(table[-1])) or len(row) != len(names):
+            raise ValueError(f'row {line}: must be {len(names)} finite numbers')
+    return dict(zip(names, zip(*table, strict=True), strict=True))

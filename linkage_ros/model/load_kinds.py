@@ -7,9 +7,8 @@ from __future__ import annotations
 from typing import Any
 
 from linkage_ros.model.friction import Friction
-from linkage_ros.model.link_load import LinkLoad
 from linkage_ros.model.load_curve import LoadCurve
-from linkage_ros.model.loads import AppliedLoad
+from linkage_ros.model.loads import AppliedLoad, LinkLoad
 from linkage_ros.quantities import groups
 
 # Add a new one here.

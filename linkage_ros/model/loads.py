@@ -11,19 +11,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from linkage_ros.formulas import ZERO, where
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked
+from linkage_ros.quantities import Checked, quantity
+
+_POSITIVE = (0.0, 1e12)
 
 
 class Load(Protocol):
     """What acts on links.
 
     One that acts on a single link may name its index in an attribute `link`: in MJCF it becomes
-    a motor on the joint of this link.
+    a motor on the joint of this link. Two more methods are optional: `resistance(links, rates)`,
+    the part of the forces that the frame exerts, such as those of dampers and springs; and
+    `potential(links)`, the potential energy up to a constant, J.
     """
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
@@ -38,12 +43,6 @@ class Load(Protocol):
         Returns:
             By the index of the link, N m counter-clockwise, or N along the guide.
         """
-
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """The part of the forces that the frame exerts: resistance and springs; see `forces`."""
-
-    def potential(self, links: Sequence[LinkPose]) -> Real:
-        """The potential energy up to a constant, J; ZERO: none."""
 
 
 class Contact(NamedTuple):
@@ -93,11 +92,8 @@ class AppliedLoad(Checked):
     group: ClassVar[str] = ''
     has_corners: ClassVar[bool] = False
 
-    def join(self, mechanism: Any) -> tuple[AppliedLoad, ...]:
+    def join(self, _mechanism: Any) -> tuple[AppliedLoad, ...]:
         """Joins a mechanism that is being made.
-
-        Args:
-            mechanism: The mechanism.
 
         Returns:
             What remains among its loads: nothing, where a part takes the load into its own values.
@@ -105,25 +101,47 @@ class AppliedLoad(Checked):
         Raises:
             ConfigurationError: The mechanism cannot have it.
         """
-        del mechanism
         return (self,)
 
-    def on(self, mechanism: Any) -> Load | None:
-        """The load for formulas; None: there is none, or forces in joints make it.
-
-        Args:
-            mechanism: The mechanism.
+    def on(self, _mechanism: Any) -> Load | None:
+        """The load on a mechanism for formulas; None: there is none, or forces in joints make it.
 
         Raises:
             ConfigurationError: It does not fit the mechanism.
         """
-        del mechanism
         return None
 
-    def in_joints(self, mechanism: Any) -> JointLoad | None:
-        """What the forces in the joints make; None: nothing. As `on`."""
-        del mechanism
+    def in_joints(self, _mechanism: Any) -> JointLoad | None:
+        """What the forces in a mechanism's joints make; None: nothing. As `on`."""
         return None
+
+
+@dataclass(frozen=True)
+class LinkLoad(AppliedLoad):
+    """What the output link works against: the mechanism takes it into the link's own values.
+
+    `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` is a four-bar whose rocker has torque -5 N m.
+
+    Attributes:
+        link: 'rocker' or 'slider'.
+        force: On the link: torque, counter-clockwise positive, N m; of a slider force, N.
+        damping: Resistance per rate of the link, N m s or N s/m.
+        stiffness: Of a spring to the frame, N m/rad or N/m.
+        rest: Position at which the spring is at rest, rad or m.
+    """
+
+    link: str = quantity('choice', 'link that it acts on', choices=('rocker', 'slider'))
+    force: float = quantity(
+        'number', 'force or torque', 'N or N m', span=(-1e12, 1e12), default=0.0
+    )
+    damping: float = quantity('number', 'resistance per rate', span=_POSITIVE, default=0.0)
+    stiffness: float = quantity('number', 'of a spring', span=_POSITIVE, default=0.0)
+    rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
+
+    def join(self, mechanism: Any) -> tuple[()]:
+        """See `AppliedLoad`: the link takes it into its own values."""
+        mechanism.take_in(self.link, self.force, self.damping, self.stiffness, self.rest)
+        return ()
 
 
 class LinkForce(NamedTuple):
@@ -147,14 +165,12 @@ class LinkForce(NamedTuple):
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        lost = self.damping * rates[self.link] + self.stiffness * self._stretch(links)
-        return {self.link: self.force - lost}
+        return {self.link: self.force + self.resistance(links, rates)[self.link]}
 
     def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        return {
-            self.link: -(self.damping * rates[self.link] + self.stiffness * self._stretch(links))
-        }
+        lost = self.damping * rates[self.link] + self.stiffness * self._stretch(links)
+        return {self.link: -lost}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """See `Load`: the spring's."""

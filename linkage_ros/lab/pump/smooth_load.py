@@ -34,14 +34,6 @@ class _SmoothForce(NamedTuple):
         ends = self.curve.value(place), self.back(place)
         return {self.curve.link: 0.5 * (ends[0] + ends[1] + share * (ends[0] - ends[1]))}
 
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: the force comes from outside."""
-        return self.curve.resistance(links, rates)
-
-    def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`: there is none."""
-        return self.curve.potential(links)
-
 
 @dataclass(frozen=True)
 class SmoothLoad(LoadCurve):
