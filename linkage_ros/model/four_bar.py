@@ -40,7 +40,6 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.model.load_kinds import loads_field
-from linkage_ros.model.other_coordinates import ByRocker, half_turn_on
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -50,7 +49,7 @@ from linkage_ros.model.parts import (
     Rocker,
     gravity_quantity,
 )
-from linkage_ros.model.pose import LinkPose, Pose
+from linkage_ros.model.pose import LinkPose, Loop, Pose
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import (
     Dyad,
@@ -65,6 +64,7 @@ from linkage_ros.model.structure import (
 from linkage_ros.model.swing import middle, swing
 from linkage_ros.model.transmission import Halves, Square, Transmission
 from linkage_ros.numeric import (
+    HALF_PI,
     Real,
     equalities,
     exact_sum,
@@ -72,6 +72,7 @@ from linkage_ros.numeric import (
     nearest_turns,
     rounded,
     short_sum,
+    two_sum,
 )
 from linkage_ros.quantities import quantity
 
@@ -195,6 +196,26 @@ class FourBarLoop(NamedTuple):
         return 0.5 * (1.0 - nu), -0.5 * nu_slope
 
 
+class ByRocker(NamedTuple):
+    """The constants of a four-bar linkage whose coordinate is the rocker's angle.
+
+    It determines the motion at the dead centres of a crank that cannot turn fully.
+
+    Attributes:
+        reversed: Those of the same linkage read from its other end: the rocker is its crank, and
+            its coupler goes from B to A.
+    """
+
+    reversed: Loop
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """The pose at a rocker angle, rad."""
+        (rocker, coupler, crank), sines = self.reversed.pose(q)
+        back = -coupler.direction
+        angle = atan2(back.y, back.x)
+        return Pose((crank, coupler._replace(position=angle, direction=back), rocker), sines)
+
+
 @dataclass(frozen=True)
 class FourBar(Mechanism):
     """A four-bar linkage: crank A0-A, coupler A-B, rocker B0-B, frame A0-B0.
@@ -315,7 +336,10 @@ class FourBar(Mechanism):
     def other_loop(self, assembly: str) -> ByRocker:
         """The constants of the pose at a rocker angle."""
         r, b, c, d = self._lengths()
-        reference = half_turn_on(self.frame.angle)
+        # Half a turn on, towards 0; the nearest float and its error.
+        way = math.copysign(2.0, -self.frame.angle)
+        high, error = two_sum(self.frame.angle, way * HALF_PI[0])
+        reference = high, error + way * HALF_PI[1]
         loop = FourBar(Frame(d, reference[0]), Body(c), Coupler(b), Rocker(r), assembly).loop()
         transmission = loop.transmission._replace(reference=reference)
         axis = -math.cos(self.frame.angle), -math.sin(self.frame.angle)

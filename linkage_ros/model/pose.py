@@ -47,3 +47,28 @@ class Loop(Protocol):
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """The exact pose at the coordinates; guards refuse unreachable coordinates."""
+
+
+def directions(
+    apart: Vector, square: Real, root: Real, first: float, second: float
+) -> tuple[Vector, Vector]:
+    """The directions of both links, each along the way from the first outer pin to the second.
+
+    Args:
+        apart: From the first link's outer pin to the second's, m.
+        square: Its length squared, m^2.
+        root: Square root of (stretched length^2 - square) (square - folded length^2), m^2, with
+            the sign of the assembly: positive where the pin lies left of the line.
+        first: Length of the first link, m.
+        second: Length of the second link, m.
+
+    Returns:
+        Unit vectors; the sine of the angle from the first to the second is -root over twice the
+        product of the lengths.
+    """
+    moment, scale = (first - second) * (first + second), 0.5 / square
+    part, rest = scale * (square + moment) / first, scale * (square - moment) / second
+    turn_first, turn_second = scale * root / first, scale * root / second
+    one = Vector(apart.x * part - apart.y * turn_first, apart.x * turn_first + apart.y * part)
+    other = Vector(apart.x * rest + apart.y * turn_second, apart.y * rest - apart.x * turn_second)
+    return one, other

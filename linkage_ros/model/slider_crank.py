@@ -24,9 +24,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, sin, sqrt
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, dot, require, sin, sqrt, turned
 from linkage_ros.model.load_kinds import loads_field
-from linkage_ros.model.other_coordinates import BySlider
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -36,7 +35,7 @@ from linkage_ros.model.parts import (
     Slider,
     gravity_quantity,
 )
-from linkage_ros.model.pose import LinkPose, Pose
+from linkage_ros.model.pose import LinkPose, Pose, directions
 from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import (
     Dyad,
@@ -115,6 +114,49 @@ class SliderCrankLoop(NamedTuple):
             ),
             (2 * self.side * sine,),
         )
+
+
+class BySlider(NamedTuple):
+    """The constants of a slider-crank whose coordinate is the slider's position.
+
+    It determines the motion at the dead centres of a crank that cannot turn fully.
+
+    Attributes:
+        side: 1: the crank pin lies left of the line from A0 to B, -1: right of it.
+        guide: Cosine and sine of the guide's direction.
+        crank: Length r, m.
+        coupler: Length b, m.
+        offset: Offset e of the guide, m.
+        refuse: Function that rejects a position.
+    """
+
+    side: int
+    guide: Vector
+    crank: float
+    coupler: float
+    offset: float
+    refuse: Opaque
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """The pose at a position of the slider, m."""
+        (slide,) = q
+        r, b, e, guide = self.crank, self.coupler, self.offset, self.guide
+        square = slide * slide + e * e
+        stretch, fold = (r + b) * (r + b) - square, square - (r - b) * (r - b)
+        require(stretch > 0, self.refuse, slide)
+        require(fold > 0, self.refuse, slide)
+        root = self.side * (sqrt(stretch) * sqrt(fold))
+        # In the guide's axes.
+        crank, coupler = directions(Vector(slide, e), square, root, r, b)
+        over_r, over_b, cosine = 2 * b / root, 2 * r / root, dot(crank, coupler)
+        one, other = -coupler.x * over_r, crank.x * over_b
+        bend = -over_r * (r * cosine * (one * one) + b * (other * other))
+        other_bend = over_b * (r * (one * one) + b * cosine * (other * other))
+        links = []
+        for link, rate, change in ((crank, one, bend), (coupler, other, other_bend)):
+            way = turned(link, guide.x, guide.y)
+            links.append(LinkPose(atan2(way.y, way.x), way, (rate,), (change,)))
+        return Pose((*links, LinkPose(slide, guide, (1.0,), (ZERO,))), (root / (-2 * r * b),))
 
 
 @dataclass(frozen=True)

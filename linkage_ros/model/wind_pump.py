@@ -38,7 +38,6 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.model.load_kinds import loads_field
-from linkage_ros.model.other_coordinates import ByCoupler, directions
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -47,7 +46,7 @@ from linkage_ros.model.parts import (
     Piston,
     gravity_quantity,
 )
-from linkage_ros.model.pose import LinkPose, Pose
+from linkage_ros.model.pose import LinkPose, Pose, directions
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
@@ -146,6 +145,47 @@ class WindPumpLoop(NamedTuple):
                 LinkPose(slide, Vector(1.0, ZERO), (ZERO, 1.0), (ZERO, ZERO, ZERO)),
             ),
             (root / (-2 * b * c),),
+        )
+
+
+class ByCoupler(WindPumpLoop):
+    """The constants where the coordinates are the angles of crank and coupler.
+
+    They determine the motion where coupler and rod are in line. `side` is 1 if the rod points
+    along the guide, -1 if against it.
+    """
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """The pose at a crank angle and a coupler angle, rad."""
+        r, b, c = self.crank, self.coupler, self.rod
+        crank, coupler = (Vector(cos(angle), sin(angle)) for angle in q)
+        rise = -(r * crank.y + b * coupler.y)
+        square = (c - rise) * (c + rise)
+        require(square > 0, self.refuse, *q)
+        run = self.side * sqrt(square)
+        # How the rod turns: run phi3' = -r cos(phi1) phi1' - b cos(phi2) phi2'.
+        one, two = -r * crank.x / run, -b * coupler.x / run
+        rod_bends = (
+            (r * crank.y + rise * (one * one)) / run,
+            2 * rise * (one * two) / run,
+            (b * coupler.y + rise * (two * two)) / run,
+        )
+        slide_bends = (
+            -r * crank.x - run * (one * one) - rise * rod_bends[0],
+            -2 * run * (one * two) - rise * rod_bends[1],
+            -b * coupler.x - run * (two * two) - rise * rod_bends[2],
+        )
+        slopes = -r * crank.y - rise * one, -b * coupler.y - rise * two
+        rod, still = Vector(run / c, rise / c), (ZERO, ZERO, ZERO)
+        slide = r * crank.x + b * coupler.x + run
+        return Pose(
+            (
+                LinkPose(q[0], crank, (1.0, ZERO), still),
+                LinkPose(q[1], coupler, (ZERO, 1.0), still),
+                LinkPose(atan2(rod.y, rod.x), rod, (one, two), rod_bends),
+                LinkPose(slide, Vector(1.0, ZERO), slopes, slide_bends),
+            ),
+            (rod.x,),
         )
 
 
