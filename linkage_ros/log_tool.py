@@ -8,27 +8,23 @@ import argparse
 import math
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
 
 from linkage_ros import __version__, cli
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LogError, printable
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.motion.segments import Segment, TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import parameter_leaves
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.progress import progress_bar
-from linkage_ros.recovery.recover import Recovered, recover
 from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.verify import Report, verify
 
 _NAME = 'linkage_log'
-# Of progress bars: in thousands, and none where all is done in 2 s.
-_BAR_OPTIONS: dict[str, Any] = {'unit_scale': True, 'delay': 2}
 # Stamps below are times since the start of a record, not dates (s).
 _FIRST_DATE = 10**9
 _MAX_WIDTH = 60  # characters of the column of topics
@@ -43,32 +39,26 @@ def info(log: LogReader) -> Iterator[str]:
     Yields:
         Lines of text.
     """
-    solver = Solver(log.configuration.mechanism)
-    duration = (log.end - log.start) / NS_PER_S
-    yield f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB'
-    yield f'written by: linkage_ros {log.version}'
-    yield f'start:      {_time(log.start)}'
-    yield f'duration:   {duration:.6f} s'
-    yield f'mechanism:  {summary(log.configuration, solver)}'
+    solver, seconds = Solver(log.configuration.mechanism), (log.end - log.start) / NS_PER_S
+    yield from (
+        f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB',
+        f'written by: linkage_ros {log.version}',
+        f'start:      {_time(log.start)}',
+        f'duration:   {seconds:.6f} s',
+        f'mechanism:  {summary(log.configuration, solver)}',
+    )
     if solver.mobility:
         yield from (f'            {words}' for words in solver.mobility.equalities)
     yield 'topics:'
     width = min(max((len(topic.name) for topic in log.topics), default=0), _MAX_WIDTH)
-    for topic in log.topics:
-        yield f'  {topic.name:{width}}  {topic.messages:9d}  {topic.type}'
+    yield from (f'  {t.name:{width}}  {t.messages:9d}  {t.type}' for t in log.topics)
     yield 'motion:'
-    for segment in log.motions:
-        yield f'  {_time(segment.stamp)}: {_motion(segment)}'
+    yield from (f'  {_time(segment.stamp)}: {_motion(segment)}' for segment in log.motions)
     yield 'configuration:'
     units = {leaf.name: leaf.quantity.unit for leaf in parameter_leaves(log.configuration.kind)}
     for name, value in log.configuration.parameters().items():
-        yield f'  {name}: {_as_yaml(value)}' + (f'  # {unit}' if (unit := units[name]) else '')
-
-
-def _as_yaml(value: object) -> str:
-    if isinstance(value, tuple):
-        return f'[{", ".join(map(repr, value))}]'
-    return repr(value) if isinstance(value, str) and not value else str(value)
+        text = str(list(value) if isinstance(value, tuple) else value) or "''"
+        yield f'  {name}: {text}' + (f'  # {units[name]}' if units[name] else '')
 
 
 def _motion(segment: Segment) -> str:
@@ -86,9 +76,8 @@ def _motion(segment: Segment) -> str:
 def _time(stamp: int) -> str:
     if stamp < _FIRST_DATE * NS_PER_S:
         return f'{stamp / NS_PER_S:.6f} s'
-    seconds, rest = divmod(stamp, NS_PER_S)
-    date = datetime.fromtimestamp(seconds, timezone.utc)
-    return f'{date:%Y-%m-%d %H:%M:%S}.{rest // 1000:06d} UTC'
+    date = datetime.fromtimestamp(stamp // NS_PER_S, timezone.utc)
+    return f'{date:%Y-%m-%d %H:%M:%S}.{stamp % NS_PER_S // 1000:06d} UTC'
 
 
 def verdict(log: LogReader, report: Report) -> Iterator[str]:
@@ -108,88 +97,73 @@ def verdict(log: LogReader, report: Report) -> Iterator[str]:
         equal = f'within {math.ceil(report.ulp)} ulp' if report.ulp else 'to the bit'
         yield f'{log.path}: {report.states} states, every one equal {equal}'
         yield f'  compared: {", ".join(report.compared) or "nothing"}'
-    if report.others:
-        yield f'  not recomputable, so not compared: {", ".join(report.others)}'
-    if report.absent:
-        yield f'  not in the log: {", ".join(report.absent)}'
-    if report.missed:
-        yield f'  {report.missed} ticks have no state: the run was late, or they are lost'
-    if report.cut:
-        yield f'  the last state is cut off, before {", ".join(report.cut)}'
-    if log.version != __version__:
-        yield f'  written by linkage_ros {log.version}, recomputed by {__version__}'
-
-
-def _verify(options: argparse.Namespace) -> int:
-    with LogReader(options.log) as log:
-        most = max((topic.messages for topic in log.topics), default=0)
-        with progress_bar(total=most, unit=' states', **_BAR_OPTIONS) as bar:
-            report = verify(log, bar.update)
-        if not report.states and not report.difference:
-            raise LogError(f'{options.log} has no states: there is nothing to verify')
-        _print(verdict(log, report))
-    return 1 if report.difference else 0
+    notes = (
+        (report.others, f'not recomputable, so not compared: {", ".join(report.others)}'),
+        (report.absent, f'not in the log: {", ".join(report.absent)}'),
+        (report.missed,
+         f'{report.missed} ticks have no state: the run was late, or they are lost'),
+        (report.cut, f'the last state is cut off, before {", ".join(report.cut)}'),
+        (log.version != __version__,
+         f'written by linkage_ros {log.version}, recomputed by {__version__}'),
+    )  # fmt: skip
+    yield from (f'  {words}' for holds, words in notes if holds)
 
 
 def saved(path: Path, done: Recovered) -> str:
     """Describes the outcome of a recovery in one line."""
-    losses, lost = done.losses, []
-    if losses.places:
-        known = f' with {losses.messages} messages' if losses.messages else ''
-        lost.append(f'{losses.places} damaged places of {losses.damaged} bytes{known}')
-    elif losses.messages:
-        lost.append(f'{losses.messages} messages of unknown topics')
-    if losses.records:
-        lost.append(f'{losses.records} damaged records of configuration or motion')
-    if losses.tail:
-        lost.append(f'the last {losses.tail} bytes, which are not whole')
+    lost = f'{done.damaged} bytes in {done.places} places' if done.places else ''
+    if done.unknown:
+        lost += f', {done.unknown} messages of unknown topics'
     return (
         f'{path}: {done.messages} messages saved, {done.duration:.3f} s; '
-        f'lost: {", ".join(lost) or "nothing that was on the disk"}'
+        f'lost: {lost or "nothing that was on the disk"}'
     )
 
 
-def _recover(options: argparse.Namespace) -> int:
-    size = 0
-    with suppress(OSError):  # recover says what is wrong
-        size = options.log.stat().st_size
-    with progress_bar(total=size, unit='B', **_BAR_OPTIONS) as bar:
+def _info(options: argparse.Namespace) -> None:
+    _print(info(LogReader(options.log)))
+
+
+def _verify(options: argparse.Namespace) -> int:
+    log = LogReader(options.log)
+    most = max((topic.messages for topic in log.topics), default=0)
+    with progress_bar(total=most, unit=' states', unit_scale=True, delay=2) as bar:
+        report = verify(log, bar.update)
+    if not report.states and not report.difference:
+        raise LogError(f'{options.log} has no states: there is nothing to verify')
+    _print(verdict(log, report))
+    return 1 if report.difference else 0
+
+
+def _recover(options: argparse.Namespace) -> None:
+    with progress_bar(unit='B', unit_scale=True, delay=2) as bar:
         done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
     _print([saved(options.out, done)])
-    return 0
-
-
-def _info(options: argparse.Namespace) -> int:
-    with LogReader(options.log) as log:
-        _print(info(log))
-    return 0
 
 
 def _print(lines: Iterable[str]) -> None:
     print('\n'.join(map(printable, lines)))
 
 
-_VERIFY = (
-    'recompute every state from the logged configuration and motions; exit code 0: all are equal '
-    'to the bit or within 4 ulp, 1: one differs, 2: the log cannot be read'
-)
 _LOG: cli.Option = (
     ('log',), None, {'metavar': 'LOG.mcap', 'type': cli.path, 'help': 'log of linkage_ros'}
-)  # fmt: skip
-_OUT: cli.Option = (
-    ('out',), None, {'metavar': 'OUT.mcap', 'type': cli.path, 'help': 'the complete log to write'}
-)  # fmt: skip
-_OVERWRITE: cli.Option = (
-    ('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}
 )  # fmt: skip
 _COMMANDS = {
     'info': cli.Command(
         _info, 'topics, counts, times, configuration, mechanism', ('run.mcap',), (_LOG,)
     ),
-    'verify': cli.Command(_verify, _VERIFY, ('run.mcap',), (_LOG,)),
+    'verify': cli.Command(
+        _verify,
+        'recompute every state from the logged configuration and motions; exit code 0: all are '
+        'equal to the bit or within 4 ulp, 1: one differs, 2: the log cannot be read',
+        ('run.mcap',), (_LOG,),
+    ),
     'recover': cli.Command(
         _recover, 'save what a killed run or a damaged disk left', ('run.mcap saved.mcap',),
-        (_LOG, _OUT, _OVERWRITE),
+        (_LOG,
+         (('out',), None,
+          {'metavar': 'OUT.mcap', 'type': cli.path, 'help': 'the complete log to write'}),
+         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'})),
     ),
 }  # fmt: skip
 

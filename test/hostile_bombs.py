@@ -106,7 +106,8 @@ def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), again=0, c
             chunks += [index] * (1 if indexed is None else indexed)
         file += stored
     file += packed(DataEnd(0))
-    counts = Statistics(0, channels, {}, len(chunks), 1, times[1], times[0], len(names), 1)
+    count = len(chunks)
+    counts = Statistics(0, channels, {}, count, count, times[1], times[0], len(names), 1)
     summary = packed(*told, counts, *chunks, *places) + behind
     return resummed(file + summary + record(2, struct.pack('<QQI', len(file), 0, 0)) + MAGIC)
 

@@ -128,18 +128,18 @@ def _forge(rng, record):
         value = rng.choice(
             (*TEXTS, *map(json.dumps, NUMBERS), *map(str, WHOLE), *map(json.dumps, TEXTS))
         )
-        fields[_plain(name)] = _plain(value)
+        fields[plain(name)] = plain(value)
         record.metadata = _seal(fields)
     elif isinstance(record, Channel):
         field = rng.choice(('topic', 'message_encoding', 'schema_id'))
-        value = rng.choice(WHOLE) % 2**16 if field == 'schema_id' else _plain(rng.choice(TEXTS))
+        value = rng.choice(WHOLE) % 2**16 if field == 'schema_id' else plain(rng.choice(TEXTS))
         setattr(record, field, value)
     elif isinstance(record, Schema):
         field = rng.choice(('name', 'encoding'))
-        setattr(record, field, _plain(rng.choice((*TEXTS, 'sensor_msgs/msg/JointState'))))
+        setattr(record, field, plain(rng.choice((*TEXTS, 'sensor_msgs/msg/JointState'))))
 
 
-def _plain(text):
+def plain(text):
     """MCAP's texts are UTF-8."""
     return text.encode('utf-8', 'replace').decode()
 

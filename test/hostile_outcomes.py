@@ -9,15 +9,14 @@ import io
 from contextlib import redirect_stderr, redirect_stdout
 
 from linkage_ros import LinkageError, replay
-from linkage_ros.log.channels import paired
-from linkage_ros.log.reader import LogReader
+from linkage_ros.log.reader import LogReader, paired
+from linkage_ros.log.recover import recover
 from linkage_ros.log_tool import info, saved, verdict
 from linkage_ros.parameters.configuration import load, parameter_leaves
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.playback.feed import excerpt_of, feed
 from linkage_ros.quantities import build, flatten
 from linkage_ros.record import record
-from linkage_ros.recovery.recover import recover
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec

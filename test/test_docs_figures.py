@@ -238,7 +238,7 @@ def test_what_mcap_says_of_channels_and_sizes_is_the_code_s():
     page = read('docs/mcap.md')
     for topic in (*TOPICS, JOINT_COMMANDS):
         assert f'| `{qualified(topic)}` | ' in page
-    sizes = [str(size >> 20) for size in (LARGEST, writer._CHUNK_SIZE)]
+    sizes = [str(size >> 20) for size in (LARGEST, writer.CHUNK_SIZE)]
     words = 'of {} MiB at most. Logs of this package have chunks of {} MiB.'
     check_quote('docs/mcap.md', words, *sizes)
 

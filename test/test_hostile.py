@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import hostile
+import hostile_bombs
 import hostile_logs
 import hostile_outcomes
 import pytest
@@ -23,7 +24,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_harness import fresh_domain
 
-from linkage_ros.log.metadata import _seal, decode_motion, encode_motion
+from linkage_ros.log.metadata import _seal, encode_motion
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.run.simulator import Simulator
@@ -168,10 +169,16 @@ def test_any_bytes_as_a_message(data, at):
         st.sampled_from(hostile.TEXTS) | ANY,
     )
 )
-def test_any_words_as_a_motion_record(fields):
+def test_any_words_as_a_motion_record(tmp_path_factory, fields):
     good = encode_motion(Simulator(load('quadrilateral')).begin(0).segment)
     good.pop('crc32')
-    hostile_outcomes.outcome(lambda: decode_motion(_seal({**good, **fields})))
+    path = tmp_path_factory.getbasetemp() / 'motion.mcap'
+    record = (
+        'linkage_ros/motion',
+        _seal({name: hostile_logs.plain(text) for name, text in {**good, **fields}.items()}),
+    )
+    path.write_bytes(hostile_bombs.whole(metadata=[record]))
+    hostile_outcomes.log_file(path)
 
 
 @MORE

@@ -13,10 +13,10 @@ from test_verify import flip, rewrite
 
 from linkage_ros import replay
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import recover
 from linkage_ros.log_tool import verdict
 from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
-from linkage_ros.recovery.recover import recover
 from linkage_ros.verification.verify import verify
 
 LOGS = {

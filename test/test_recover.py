@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Broken logs made whole: nothing that is there is lost, nothing that is wrong is kept."""
 
-import os
 import random
+import re
 import struct
 from itertools import accumulate
 from pathlib import Path
@@ -18,11 +18,10 @@ from test_verify import CHANGES, live
 
 from linkage_ros import LogError, log_tool
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
-from linkage_ros.recovery.damaged_mcap import Losses
-from linkage_ros.recovery.recover import recover
 from linkage_ros.verification.verify import verify
 
 
@@ -76,7 +75,7 @@ def recovered(tmp_path):
         saved = messages(out)
         assert done.messages == len(saved)
         with LogReader(out) as log:
-            return done.losses, saved, verify(log)
+            return done, saved, verify(log)
 
     return save
 
@@ -91,7 +90,7 @@ def test_complete_logs_come_back_byte_for_byte(tmp_path, whole, several):
     for log in (whole, described(empty), several):
         done = recover(log.path, out, overwrite=True)
         assert out.read_bytes() == log.data == log.path.read_bytes()
-        assert (done.messages, done.losses) == (len(log.messages), Losses())
+        assert (done.messages, done.places, done.unknown) == (len(log.messages), 0, 0)
     assert done.duration == pytest.approx(12.0, abs=0.01)
     assert {item.name for item in tmp_path.iterdir()} == {'empty.mcap', 'out.mcap'}
 
@@ -105,11 +104,11 @@ def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, rec
     cuts = {first, *range(first, len(data), len(data) // 8), len(data) - 9, len(data) - 1}
     cuts |= {chunks[3][0] + n for n in (0, 1, 8, 9, 40, 60)} | {chunks[-1][1]}
     for cut in sorted(cuts):
-        losses, saved, report = recovered(data[:cut])
+        done, saved, report = recovered(data[:cut])
         assert saved == whole.messages[: len(saved)]
         assert len(saved) >= whole.counts[sum(end <= cut for _, end in chunks)]
-        assert losses.places == 0
-        assert losses.tail < max(end - start for start, end in chunks)
+        assert done.places <= 1
+        assert done.damaged < max(end - start for start, end in chunks)
         assert report.difference == ''
         with pytest.raises(LogError, match='linkage_log recover'):
             LogReader(tmp_path / 'broken.mcap')
@@ -120,20 +119,20 @@ def test_index_with_a_wrong_bit_is_not_taken_for_a_message(whole, recovered):
     assert len(indexes) > len(whole.chunks)
     for start, _ in indexes[:: len(indexes) // 10]:
         assert whole.data[start] == 0x07
-        losses, saved, report = recovered(
+        done, saved, report = recovered(
             bytes([*whole.data[:start], 0x05, *whole.data[start + 1 :]])
         )
         assert saved == whole.messages
-        assert losses != Losses()
+        assert done.places == 1
         assert report.difference == ''
 
 
 @pytest.mark.parametrize('tail', [bytes, random.Random(4).randbytes], ids=['zeros', 'garbage'])
 def test_a_tail_that_never_reached_the_disk_is_left_out(whole, recovered, tail):
     cut = whole.chunks[4][0] + 100
-    losses, saved, _ = recovered(whole.data[:cut] + tail(len(whole.data) - cut))
+    done, saved, _ = recovered(whole.data[:cut] + tail(len(whole.data) - cut))
     assert saved == whole.messages[: whole.counts[4]]
-    assert losses.tail > 0 or losses.places > 0
+    assert done.places > 0
 
 
 # ---------------------------------------------------------------- damaged
@@ -153,13 +152,11 @@ def test_a_damaged_chunk_is_passed_over_and_the_others_kept(whole, recovered, nu
     start, end = whole.chunks[number]
     offset = {'data': (end - start) // 2, 'crc': 9 + 24, 'length': 2, 'opcode': 0}.get(where, 42)
     data[start + offset] ^= bits
-    losses, saved, report = recovered(data)
+    done, saved, report = recovered(data)
     last, number = number == -1, number % len(whole.chunks)
-    lost = counts[number + 1] - counts[number]
     assert saved == good[: counts[number]] + good[counts[number + 1] :]
-    assert losses.places == 1
-    assert losses.damaged + losses.tail >= end - start
-    assert losses.messages in ({0, lost} if where in {'length', 'opcode'} else {lost})
+    assert (done.places, done.unknown) == (1, 0)
+    assert done.damaged >= end - start
     assert report.difference == ''
     assert (report.missed > 5) == (not last)
     assert report.absent == (('robot_description',) if number == 0 else ())
@@ -171,20 +168,21 @@ def test_a_length_that_swallows_what_lies_behind_it_is_not_believed(whole, recov
     start, _ = spans(whole.data, 'metadata')[3]
     length = struct.unpack_from('<Q', data, start + 1)[0]
     struct.pack_into('<Q', data, start + 1, length ^ (1 << bit))
-    losses, saved, _ = recovered(data)
-    assert (saved, losses.places) == (whole.messages, 1)
+    done, saved, _ = recovered(data)
+    assert (saved, done.places) == (whole.messages, 1)
 
 
 def test_a_damaged_chunk_of_a_cut_file(whole, recovered):
     data, good, counts = bytearray(whole.data), whole.messages, whole.counts
     data[whole.chunks[2][0] + 300] ^= 1
-    losses, saved, _ = recovered(data[: whole.chunks[5][0] + 50])
+    done, saved, _ = recovered(data[: whole.chunks[5][0] + 50])
     assert saved == good[: counts[2]] + good[counts[3] : counts[5]]
-    assert losses == Losses(1, losses.damaged, counts[3] - counts[2], tail=50)
+    assert (done.places, done.unknown) == (2, 0)
     # Without a summary nothing names the topics of a file whose first chunk is lost.
     data[whole.chunks[0][0] + 300] ^= 1
-    losses, saved, _ = recovered(data[: whole.chunks[5][0]])
-    assert (saved, losses.messages) == ([], counts[5])
+    done, saved, _ = recovered(data[: whole.chunks[5][0]])
+    kept = [number for number in range(5) if number not in {0, 2}]
+    assert (saved, done.unknown) == ([], sum(counts[n + 1] - counts[n] for n in kept))
 
 
 def test_without_the_names_of_its_topics_no_message_is_saved(whole, recovered):
@@ -193,16 +191,16 @@ def test_without_the_names_of_its_topics_no_message_is_saved(whole, recovered):
     data = bytearray(whole.data)
     data[first + 300] ^= 1
     data[data.index(b'/driving_torque', end) + 1] ^= 1
-    losses, saved, _ = recovered(data)
-    assert (saved, losses.messages) == ([], whole.counts[-1])
+    done, saved, _ = recovered(data)
+    assert (saved, done.unknown) == ([], whole.counts[-1] - whole.counts[1])
 
 
 def test_a_damaged_motion_record_is_left_out(tmp_path, whole, recovered):
     data = bytearray(whole.data)
     start, _ = spans(whole.data, 'metadata')[2]
     data[data.index(b'phase', start) + 9] ^= 1
-    losses, saved, report = recovered(data)
-    assert (losses, saved) == (Losses(records=1), whole.messages)
+    done, saved, report = recovered(data)
+    assert (done.places, saved) == (1, whole.messages)
     assert report.difference != ''
     with LogReader(tmp_path / 'out.mcap') as log:
         assert len(log.motions) == 6
@@ -234,40 +232,25 @@ def refused(source, target, words, **options):
     with pytest.raises(LogError, match=words) as caught:
         recover(source, target, **options)
     assert '\n' not in str(caught.value)
-    assert not list(target.parent.glob('*.part'))
 
 
 def test_existing_files_are_kept(tmp_path, whole):
     target, text = tmp_path / 'out.mcap', tmp_path / 'text'
-    target.write_bytes(b'precious')
     text.write_bytes(b'text')
-    refused(whole.path, target, r'out\.mcap exists already and is kept')
-    # Asked for, it is replaced, but only by a log.
-    refused(text, target, 'is no MCAP file', overwrite=True)
-    assert target.read_bytes() == b'precious'
+    for kept in (b'precious', whole.data):
+        target.write_bytes(kept)
+        refused(whole.path, target, r'out\.mcap exists already and is kept')
+        refused(text, target, 'is no MCAP file', overwrite=True)
+        assert target.read_bytes() == kept
+    # Asked for, a log is replaced, but nothing else.
     recover(whole.path, target, overwrite=True)
-    assert target.read_bytes() == whole.data
-
-
-def test_devices_links_and_the_broken_log_itself_are_never_replaced(tmp_path, whole):
-    source, kept = tmp_path / 'saved.mcap.part', tmp_path / 'kept.mcap'
-    dangling, link, itself = (tmp_path / name for name in ('dangling', 'link', 'itself'))
-    source.write_bytes(whole.data)
-    kept.write_bytes(b'precious')
-    dangling.symlink_to(tmp_path / 'nowhere')
-    link.symlink_to(kept)
-    itself.symlink_to(source)
-    os.mkfifo(tmp_path / 'pipe')
-    for overwrite in (False, True):
-        for target in (source, itself):
-            with pytest.raises(LogError, match='is the broken log itself'):
-                recover(source, target, overwrite=overwrite)
-        for target in (dangling, link, tmp_path / 'pipe', tmp_path):
-            with pytest.raises(LogError, match='is no file that could be replaced'):
-                recover(source, target, overwrite=overwrite)
-    assert kept.read_bytes() == b'precious'
-    recover(source, tmp_path / 'saved.mcap')  # beside which an earlier run left the source
-    assert source.read_bytes() == whole.data
+    refused(whole.path, text, 'is no log and is kept', overwrite=True)
+    assert text.read_bytes() == b'text'
+    for itself in (whole.path, tmp_path / 'link', tmp_path / 'hard link'):
+        if itself != whole.path:
+            (itself.symlink_to if itself.name == 'link' else itself.hardlink_to)(whole.path)
+        refused(whole.path, itself, 'is the broken log itself', overwrite=True)
+    assert whole.path.read_bytes() == whole.data
 
 
 def test_what_is_no_log_of_ours_is_refused(tmp_path, whole):
@@ -281,8 +264,7 @@ def test_what_is_no_log_of_ours_is_refused(tmp_path, whole):
         (data[: first[0]] + data[first[1] :], 'has no configuration record'),
     ):
         source.write_bytes(content)
-        refused(source, target, words)
-        assert not target.exists()
+        refused(source, target, words, overwrite=True)
     refused(tmp_path / 'missing.mcap', target, r'missing\.mcap cannot be read')
     refused(tmp_path, target, 'cannot be read')
     refused(whole.path, tmp_path / 'no' / 'out.mcap', 'cannot be written')
@@ -296,9 +278,8 @@ def test_the_command_says_in_one_line_what_was_saved_and_lost(tmp_path, whole, c
     assert_refused(*called(log_tool, 'info', source), 'linkage_log recover')
     code, out, err = called(log_tool, 'recover', source, target)
     assert (code, err) == (0, '')
-    size, lost = chunks[2][1] - chunks[2][0], counts[3] - counts[2]
-    assert out.startswith(f'{target}: {counts[-1] - lost} messages saved, ')
-    assert out.endswith(f'lost: 1 damaged places of {size} bytes with {lost} messages\n')
+    assert out.startswith(f'{target}: {counts[-1] - counts[3] + counts[2]} messages saved, ')
+    assert re.search(r's; lost: \d+ bytes in 1 places\n$', out)
     assert called(log_tool, 'verify', target)[0] == 0
     assert_refused(*called(log_tool, 'recover', source, target), 'exists already')
     assert called(log_tool, 'recover', source, target, '--overwrite')[0] == 0

@@ -401,5 +401,5 @@ def test_clock_set_back_is_reported(called, tmp_path, step):
 
 def test_file_that_is_not_a_log_is_one_line(called, tmp_path):
     (tmp_path / 'text.mcap').write_text('no log')
-    for name, words in (('text.mcap', "it begins with 'no log'"), ('', "'' is no path")):
+    for name, words in (('text.mcap', "it begins with b'no log'"), ('', "'' is no path")):
         assert_refused(*called(replay, name and tmp_path / name), words)

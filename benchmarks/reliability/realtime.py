@@ -35,9 +35,9 @@ from timing_page import CONTENDERS, limits, page
 from linkage_ros import cli
 from linkage_ros.log.mcap_file import McapFile
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import recover
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import record
-from linkage_ros.recovery.recover import recover
 from linkage_ros.verification.verify import verify
 
 TIMER_NODE = Path(__file__).with_name('timer_node.py')
@@ -166,7 +166,7 @@ def log_speed(rounds: int) -> list[dict[str, object]]:
 def chunks(path: Path) -> list[bytes]:
     """The decompressed contents of all chunks of a log."""
     with path.open('rb') as stream:
-        return [part.data for part in McapFile(stream).parts()]
+        return list(McapFile(stream).chunks())
 
 
 def compress(packed: list[bytes]) -> None:

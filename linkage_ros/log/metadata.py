@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The metadata records of a log: configuration and segments of motion.
+"""The metadata records of a log: configuration, segments of motion, and the end.
 
 MCAP has no checksums of metadata, so each record has its own: a flipped bit must not turn a
 setting into another one.
@@ -9,7 +9,6 @@ setting into another one.
 from __future__ import annotations
 
 import json
-import math
 import zlib
 from collections.abc import Callable, Mapping
 from fractions import Fraction
@@ -26,7 +25,33 @@ MOTION_RECORD = 'linkage_ros/motion'
 END_RECORD = 'linkage_ros/end'
 
 _CHECKSUM = 'crc32'
-_LARGEST_FRACTION = 10**30  # turns; or turns per minute
+
+
+def _checksum(fields: Mapping[str, str]) -> str:
+    return f'{zlib.crc32(json.dumps(sorted(fields.items())).encode()):08x}'
+
+
+def _seal(fields: dict[str, str]) -> dict[str, str]:
+    """Adds a checksum to the fields of a record."""
+    return {**fields, _CHECKSUM: _checksum(fields)}
+
+
+def unseal(record: Mapping[str, str]) -> dict[str, str]:
+    """The fields of a record.
+
+    Args:
+        record: From `_seal`.
+
+    Returns:
+        The fields without the checksum.
+
+    Raises:
+        LogError: The checksum is wrong.
+    """
+    fields = dict(record)
+    if fields.pop(_CHECKSUM, '') != _checksum(fields):
+        raise LogError('a record of linkage_ros is damaged: its checksum is wrong')
+    return fields
 
 
 def encode_configuration(configuration: Configuration) -> dict[str, str]:
@@ -47,57 +72,38 @@ def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]
         LogError: The record is damaged.
         ConfigurationError: This version cannot use the configuration.
     """
-    settings = _unseal(record, 'configuration')
+    settings = unseal(record)
     version = settings.pop('version', 'unknown')
     return version, from_strings(settings)
 
 
-def _time(text: str) -> int:
-    """A stamp, which has 64 bits.
+def _number(parse: Callable[[str], Any], largest: float) -> Callable[[str], Any]:
+    """A parser that refuses numbers above a size, and those that are not finite."""
 
-    Raises:
-        ValueError: The value has more bits.
-    """
-    time = int(text)
-    if abs(time) >= 2**63:
-        raise ValueError(f'{time} ns')
-    return time
+    def bounded(text: str) -> Any:
+        if not abs(number := parse(text)) <= largest:
+            raise ValueError(f'{text} is more than {largest:g}')
+        return number
 
-
-def _finite(text: str) -> float:
-    """A number.
-
-    Raises:
-        ValueError: The number is not finite.
-    """
-    if not math.isfinite(number := float(text)):
-        raise ValueError(text)
-    return number
+    return bounded
 
 
 def _fraction(text: str) -> Fraction:
-    """Parses the str of a fraction; Fraction itself would expand 1e999999999.
-
-    Raises:
-        ValueError: The number is too large.
-    """
-    fraction = Fraction(*map(int, text.split('/')))
-    if abs(fraction) > _LARGEST_FRACTION:
-        raise ValueError('too large')
-    return fraction
+    """Parses the str of a fraction; Fraction itself would expand 1e999999999."""
+    return Fraction(*map(int, text.split('/')))
 
 
 def _description(text: str) -> Description:
-    """What str made of a description."""
+    """Parses the str of a description."""
     *coordinates, assembly = text.split()
     return Description(tuple(coordinates), assembly)
 
 
+_time, _finite, _exact = _number(int, 2**63 - 1), _number(float, 1e308), _number(_fraction, 1e30)
 _NAMES = {'old_stamp': 'before'}  # fields of segments that have another name in a record
-_READERS: dict[str, Callable[[str], Any]] = {
-    'stamp': _time, 'phase': _fraction, 'speed': _fraction, 'rpm': _finite,
-    'acceleration': _finite, 'torque': _finite, 'old_stamp': _time,
-    'description': _description,
+_READERS = {
+    'stamp': _time, 'phase': _exact, 'speed': _exact, 'rpm': _finite, 'acceleration': _finite,
+    'torque': _finite, 'old_stamp': _time, 'description': _description,
 }  # fmt: skip
 
 
@@ -118,14 +124,12 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
 
     Raises:
         LogError: The record is damaged.
+        Exception: It has other fields, or values that none can have.
     """
-    fields = _unseal(record, 'motion')
+    fields = unseal(record)
     kind = TorqueSegment if 'torque' in fields else SpeedSegment
-    try:
-        given = {n: fields[key] for n in _READERS if (key := _NAMES.get(n, n)) in fields}
-        return kind(**{name: _READERS[name](text) for name, text in given.items()})
-    except (ValueError, TypeError, ArithmeticError) as error:
-        raise LogError(f'a motion record is damaged ({type(error).__name__})') from error
+    given = {n: fields[key] for n in _READERS if (key := _NAMES.get(n, n)) in fields}
+    return kind(**{name: _READERS[name](text) for name, text in given.items()})
 
 
 def encode_end(messages: int) -> dict[str, str]:
@@ -134,34 +138,9 @@ def encode_end(messages: int) -> dict[str, str]:
 
 
 def decode_end(record: Mapping[str, str]) -> int:
-    """The number of messages in a record.
-
-    Args:
-        record: From `encode_end`.
-
-    Returns:
-        The number.
+    """The number of messages in a record from `encode_end`.
 
     Raises:
         LogError: The record is damaged.
     """
-    fields = _unseal(record, 'end')
-    try:
-        return int(fields['messages'])
-    except (KeyError, ValueError) as error:
-        raise LogError(f'an end record is damaged ({type(error).__name__})') from error
-
-
-def _checksum(fields: Mapping[str, str]) -> str:
-    return f'{zlib.crc32(json.dumps(sorted(fields.items())).encode()):08x}'
-
-
-def _seal(fields: dict[str, str]) -> dict[str, str]:
-    return {**fields, _CHECKSUM: _checksum(fields)}
-
-
-def _unseal(record: Mapping[str, str], name: str) -> dict[str, str]:
-    fields = dict(record)
-    if fields.pop(_CHECKSUM, '') != _checksum(fields):
-        raise LogError(f'a {name} record is damaged: its checksum is wrong')
-    return fields
+    return int(unseal(record)['messages'])

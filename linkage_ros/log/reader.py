@@ -4,22 +4,17 @@
 
 from __future__ import annotations
 
-import os
-import textwrap
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+import heapq
+from collections.abc import Callable, Container, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Message, Schema, Statistics
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
-from linkage_ros.errors import ConfigurationError, LogError, printable
-from linkage_ros.files import open_file
-from linkage_ros.log.mcap_file import McapFile, Summary, parsed
+from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.log.mcap_file import McapFile, open_mcap
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
@@ -28,16 +23,14 @@ from linkage_ros.log.metadata import (
     decode_end,
     decode_motion,
 )
-from linkage_ros.log.time_order import in_order
+from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.units import TIME_END
-from linkage_ros.wire.rows import RowLayout, message_record
+from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout, message_record
+from linkage_ros.wire.topics import MEASURED_JOINT_STATES, Topic
 
-_MAGIC_SIZE = len(MCAP0_MAGIC)
-_NO_SCHEMA = Schema(0, b'', '', '')
-_CUT = (
-    'it is not complete: its run was killed, or goes on; linkage_log recover saves what is there'
-)
-_OTHER = 'name a log of linkage_ros, as linkage_record writes them'
+# Bytes of messages that wait for their turn at a time, where chunks overlap; each takes as many
+# more in Python. A simulator that was reset a hundred times needs a third of it.
+_MOST_WAITING, _OVERHEAD = 1 << 29, 500
 
 
 class LoggedMessage(NamedTuple):
@@ -48,12 +41,14 @@ class LoggedMessage(NamedTuple):
         time: Log time, ns.
         data: CDR bytes.
         published: Publish time, ns.
+        channel: Its number in the log.
     """
 
     topic: str
     time: int
     data: bytes
     published: int
+    channel: int = 0
 
 
 class LoggedTopic(NamedTuple):
@@ -74,6 +69,9 @@ class LoggedTopic(NamedTuple):
     messages: int
     latched: bool
     layout: tuple[str, str, str]
+
+
+Pairing: TypeAlias = tuple[LoggedTopic, Topic]  # a channel of a log, and the machine's topic in it
 
 
 class LogReader(AbstractContextManager['LogReader']):
@@ -102,78 +100,56 @@ class LogReader(AbstractContextManager['LogReader']):
             LogError: It is not a complete log of linkage_ros; the message says what it is.
         """
         self.path = Path(path)
-        try:
-            self._stream = open_file(self.path)
-        except OSError as error:
-            raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
-        try:
-            with _damage_reported(self.path):
-                self._open()
-        except BaseException:
-            self._stream.close()
-            raise
+        with self._opened() as file:
+            self._read_summary(file)
 
-    def _open(self) -> None:
-        self._summary = summary = self._read_summary()
-        statistics, file = summary.statistics, McapFile(self._stream)
-        offsets = [index.offset for index in summary.metadata]
-        chunks = [chunk.chunk_start_offset for chunk in summary.chunks]
-        for places in (offsets, chunks):  # else one large record may be read many times
-            if any(later <= earlier for earlier, later in pairwise(places)):
-                raise LogError('it is damaged: its index goes back')
-        found = [file.record(offset) for offset in offsets]
-        records = [parsed(opcode, body) for opcode, body, _ in found if opcode == Opcode.METADATA]
+    def _read_summary(self, file: McapFile) -> None:
+        summary = file.summary()
+        if summary is None:
+            raise LogError(
+                'it is not complete: its run was killed, or goes on; linkage_log recover saves '
+                'what is there'
+            )
+        statistics = summary[Statistics][-1]
+        indexes = summary[MetadataIndex]
+        records = [file.part(index.offset)[1] for index in indexes]
         # The index is under the summary's checksum, the records' names are under none.
-        if [record.name for record in records] != [i.name for i in summary.metadata]:
+        if [record.name for record in records] != [index.name for index in indexes]:
             raise LogError('it is damaged: its metadata records are not those of its index')
         about = [r.metadata for r in records if r.name == CONFIGURATION_RECORD]
-        if not about:
-            raise LogError('it is no log of linkage_ros: it has no configuration record')
-        if len(about) > 1:
-            raise LogError(f'it has {len(about)} configuration records: which one explains it?')
-        if statistics.chunk_count != len(chunks):
-            raise LogError('it is damaged: its index leaves out parts of it')
+        if len(about) != 1:
+            count = f'{len(about)} configuration records instead of one'
+            raise LogError(f'it is no log of linkage_ros: it has {count}')
         self.version, self.configuration = decode_configuration(about[0])
         self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
         ends = [decode_end(r.metadata) for r in records if r.name == END_RECORD]
         self.lost = ends[0] - statistics.message_count if ends else 0
-        self.topics = tuple(
-            _topic(channel, summary.schemas, statistics) for channel in summary.channels.values()
-        )
-        self.start, self.end = statistics.message_start_time, statistics.message_end_time
+        schemas = {schema.id: schema for schema in summary[Schema]}
+        channels = {channel.id: channel for channel in summary[Channel]}
+        self.topics = tuple(_topic(c, schemas, statistics) for c in channels.values())
+        self._names = {topic.number: topic.name for topic in self.topics}
+        # Of each chunk the first and last time, the place, and the channels: a log of a day has
+        # hundreds of thousands.
+        self._chunks = [
+            (c.message_start_time, c.message_end_time, c.chunk_start_offset,
+             tuple(c.message_index_offsets))
+            for c in summary[ChunkIndex]
+        ]  # fmt: skip
+        self._count, self.start = statistics.message_count, statistics.message_start_time
+        self.end = statistics.message_end_time
+        if len(self._chunks) != statistics.chunk_count or (self._count and not self._chunks):
+            raise LogError('it is damaged: its index leaves out parts of it')
         if not self.start <= self.end < TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are none of ROS')
 
-    def _read_summary(self) -> Summary:
-        """Reads the summary of a complete MCAP file.
-
-        Raises:
-            LogError: It is a pipe or not an MCAP file, is truncated, or has a damaged index.
-        """
-        if not self._stream.seekable():
-            raise LogError(f'it is a pipe, and a log is read from its end; {_OTHER}')
-        begin = self._stream.read(_MAGIC_SIZE)
-        if not begin:
-            raise LogError(f'it is empty; {_OTHER}')
-        if begin != MCAP0_MAGIC:
-            words = printable(begin.decode('ascii', 'backslashreplace'))
-            raise LogError(f"it is no MCAP file: it begins with '{words}'; {_OTHER}")
-        self._stream.seek(self._stream.seek(0, os.SEEK_END) - _MAGIC_SIZE)
-        if self._stream.read(_MAGIC_SIZE) != MCAP0_MAGIC:
-            raise LogError(_CUT)
-        summary = McapFile(self._stream).summary()
-        if summary is None:
-            raise LogError(_CUT)
-        return summary
-
     def messages(
         self,
-        topics: Iterable[str] | None = None,
+        topics: Container[str] | None = None,
         start: int | None = None,
         end: int | None = None,
     ) -> Iterator[LoggedMessage]:
-        """Reads messages in the order of their log times.
+        """Reads messages in the order of their log times, equal ones in that of the file.
 
         Args:
             topics: Fully qualified names; None: all.
@@ -184,19 +160,36 @@ class LogReader(AbstractContextManager['LogReader']):
             The messages.
 
         Raises:
-            LogError: The file is damaged.
+            LogError: The file is damaged, unpacks to too much, or too many chunks overlap in time.
         """
-        names = None if topics is None else set(topics)
-        summary = self._summary
-        wanted = {
-            number
-            for number, channel in summary.channels.items()
-            if names is None or channel.topic in names
-        }
-        last = TIME_END if end is None else end
-        with _damage_reported(self.path):
-            for message in in_order(McapFile(self._stream), summary, wanted, start or 0, last):
-                yield self._message(message)
+        channels = {t.number for t in self.topics if topics is None or t.name in topics}
+        times = range(start or 0, TIME_END if end is None else end)
+        # Time, chunk, place in it; without a message, a chunk to be unpacked when its time is due.
+        queue: list[tuple[int, int, int, LoggedMessage | None]] = [
+            (first, place, -1, None)
+            for first, last, place, held in self._chunks
+            if first < times.stop and last >= times.start
+            and not channels.isdisjoint(held or channels)
+        ]  # fmt: skip
+        heapq.heapify(queue)
+        waiting = 0
+        with self._opened() as file:
+            while queue:
+                _, place, _, item = heapq.heappop(queue)
+                if item:
+                    waiting -= len(item.data) + _OVERHEAD
+                    yield item
+                    continue
+                _, data, _ = file.part(place)
+                for opcode, at, after in file.records(data):
+                    if opcode != Opcode.MESSAGE:
+                        continue
+                    message = self._message(data, at, after)
+                    if message.channel in channels and message.time in times:
+                        heapq.heappush(queue, (message.time, place, at, message))
+                        waiting += len(message.data) + _OVERHEAD
+                        if waiting > _MOST_WAITING:
+                            raise LogError('too much of it is of the same times to be sorted')
 
     def rows(
         self, layout: RowLayout, other: Callable[[LoggedMessage], object]
@@ -214,118 +207,110 @@ class LogReader(AbstractContextManager['LogReader']):
         Raises:
             LogError: The file is damaged.
         """
-        begun = b''  # of a row whose messages do not lie in one piece
-        for item in self._data(layout):
-            if isinstance(item, bytes) and not begun:
-                yield item, None
-                continue
-            # Rows may lie behind one that is not complete.
-            message = (
-                item if isinstance(item, Message) else parsed(Opcode.MESSAGE, layout.first(item))
-            )
-            if message.channel_id not in layout.channels:
-                other(self._message(message))
-                continue
-            times = message.log_time, message.publish_time
-            row = begun + message_record(message.channel_id, times, message.data)
-            if not layout.begins(row):
-                yield begun, self._message(message)
-                return
-            begun = b'' if len(row) == layout.size else row
-            if not begun:
-                yield row, None
+        begun, found = b'', 0
+        with self._opened() as file:
+            for data in file.chunks():
+                at = 0
+                while at < len(data):
+                    if not begun and (count := layout.count(data, at)):
+                        rows = data[at : at + count * layout.size]
+                        file.spend(0, count * len(layout.channels))
+                        found += count * len(layout.channels)
+                        at += len(rows)
+                        yield rows, None
+                        continue
+                    opcode, start, at = next(file.records(data, at))
+                    if opcode != Opcode.MESSAGE:
+                        continue
+                    found += 1
+                    message = self._message(data, start, at)
+                    if message.channel not in layout.channels:
+                        other(message)
+                        continue
+                    times = message.time, message.published
+                    row = begun + message_record(message.channel, times, message.data)
+                    if not layout.begins(row):
+                        yield begun, message
+                        return
+                    begun = b'' if len(row) == layout.size else row
+                    if not begun:
+                        yield row, None
+            if found != self._count:  # a damaged opcode hides its record: no checksum covers it
+                raise LogError('it is damaged: its messages are not as many as its summary says')
         if begun:
             yield begun, None
 
-    def _data(self, layout: RowLayout) -> Iterator[bytes | Message]:
-        """Reads the data section in the order of writing.
-
-        Args:
-            layout: Layout of rows.
-
-        Yields:
-            Whole rows, and other messages.
+    def _message(self, data: bytes, at: int, end: int) -> LoggedMessage:
+        """The message whose record is at a place in a chunk.
 
         Raises:
-            LogError: The file is damaged.
+            KeyError: Its channel is unknown.
         """
-        # By channel: a file that was merged from others may have several of one topic.
-        expected, found = self._summary.statistics.channel_message_counts, Counter[int]()
-        with _damage_reported(self.path), open_file(self.path) as stream:
-            file = McapFile(stream)
-            for part in file.parts():
-                data, at = part.data, 0
-                while at < len(data):
-                    if count := layout.count(data, at):
-                        rows = data[at : at + count * layout.size]
-                        file.allowance.take(count * len(layout.channels), len(rows))
-                        found.update(dict.fromkeys(layout.channels, count))
-                        yield rows
-                        at += len(rows)
-                        continue
-                    record, at = file.next_record(data, at)
-                    if isinstance(record, Channel):
-                        self._check_channel(record)
-                    elif isinstance(record, Message):
-                        found[record.channel_id] += 1
-                        if record.channel_id not in self._summary.channels:
-                            raise LogError('it is damaged: a message is of an unknown channel')
-                        yield record
-            # A damaged opcode hides its record: no checksum covers it.
-            if +found != +Counter(expected):
-                raise LogError('it is damaged: its messages are not as many as its summary says')
+        _, _, channel, _, time, published = MESSAGE_HEAD.unpack_from(data, at)
+        body = data[at + MESSAGE_HEAD.size : end]
+        return LoggedMessage(self._names[channel], time, body, published, channel)
 
-    def _check_channel(self, channel: Channel) -> None:
-        """Checks that the summary agrees with a channel.
+    @contextmanager
+    def _opened(self) -> Iterator[McapFile]:
+        """Opens the file for one pass; turns any parser error into one line that names it.
 
         Raises:
-            LogError: The summary has another channel of that number.
+            LogError: The file is damaged, or not a log of this package.
         """
-        if self._summary.channels.get(channel.id) != channel:
-            raise LogError('it is damaged: its channels are not those of its summary')
-
-    def _message(self, message: Message) -> LoggedMessage:
-        channel = self._summary.channels[message.channel_id]
-        return LoggedMessage(channel.topic, message.log_time, message.data, message.publish_time)
-
-    def close(self) -> None:
-        """Closes the file."""
-        self._stream.close()
+        with open_mcap(self.path) as stream:
+            try:
+                yield McapFile(stream)
+            except LinkageError as error:
+                raise LogError(f'{self.path} cannot be used: {error}') from error
+            except Exception as error:  # nothing bounds what damage makes a parser raise
+                raise LogError(
+                    f'{self.path} is damaged or not complete: linkage_log recover saves what can '
+                    f'be read of it ({type(error).__name__}: {error})'
+                ) from error
 
     def __exit__(self, *error: object) -> None:
-        self.close()
+        """Does nothing: no pass is open any more."""
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
-    schema = schemas[channel.schema_id] if channel.schema_id else _NO_SCHEMA
-    text = schema.data.decode(errors='replace')
+    schema = schemas[channel.schema_id] if channel.schema_id else Schema(0, b'', '', '')
     return LoggedTopic(
         channel.id,
         channel.topic,
         schema.name,
         statistics.channel_message_counts.get(channel.id, 0),
         'transient_local' in channel.metadata.get('offered_qos_profiles', ''),
-        (channel.message_encoding, schema.encoding, text),
+        (channel.message_encoding, schema.encoding, schema.data.decode(errors='replace')),
     )
 
 
-@contextmanager
-def _damage_reported(path: Path) -> Iterator[None]:
-    """Turns any parser error into one line that names the file.
+def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
+    """Finds the channels of a log that carry given topics, whatever their names.
 
-    Raises:
-        LogError: The file is damaged, or not a log of this package.
+    Of several channels of one type, those that kept their name come first, then the others in
+    the order in which they were declared, which is that of the topics.
+
+    Args:
+        log: The log.
+        topics: The topics, in the order of the simulator.
+
+    Returns:
+        A channel for each topic found.
     """
-    try:
-        yield
-    except LogError as error:
-        raise LogError(f'{path} cannot be used: {error}') from error
-    except ConfigurationError as error:
-        words = textwrap.shorten(str(error), 300, placeholder=' ...')
-        raise LogError(f'{path} cannot be used: its configuration is refused: {words}') from error
-    except Exception as error:  # nothing bounds what damage makes a parser raise
-        cause = ' '.join(f'{type(error).__name__}: {error}'.split())[:200]
-        raise LogError(
-            f'{path} is damaged or not complete: linkage_log recover saves what can be read of it '
-            f'({cause})'
-        ) from error
+    free, pairs = list(log.topics), []
+    if isinstance(log.configuration.drive, FollowDrive):
+        free = [channel for channel in free if channel != measured_channel(log)]
+    for topic in topics:
+        fitting = [channel for channel in free if channel.type == topic.interface.name]
+        fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
+        if fitting:
+            free.remove(fitting[0])
+            pairs.append((fitting[0], topic))
+    return pairs
+
+
+def measured_channel(log: LogReader) -> LoggedTopic | None:
+    """The channel with the measurements of a crank, which a run declares after its own topics."""
+    kind = MEASURED_JOINT_STATES.interface.name
+    channels = [channel for channel in log.topics if channel.type == kind]
+    return max(channels, key=lambda channel: channel.number) if len(channels) > 1 else None

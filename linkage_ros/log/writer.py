@@ -4,17 +4,21 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
+from itertools import groupby
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias, cast
 
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+import numpy as np
+import numpy.typing as npt
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Channel, MessageIndex, Schema, Statistics
+from mcap.writer import CompressionType, Writer
 
-from linkage_ros.errors import LogError
-from linkage_ros.log.chunks import Chunks
-from linkage_ros.log.disk_sync import DiskSync
-from linkage_ros.log.log_file import LogFile
+from linkage_ros.log.log_file import DiskSync, LogFile
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
@@ -25,14 +29,106 @@ from linkage_ros.log.metadata import (
 )
 from linkage_ros.motion.segments import Segment
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.wire.rows import RowLayout
+from linkage_ros.wire.rows import RowLayout, message_record
 from linkage_ros.wire.topics import Topic
 
 # A row, the arguments of `LogWriter.write`, or a segment of motion.
 LogItem: TypeAlias = bytes | tuple[int, int, bytes] | Segment
 
-_CHUNK_SIZE = 1 << 20
+CHUNK_SIZE = 1 << 20
+_INDEX_HEAD = struct.Struct('<BQHI')  # opcode and length of the record, channel, bytes of entries
 _FOREVER = '{sec: 9223372036, nsec: 854775807}'
+
+
+class _Index(MessageIndex):
+    """Index of one channel in a chunk, whose entries are kept as bytes."""
+
+    records: Any
+
+    def write(self, stream: RecordBuilder) -> None:
+        """Writes the record; the library calls this."""
+        entries = b''.join(self.records)
+        size = len(entries)
+        stream.write(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, self.channel_id, size))
+        stream.write(entries)
+
+
+class Chunks:
+    """A file of the library's writer, which has no public function to add packed records.
+
+    Attributes:
+        library: The writer.
+        statistics: Counts and times so far.
+        channels: Channels so far, by number.
+    """
+
+    def __init__(self, file: LogFile) -> None:
+        """Writes the beginning of a log.
+
+        Args:
+            file: The new file.
+        """
+        self.library = Writer(
+            cast('Any', file), chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD
+        )
+        self.library.start(profile='ros2', library='linkage_ros')
+        private = vars(self.library)
+        self._builder = private['_Writer__chunk_builder']
+        self.statistics: Statistics = private['_Writer__statistics']
+        self._schemas: dict[int, Schema] = private['_Writer__schemas']
+        self.channels: dict[int, Channel] = private['_Writer__channels']
+
+    def declare(self, record: Schema | Channel) -> None:
+        """Appends a schema or channel, unless its number is taken."""
+        known: dict[int, Any] = self.channels if isinstance(record, Channel) else self._schemas
+        if record.id not in known:
+            known[record.id] = record
+            record.write(self._builder.record_writer)
+        self.statistics.schema_count = len(self._schemas)
+        self.statistics.channel_count = len(self.channels)
+
+    def add_rows(self, layout: RowLayout, rows: bytes | bytearray) -> None:
+        """Appends rows; a chunk ends with a whole row.
+
+        Args:
+            layout: Layout of the rows.
+            rows: Bytes of the rows.
+        """
+        while rows:
+            room = max(0, CHUNK_SIZE - self._builder.count) // layout.size + 1
+            some, rows = rows[: room * layout.size], rows[room * layout.size :]
+            times = layout.column(some, layout.times)
+            places = np.arange(0, len(some), layout.size, dtype=np.uint64)
+            heads = zip(layout.channels, layout.starts, strict=True)
+            self.add_records(some, {n: np.column_stack([times, places + s]) for n, s in heads})
+
+    def add_records(
+        self, data: bytes | bytearray, index: dict[int, npt.NDArray[np.uint64]]
+    ) -> None:
+        """Appends records, which stay in one chunk.
+
+        Args:
+            data: The records.
+            index: Log time, ns, and place of each message, by channel; shape (messages, 2).
+        """
+        builder, statistics = self._builder, self.statistics
+        for channel, entries in index.items():
+            first, last = int(entries[:, 0].min()), int(entries[:, 0].max())
+            for span, known in (
+                (builder, builder.num_messages), (statistics, statistics.message_count)
+            ):  # fmt: skip
+                start = min(span.message_start_time, first) if known else first
+                span.message_start_time = start
+                span.message_end_time = max(span.message_end_time, last)
+            entries[:, 1] += builder.count
+            indexes = builder.message_indices
+            indexes.setdefault(channel, _Index(channel, [])).records.append(entries.tobytes())
+            builder.num_messages += len(entries)
+            statistics.message_count += len(entries)
+            statistics.channel_message_counts[channel] += len(entries)
+        builder.record_writer.write(data)
+        if builder.count > CHUNK_SIZE:
+            self.library.flush()
 
 
 def _qos(topic: Topic) -> str:
@@ -62,22 +158,12 @@ class LogWriter(AbstractContextManager['LogWriter']):
             LogError: The file exists and is not to be replaced, or is no log; it is being written
                 by another run, or cannot be created.
         """
-        self._file = LogFile(path, MCAP0_MAGIC, overwrite=overwrite)
-        self._writer = Writer(
-            self._file.stream, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD
-        )
-        self._chunks = Chunks(self._writer, _CHUNK_SIZE)
+        self._file = LogFile(path, overwrite=overwrite)
+        self._chunks = Chunks(self._file)
+        self._library = self._chunks.library
         self._schemas: dict[str, int] = {}
-        try:
-            with self._file.reported():
-                self._writer.start(profile='ros2', library='linkage_ros')
-                record = encode_configuration(configuration)
-                self._writer.add_metadata(CONFIGURATION_RECORD, record)
-            self.flush()
-        except LogError:
-            self._file.discard()
-            raise
-        self._file.begun = True
+        self._library.add_metadata(CONFIGURATION_RECORD, encode_configuration(configuration))
+        self._library.flush()
 
     def add_topic(self, topic: Topic, name: str) -> int:
         """Declares a channel.
@@ -91,12 +177,12 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """
         interface = topic.interface
         if interface.name not in self._schemas:
-            self._schemas[interface.name] = self._writer.register_schema(
+            self._schemas[interface.name] = self._library.register_schema(
                 interface.name, 'ros2msg', interface.definition.encode()
             )
         metadata = {'offered_qos_profiles': _qos(topic), 'topic_type_hash': interface.hash}
         schema = self._schemas[interface.name]
-        return self._writer.register_channel(name, 'cdr', schema, metadata)
+        return self._library.register_channel(name, 'cdr', schema, metadata)
 
     def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
         """Declares the channels of rows, which come first in a log.
@@ -120,10 +206,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        with self._file.reported():
-            self._chunks.add(channel, stamp, data)
+        record = message_record(channel, (stamp, stamp), data)
+        self._chunks.add_records(record, {channel: np.array([[stamp, 0]], np.uint64)})
 
-    def write_rows(self, rows: bytearray) -> None:
+    def write_rows(self, rows: bytes | bytearray) -> None:
         """Appends the messages of states.
 
         Args:
@@ -132,33 +218,28 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        if rows:
-            with self._file.reported():
-                self._chunks.add_rows(self._layout, rows)
+        self._chunks.add_rows(self._layout, rows)
 
     def write_motion(self, segment: Segment) -> None:
         """Appends a segment of motion."""
-        with self._file.reported():
-            self._writer.add_metadata(MOTION_RECORD, encode_motion(segment))
+        self._library.add_metadata(MOTION_RECORD, encode_motion(segment))
 
-    def consume(self, items: Sequence[LogItem]) -> None:
+    def consume(self, items: Sequence[Any]) -> None:
         """Appends items, and flushes them.
 
         Args:
-            items: Rows, arguments of `write`, and segments of motion.
+            items: Each a `LogItem`.
         """
-        rows = bytearray()  # next to each other: it takes far less time than one by one
-        for item in items:
-            if isinstance(item, bytes):
-                rows += item
+        # Rows next to each other take far less time than one by one.
+        for is_rows, group in groupby(items, lambda item: isinstance(item, bytes)):
+            if is_rows:
+                self.write_rows(b''.join(group))
                 continue
-            self.write_rows(rows)
-            rows.clear()
-            if isinstance(item, tuple):
-                self.write(*item)
-            else:
-                self.write_motion(item)
-        self.write_rows(rows)
+            for item in group:
+                if isinstance(item, tuple):
+                    self.write(*item)
+                else:
+                    self.write_motion(item)
         self.flush()
 
     def flush(self) -> None:
@@ -167,38 +248,26 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written, was removed or truncated; the log ends.
         """
-        self._file.check_size()  # what is written now would hide that somebody cut it off
-        with self._file.reported():
-            self._writer.flush()
-        if self._file.is_removed():
-            self.close()
-        self._file.check_size()
+        self._library.flush()
 
     def close(self) -> None:
-        """Completes the file; restores it first if it was removed.
+        """Completes the file.
 
         Raises:
             LogError: The file cannot be written, was removed or truncated.
         """
         if self._file.stream.closed:
             return
-        try:
-            self._file.check_size()
-            with self._file.reported():
-                self._writer.flush()  # or the last chunk would lie behind the record
-                self._writer.add_metadata(
-                    END_RECORD, encode_end(self._chunks.statistics.message_count)
-                )
-                self._writer.finish()
-                self._file.stream.flush()
-            if self._file.is_removed():
-                self._file.put_back()
-        finally:
-            self._file.close()
+        self.flush()  # or the last chunk would lie behind the record
+        count = self._chunks.statistics.message_count
+        self._library.add_metadata(END_RECORD, encode_end(count))
+        self._library.finish()
+        self._library.flush()
+        self._file.close()
 
     def disk_sync(self) -> DiskSync:
         """The object that syncs the file to the disk, for a separate worker."""
-        return DiskSync(self._file.path, self._file.stream.fileno())
+        return DiskSync(self._file)
 
     def __exit__(self, *error: object) -> None:
         self.close()

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 from linkage_ros import cli
 from linkage_ros.errors import ViewerError
-from linkage_ros.log.channels import paired
-from linkage_ros.log.reader import LogReader
+from linkage_ros.log.reader import LogReader, paired
 from linkage_ros.playback.feed import Item
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.rerun_view import Sample, View

@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from linkage_ros.log.channels import Pairing
-from linkage_ros.log.reader import LogReader
+from linkage_ros.log.reader import LogReader, Pairing
 from linkage_ros.motion.drives import Drive, FollowDrive, TorqueDrive
 from linkage_ros.parameters.drives import SpeedFeedForward
 from linkage_ros.run.simulator import Simulator

@@ -12,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from linkage_ros.log.channels import Pairing, measured_channel, paired
-from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.log.reader import LoggedMessage, LogReader, Pairing, measured_channel, paired
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.follow_check import FollowCheck

@@ -1,0 +1,168 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recovers the readable part of a truncated or damaged log."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata, Schema
+
+from linkage_ros.errors import LogError
+from linkage_ros.files import is_same_file
+from linkage_ros.log.log_file import LogFile
+from linkage_ros.log.mcap_file import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
+from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, unseal
+from linkage_ros.log.writer import Chunks
+from linkage_ros.units import NS_PER_S
+from linkage_ros.wire.rows import MESSAGE_HEAD
+
+
+@dataclass
+class Recovered:
+    """The outcome of a recovery.
+
+    Attributes:
+        messages: Number of messages recovered.
+        duration: Time from the first to the last of them, s.
+        places: Number of damaged stretches, an incomplete end among them.
+        damaged: Number of bytes in them.
+        unknown: Number of messages lost because nothing tells their topics.
+    """
+
+    messages: int = 0
+    duration: float = 0.0
+    places: int = 0
+    damaged: int = 0
+    unknown: int = 0
+
+
+def recover(
+    source: Path | str,
+    target: Path | str,
+    *,
+    overwrite: bool = False,
+    progress: Callable[[int], object] = lambda _: None,
+) -> Recovered:
+    """Copies all that can be read of a log: messages, topics, configuration and motions.
+
+    Args:
+        source: The log; it is not changed.
+        target: The new log.
+        overwrite: Whether to replace an existing file.
+        progress: Called with the number of bytes that were read since the last call.
+
+    Returns:
+        What was recovered and what was lost.
+
+    Raises:
+        LogError: The source is not a log of this package or unpacks to too much, or the target
+            cannot be written or is the source.
+    """
+    with open_mcap(Path(source)) as stream:
+        if is_same_file(str(source), str(target)):
+            raise LogError(f'{target} is the broken log itself: choose another name')
+        new = LogFile(target, overwrite=overwrite)
+        with closing(new):
+            try:
+                return _Copy(McapFile(stream), Chunks(new)).run(progress)
+            except LogError as error:
+                raise LogError(f'{source} cannot be recovered: {error}') from error
+
+
+class _Copy:
+    """Copies the intact records of a log into a new one, with the chunks as they were."""
+
+    def __init__(self, file: McapFile, chunks: Chunks) -> None:
+        """Begins a copy.
+
+        Args:
+            file: The broken log.
+            chunks: The new log.
+        """
+        self._file, self._chunks, self._done = file, chunks, Recovered()
+        self._is_configured = False
+        # Where the first chunk is lost, the summary still names the topics.
+        self._spare: list[Schema | Channel] = []
+        with suppress(Exception):  # of a file that is not complete, or damaged there
+            summary = file.summary() or {}
+            self._spare = [*summary[Schema], *summary[Channel]]
+
+    def run(self, progress: Callable[[int], object]) -> Recovered:
+        """Copies all records.
+
+        Args:
+            progress: As for `recover`.
+
+        Raises:
+            LogError: It unpacks to too much, or has no configuration.
+            OSError: The new file cannot be written.
+        """
+        file, done, opcode, at = self._file, self._done, 0, MAGIC_SIZE
+        while at < file.size and opcode != Opcode.DATA_END:
+            before = at
+            try:
+                opcode, content, at = file.part(before)
+                self._take(content)
+            except OSError:
+                raise
+            except Exception:  # nothing bounds what damage makes a parser raise
+                if file.left < 0:
+                    raise
+                at = file.next_place(before + 1)
+                done.places += 1
+                done.damaged += at - before
+            progress(at - before)
+        if not self._is_configured:
+            raise LogError('it has no configuration record')
+        self._chunks.library.finish()
+        self._chunks.library.flush()
+        found = self._chunks.statistics
+        done.messages = found.message_count
+        done.duration = (found.message_end_time - found.message_start_time) / NS_PER_S
+        return done
+
+    def _take(self, content: object) -> None:
+        """Copies the content of a part of the file.
+
+        Raises:
+            LogError: It is damaged; other exceptions are possible too.
+        """
+        if isinstance(content, bytes):
+            self._take_chunk(content)
+        elif isinstance(content, Metadata):
+            self._take_metadata(content)
+        elif isinstance(content, Attachment):
+            self._chunks.library.add_attachment(**vars(content))
+
+    def _take_chunk(self, data: bytes) -> None:
+        chunks, kept = self._chunks, bytearray()
+        index: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
+        for opcode, start, end in self._file.records(data):
+            if opcode != Opcode.MESSAGE:
+                chunks.declare(parsed(opcode, data[start + HEAD.size : end]))
+                continue
+            _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(data, start)
+            while self._spare and channel not in chunks.channels:
+                chunks.declare(self._spare.pop(0))
+            if channel in chunks.channels:
+                index[channel].append((time, len(kept)))
+                kept += data[start:end]
+            else:
+                self._done.unknown += 1
+        chunks.add_records(kept, {n: np.array(e, np.uint64) for n, e in index.items()})
+        chunks.library.flush()
+
+    def _take_metadata(self, record: Metadata) -> None:
+        if record.name.startswith(CONFIGURATION_RECORD):
+            unseal(record.metadata)
+        if record.name == END_RECORD and (self._done.places or self._done.unknown):
+            return  # the log that is saved is not the one that was ended
+        self._is_configured |= record.name == CONFIGURATION_RECORD
+        self._chunks.library.add_metadata(record.name, record.metadata)
