@@ -15,14 +15,15 @@ from oracle import Oracle
 
 from linkage_ros import FourBar, Solver
 from linkage_ros.formulas import Vector
-from linkage_ros.lab.methods import accuracy, linkages, registry
+from linkage_ros.lab.methods import registry, situations
 from linkage_ros.lab.methods.integrators import Multipliers, OfPackage
-from linkage_ros.lab.methods.motion_bench import (
+from linkage_ros.lab.methods.measure import attempt
+from linkage_ros.lab.methods.motion_cases import (
     ENERGY,
     LOOP,
     MEAN,
     TRAJECTORY,
-    MotionBench,
+    MotionCase,
     even,
 )
 from linkage_ros.lab.reference.motions import MotionReference
@@ -46,10 +47,14 @@ each = pytest.mark.parametrize('method', registry.INTEGRATORS, ids=lambda method
 def benches():
     """The driven pump, the free pump, and a four-bar."""
     return {
-        'driven': MotionBench(DRIVEN, even(1.0)),
-        'free': MotionBench(FREE, even(2.0), (ENERGY,)),
-        'four-bar': MotionBench(COASTING, even(0.3)),
+        'driven': MotionCase(DRIVEN, even(1.0)),
+        'free': MotionCase(FREE, even(2.0), (ENERGY,)),
+        'four-bar': MotionCase(COASTING, even(0.3)),
     }
+
+
+def worst(case, method, setting, quantity):
+    return max(error for _, error in case.outcomes(method, setting, quantity, MEAN))
 
 
 def slope(x, y):
@@ -98,7 +103,7 @@ def test_a_motion_that_does_not_end_has_no_end():
 
 
 def test_reference_stops_where_its_equations_are_singular():
-    parallelogram = linkages.four_bar((0.25, 0.75, 0.25, 0.75))
+    parallelogram = situations.four_bar((0.25, 0.75, 0.25, 0.75))
     reference = MotionReference(InitialValueProblem(parallelogram, (-0.5, 2.0)))
     reference._known[Decimal(0)][1:7] = [Decimal(x) for x in (1, 0, 1, 0, 1, 0)]  # in line
     with pytest.raises(ArithmeticError, match='cannot be followed beyond'):
@@ -107,7 +112,7 @@ def test_reference_stops_where_its_equations_are_singular():
 
 def test_multibody_accelerates_as_virtual_power_does():
     random = np.random.default_rng(0)
-    mechanisms = [linkages.turning(random) for _ in range(4)]
+    mechanisms = [situations.turning(random) for _ in range(4)]
     motions = [(m, random.uniform(-5, 5, 2)) for m in mechanisms if isinstance(m, FourBar)]
     pump = random.uniform((0, 1.3, -5, -5), (7, 1.7, 5, 5))
     for mechanism, motion in (*motions, (DRIVEN.mechanism, pump)):
@@ -140,7 +145,7 @@ def test_elimination_takes_the_largest_pivot():
 )
 def test_fixed_steps_are_of_their_order(benches, name, steps, order):
     bench = benches['driven']
-    found = [bench.worst_error(BY_NAME[name], {'step': s}, '', TRAJECTORY) for s in steps]
+    found = [worst(bench, BY_NAME[name], {'step': s}, TRAJECTORY) for s in steps]
     assert slope(steps, found) == pytest.approx(order, abs=0.3)
 
 
@@ -152,14 +157,14 @@ def test_implicit_steps_are_of_their_order(benches):
             problem, partial(StiffSteps, longest=setting['step'], tolerance=math.inf)
         ),
     )
-    found = [benches['driven'].worst_error(method, {'step': s}, '', TRAJECTORY) for s in steps]
+    found = [worst(benches['driven'], method, {'step': s}, TRAJECTORY) for s in steps]
     assert slope(steps, found) == pytest.approx(5, abs=0.3)
 
 
 @each
 def test_errors_fall_with_each_setting_down_to_a_floor(benches, method):
     bench = benches['driven']
-    found = [bench.worst_error(method, setting, '', TRAJECTORY) for setting in method.settings]
+    found = [worst(bench, method, setting, TRAJECTORY) for setting in method.settings]
     down = [max(error, 2e-13) for error in found[: found.index(min(found)) + 1]]
     assert all(b < a or b == 2e-13 for a, b in itertools.pairwise(down)), found
     assert down[-1] < (2e-7 if method.name == 'Radau' else 1e-8), found
@@ -171,11 +176,12 @@ def test_errors_fall_with_each_setting_down_to_a_floor(benches, method):
 def test_the_defaults_are_right_and_what_live_runs_and_records_take(benches, name, steps):
     method, bench = BY_NAME[name], benches['driven']
     for judged in (bench, benches['four-bar']):
-        assert judged.worst_error(method, method.steady, '', TRAJECTORY) < 1e-10
+        assert worst(judged, method, method.steady, TRAJECTORY) < 1e-10
     taken = steps(DRIVEN.driven, DRIVEN.start)
-    for time, phase in zip(bench.times, bench.follow(method, method.steady).phases, strict=True):
+    rows = bench.rows(method, method.steady, TRAJECTORY, MEAN)
+    for time, (*phase, _) in zip(bench.times, rows, strict=True):
         taken.advance(time)
-        assert phase == (with_turns(taken.phase[0], taken.pairs), *taken.phase[1:])
+        assert tuple(phase) == (with_turns(taken.phase[0], taken.pairs), *taken.phase[1:])
 
 
 # ---------------------------------------------------------------- energy and the loop
@@ -185,11 +191,11 @@ def test_the_defaults_are_right_and_what_live_runs_and_records_take(benches, nam
 def test_energy_of_a_free_motion_stays_and_a_loop_closed_from_coordinates(benches, method):
     bench = benches['free']
     limit = 1e-6 if method.name.startswith(('Radau', 'multipliers')) else 1e-10
-    assert bench.worst_error(method, method.steady, '', ENERGY) < limit
+    assert worst(bench, method, method.steady, ENERGY) < limit
     # As it is the loop opens; Baumgarte's equation holds it, a projection closes it.
     limits = {'multipliers, unstabilised': (1e-9, 1e-6), 'multipliers, Baumgarte': (1e-14, 1e-9)}
     least, most = limits.get(method.name, (0.0, 1e-14))
-    assert least <= bench.worst_error(method, method.steady, '', LOOP) < most
+    assert least <= worst(bench, method, method.steady, LOOP) < most
 
 
 def test_an_unstabilised_loop_opens_with_the_square_of_time():
@@ -205,22 +211,21 @@ def test_an_unstabilised_loop_opens_with_the_square_of_time():
 # ---------------------------------------------------------------- measuring
 
 
-def test_a_method_that_fails_has_no_time_and_an_error_without_bound():
-    bench = MotionBench(driven_pump(2.0, 6.0), even(0.5))
-    setting = {'step': 0.05}
-    assert bench.worst_error(BY_NAME['RK4'], setting, '', TRAJECTORY) == math.inf
-    assert math.isnan(accuracy._time(bench.timer(BY_NAME['RK4'], setting, MEAN, TRAJECTORY)))
+def test_a_method_that_fails_has_no_time():
+    case = MotionCase(driven_pump(2.0, 6.0), even(0.5))
+    panel = BY_NAME['RK4'], {'step': 0.05}, TRAJECTORY, MEAN
+    assert attempt(case.timer(*panel)) is None
+    assert case.rows(*panel)[-1] is None
 
 
 def test_errors_are_seen(benches):
     bench = benches['driven']
-    run = bench.follow(BY_NAME[registry.RECORDS], {})
     exact = [float(x) for x in MotionReference(DRIVEN).at(bench.times[0])]
     length = DRIVEN.mechanism.crank.length
 
     def error(*added):
         phase = tuple(np.add(exact, [*added, *[0.0] * (4 - len(added))]).tolist())
-        return bench.error(TRAJECTORY, 0, run._replace(phases=[phase]))
+        return bench.error(TRAJECTORY, 0, [*phase, 0.0])
 
     assert error(0.0) < 1e-15
     assert error(1e-3) == pytest.approx(1e-3)

@@ -14,15 +14,13 @@ from pages import ROOT, read
 from test_chart import chart
 
 from linkage_ros import __version__
-from linkage_ros.lab.charts.accuracy import draw_accuracy
-from linkage_ros.lab.charts.follow import draw_follow
+from linkage_ros.lab.charts.accuracy import draw_accuracy, draw_follow
 from linkage_ros.lab.charts.stability import GRIDS, draw_stability
-from linkage_ros.lab.methods.accuracy import NEAR, Measurement
-from linkage_ros.lab.methods.chain import BATCH, ONE, OWN, QUANTITIES, label
-from linkage_ros.lab.methods.follow_accuracy import FollowError
-from linkage_ros.lab.methods.motion_bench import ENERGY, MEAN, SLOWEST, TRAJECTORY
-from linkage_ros.lab.methods.outcomes import LIMIT, OUTCOMES, Cell
+from linkage_ros.lab.methods.accuracy import NEAR
+from linkage_ros.lab.methods.measure import BATCH, LIMIT, ONE, OUTCOMES, label
+from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, METHODS
+from linkage_ros.lab.methods.stages import OWN, QUANTITIES
 
 EPSILON = 2.0**-52
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
@@ -191,15 +189,11 @@ def test_charts_can_be_read_at_half_their_size(monkeypatch):
     """The charts of the docs, from the numbers in the docs: nothing is measured."""
     figures = []
     monkeypatch.setattr(Figure, 'savefig', lambda figure, _: figures.append(figure))
-    points = []
-    for record in committed('accuracy'):  # null in JSON is what is not finite
-        values = {name: math.inf if x is None else x for name, x in record.items()}
-        points.append(Measurement(**values))
-    draw_accuracy([p for p in points if p.mechanism == NEAR], 'it', Path())
-    draw_accuracy([p for p in points if p.mode in (MEAN, SLOWEST)], 'it', Path())
-    cells = [Cell(**record) for record in committed('stability')]
-    draw_stability(cells, 'it', Path())
-    draw_follow([FollowError(**record) for record in committed('accuracy_follow')], 'it', Path())
+    points = committed('accuracy')
+    draw_accuracy([p for p in points if p['mechanism'] == NEAR], 'it', Path())
+    draw_accuracy([p for p in points if p['mode'] in (MEAN, SLOWEST)], 'it', Path())
+    draw_stability(committed('stability'), 'it', Path())
+    draw_follow(committed('accuracy_follow'), 'it', Path())
     for figure in figures:
         pixels = 700 / figure.get_figwidth() / 72  # of a point
         sizes = [text.get_fontsize() * pixels for text in figure.findobj(Text) if text.get_text()]

@@ -12,20 +12,12 @@ from oracle import Oracle
 from test_errata import DocumentOne
 
 from linkage_ros import ConfigurationError, Solver, UnreachableError
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.trees import Constants
-from linkage_ros.lab.methods import linkages, stages
-from linkage_ros.lab.methods.accuracy import Measurement, mark_fronts
-from linkage_ros.lab.methods.bench import LinkageBench, PeriodBench
-from linkage_ros.lab.methods.chain import (
-    BATCH,
-    ONE,
-    QUANTITIES,
-    Task,
-    function_of,
-)
+from linkage_ros.lab.methods import situations
+from linkage_ros.lab.methods.accuracy import with_fronts
+from linkage_ros.lab.methods.linkage_cases import LinkageCase, TurnCase
+from linkage_ros.lab.methods.measure import BATCH, ONE
 from linkage_ros.lab.methods.registry import METHODS
-from linkage_ros.lab.methods.situations import SITUATIONS
+from linkage_ros.lab.methods.stages import ACCELERATION, QUANTITIES, SPEED
 from linkage_ros.lab.methods.tables import CAP, listing, newton_raphson
 from linkage_ros.lab.reference import states
 from linkage_ros.lab.reference.states import Reference
@@ -38,8 +30,8 @@ each_preset = pytest.mark.parametrize('name', PRESETS)
 
 
 @pytest.fixture(scope='module')
-def benches():
-    return {name: PeriodBench(Task.at(each, 0.1), 24) for name, each in PRESETS.items()}
+def turns():
+    return {name: TurnCase(each, 24) for name, each in PRESETS.items()}
 
 
 # ---------------------------------------------------------------- the reference
@@ -64,14 +56,14 @@ def assert_same(mechanism, crank, lengths=None):
 @pytest.mark.parametrize('seed', range(4))
 def test_reference_agrees_with_an_oracle_of_another_hand(seed):
     random = np.random.default_rng(seed)
-    mechanism = linkages.turning(random)
+    mechanism = situations.turning(random)
     for crank in (*random.uniform(-7, 7, 3).tolist(), 1e4 + 0.3):
         assert_same(mechanism, crank)
 
 
 @pytest.mark.parametrize('seed', range(2))
 def test_reference_is_the_limit_at_change_points_and_beside_them(seed):
-    mechanism = linkages.with_change_point(np.random.default_rng(seed))
+    mechanism = situations.with_change_point(np.random.default_rng(seed))
     for crank in (0.0, 1e-300, -1e-18, 1e-9, 4.0, 7.0):
         assert_same(mechanism, crank)
 
@@ -79,7 +71,7 @@ def test_reference_is_the_limit_at_change_points_and_beside_them(seed):
 def test_reference_takes_lengths_as_they_are_typed():
     lengths = 0.1, 0.3, 0.4, 0.2
     for crank in (1e-6, 2.0, 4.0, 8.0):
-        assert_same(linkages.four_bar(lengths), crank, [*map(repr, lengths)])
+        assert_same(situations.four_bar(lengths), crank, [*map(repr, lengths)])
 
 
 NARROW = ('change point hit', 'near a change point', 'equal lengths', 'lengths in decimals')
@@ -87,15 +79,15 @@ NARROW = ('change point hit', 'near a change point', 'equal lengths', 'lengths i
 
 @pytest.mark.parametrize('name', NARROW)
 def test_reference_has_a_hundred_digits_left(name, monkeypatch):
-    (situation,) = [one for one in SITUATIONS if one.name == name]
-    for bench in situation.cases(2):
-        cranks = bench.cranks[:: max(1, len(bench.cranks) // 6)].tolist()
-        mine = list(map(bench.reference.state, cranks))
+    (situation,) = [one for one in situations.SITUATIONS if one.name == name]
+    for case in situation.cases(2):
+        cranks = case.cranks[:: max(1, len(case.cranks) // 6)].tolist()
+        mine = list(map(case.reference.state, cranks))
         with monkeypatch.context() as more:
             more.setattr(states, '_DIGITS', 260)
             more.setattr(states, '_ASIDE', '1e-120')
-            again = LinkageBench(bench.task, (), decimal=bench.decimal)
-            better = list(map(again.reference.state, cranks))
+            again = Reference(case.mechanism, SPEED, ACCELERATION, decimal=case.decimal)
+            better = list(map(again.state, cranks))
         with mp.workdps(260):
             for one, other in zip(mine, better, strict=True):
                 values = (itertools.chain(*state.values()) for state in (one, other))
@@ -105,7 +97,7 @@ def test_reference_has_a_hundred_digits_left(name, monkeypatch):
 
 
 def test_reference_refuses_where_no_state_exists():
-    mechanism = linkages.limited(np.random.default_rng(1))
+    mechanism = situations.limited(np.random.default_rng(1))
     start, end = Solver(mechanism).mobility.arcs[0]
     reference = Reference(mechanism, 1.0, 0.0)
     reference.state((start + end) / 2)
@@ -119,23 +111,19 @@ def test_reference_refuses_where_no_state_exists():
 @pytest.mark.parametrize(
     'method', [m for m in METHODS if m.modes == (ONE, BATCH)], ids=lambda m: m.name
 )
-def test_an_array_gives_what_numbers_give(benches, method):
-    bench, setting = benches['slider_crank'], method.steady
-    cranks, close = (
-        np.arange(7) * (math.tau / 7) + 0.3,
-        1e-4 if method.name.startswith('central') else 1e-9,
-    )
+def test_an_array_gives_what_numbers_give(method):
+    case = LinkageCase(PRESETS['slider_crank'], np.arange(7) * (math.tau / 7) + 0.3)
+    close = 1e-4 if method.name.startswith('central') else 1e-9
     for quantity in QUANTITIES:
-        one, batch = (
-            function_of(method, bench.task, setting, quantity, mode) for mode in (ONE, BATCH)
-        )
-        columns = [np.broadcast_to(column, 7) for column in batch(cranks)]
-        rows = np.array([one(crank) for crank in cranks.tolist()])
-        assert rows == pytest.approx(np.transpose(columns), rel=close, abs=close)
+        one, batch = (case.rows(method, method.steady, quantity, mode) for mode in (ONE, BATCH))
+        assert np.array(one) == pytest.approx(np.array(batch), rel=close, abs=close)
 
 
-def errors_of(bench, name, quantity, settings):
-    return [bench.worst_error(BY_NAME[name], setting, BATCH, quantity) for setting in settings]
+def errors_of(case, name, quantity, settings):
+    return [
+        max(error for _, error in case.outcomes(BY_NAME[name], setting, quantity, BATCH))
+        for setting in settings
+    ]
 
 
 def slope(x, y):
@@ -143,32 +131,26 @@ def slope(x, y):
 
 
 @each_preset
-def test_cubic_hermite_is_of_order_4(benches, name):
+def test_cubic_hermite_is_of_order_4(turns, name):
     nodes = [32, 64, 128, 256, 512]
     settings = [{'nodes': n} for n in nodes]
-    found = errors_of(benches[name], 'table, cubic Hermite', 'position', settings)
+    found = errors_of(turns[name], 'table, cubic Hermite', 'position', settings)
     assert slope(nodes, found) == pytest.approx(-4, abs=0.2)
 
 
 @pytest.mark.parametrize('quantity', ['rate', 'acceleration'])
-def test_central_differences_are_of_order_2(benches, quantity):
+def test_central_differences_are_of_order_2(turns, quantity):
     steps = [0.1, 0.05, 0.025, 0.0125]
     settings = [{'step': step} for step in steps]
-    found = errors_of(benches['quadrilateral'], 'central differences', quantity, settings)
+    found = errors_of(turns['quadrilateral'], 'central differences', quantity, settings)
     assert slope(steps, found) == pytest.approx(2, abs=0.1)
 
 
 def newton(mechanism, guess, tolerance):
-    """The iteration, and a list that grows by the gaps that it finds."""
-    links = Constants(Task(mechanism, guess).links())
-    step = Program(stages.newton_step, links, ('crank', 'coupler', 'output')).scalar
-    steps = []
+    return newton_raphson(LinkageCase(mechanism, (0.0,), guess), {'tolerance': tolerance})
 
-    def counted(*place):
-        steps.append(step(*place))
-        return steps[-1]
 
-    return newton_raphson(counted, guess, tolerance), steps
+# Any step ends an iteration of an infinite tolerance, and the next call goes on from there.
 
 
 def test_newton_raphson_is_of_order_2():
@@ -177,64 +159,61 @@ def test_newton_raphson_is_of_order_2():
     logs = []
     for direction in np.linspace(0, 2 * math.pi, 8, endpoint=False):
         guess = true + 0.2 * np.array([math.cos(direction), math.sin(direction)])
-        # Any step ends an iteration of this tolerance, and the next call goes on from there.
-        locate, steps = newton(mechanism, tuple(guess.tolist()), math.inf)
+        locate = newton(mechanism, tuple(guess.tolist()), math.inf)
         found = [float(np.linalg.norm(np.array(locate(1.0)) - true)) for _ in range(4)]
         logs += [np.log([a, b]) for a, b in itertools.pairwise(found) if b > 1e-13]
-        assert len(steps) == 4
     assert np.polyfit(*np.array(logs).T, 1)[0] == pytest.approx(2, abs=0.15)
 
 
 def test_newton_raphson_stops_at_its_cap():
-    mechanism = linkages.limited(np.random.default_rng(1))
-    _, end = Solver(mechanism).mobility.arcs[0]
-    locate, steps = newton(mechanism, (0.3, 0.5), 1e-12)
-    locate(end + 0.3)
-    assert len(steps) == CAP
+    mechanism = situations.limited(np.random.default_rng(1))
+    beyond = Solver(mechanism).mobility.arcs[0][1] + 0.3
+    once = newton(mechanism, (0.3, 0.5), math.inf)
+    steps = [once(beyond) for _ in range(CAP + 1)]
+    assert newton(mechanism, (0.3, 0.5), 1e-12)(beyond) == steps[CAP - 1] != steps[CAP]
 
 
 def test_listing_of_document_1_is_as_printed():
     """It plots the real parts of complex angles: its errata, as a method."""
     cranks = np.arange(100) * (math.tau / 100)
-    locate = listing(PRESETS['quadrilateral'], (math.radians(15), math.radians(100)))
+    guess = math.radians(15), math.radians(100)
+    locate = listing(LinkageCase(PRESETS['quadrilateral'], cranks, guess), {})
     found = np.array([locate(crank) for crank in cranks.tolist()]).T
     document = DocumentOne()
     printed, _ = document.positions(document.b, is_real=False)
     assert found == pytest.approx(printed.real, abs=1e-9)
     with pytest.raises(ConfigurationError, match='for a four-bar'):
-        listing(PRESETS['slider_crank'], (0.1, 0.2))(0.3)
+        listing(LinkageCase(PRESETS['slider_crank'], (0.3,)), {})(0.3)
 
 
 # ---------------------------------------------------------------- measuring
 
 
-def point(us, error, method='a', quantity='rate'):
-    return Measurement(method, '', 'm', quantity, ONE, us, error)
+def point(us, error, quantity='rate'):
+    panel = {'mechanism': 'm', 'quantity': quantity, 'mode': ONE}
+    return {**panel, 'us_per_state': us, 'max_error': error}
 
 
 def test_fronts_are_of_right_points_that_nothing_beats():
     points = [
         point(1.0, 1e-7), point(2.0, 1e-9), point(2.0, 1e-9), point(2.5, 1e-9), point(3.0, 1e-8),
-        point(4.0, 1e-15), point(0.1, 1e-3), point(9.0, math.inf), point(math.nan, math.inf),
+        point(4.0, 1e-15), point(0.1, 1e-3), point(9.0, None), point(None, None),
     ]  # fmt: skip
-    elsewhere = point(9.0, 1e-6, quantity='torque')
-    mark_fronts([*points, elsewhere])
-    assert [p.pareto for p in points] == [True, True, True, False, False, True] + [False] * 3
-    assert elsewhere.pareto
+    *found, elsewhere = with_fronts([*points, point(9.0, 1e-6, 'torque')])
+    assert [p['pareto'] for p in found] == [True, True, True, False, False, True] + [False] * 3
+    assert elsewhere['pareto']
 
 
-def test_errors_are_seen(benches):
-    bench = benches['quadrilateral']
-    crank = float(bench.cranks[3])
-    exact = bench.reference.state(crank)
+def test_errors_are_seen(turns):
+    case = turns['quadrilateral']
+    exact = case.reference.state(float(case.cranks[3]))
     first, second = map(float, exact['rate'])
-    assert bench.error('rate', crank, [first, second]) < EPSILON
-    assert 1e-4 < bench.error('rate', crank, [first, second + 1e-2]) < 1e-2
-    assert bench.error('rate', crank, [math.nan, second]) == math.inf
+    assert case.error('rate', 3, [first, second]) < EPSILON
+    assert 1e-4 < case.error('rate', 3, [first, second + 1e-2]) < 1e-2
     first, second = map(float, exact['position'])
-    assert bench.error('position', crank, [first + 6 * math.pi, second - 2 * math.pi]) < 4e-15
-    assert bench.error('position', crank, [first, second + 0.5]) == pytest.approx(0.5)
+    assert case.error('position', 3, [first + 6 * math.pi, second - 2 * math.pi]) < 4e-15
+    assert case.error('position', 3, [first, second + 0.5]) == pytest.approx(0.5)
     # As unit vectors, whose lengths count too.
     x, y, *other = map(float, exact['direction'])
-    assert bench.error('position', crank, [x, y, *other]) < EPSILON
-    assert bench.error('position', crank, [x * (1 + 1e-6), y, *other]) == pytest.approx(x * 1e-6)
+    assert case.error('position', 3, [x, y, *other]) < EPSILON
+    assert case.error('position', 3, [x * (1 + 1e-6), y, *other]) == pytest.approx(x * 1e-6)

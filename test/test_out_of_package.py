@@ -229,7 +229,7 @@ MEASURE = """
 import json
 from linkage_ros.lab.charts.accuracy import draw_accuracy
 from linkage_ros.lab.charts.stability import draw_stability
-from linkage_ros.lab.methods import accuracy, outcomes
+from linkage_ros.lab.methods import accuracy, measure
 from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.lab.methods.situations import SITUATIONS
 import inverse_cosine
@@ -239,11 +239,11 @@ plain = lambda what, _: what
 points = accuracy.measure_accuracy(
     accuracy.linkages(quick=True)[::2], METHODS, quick=True, progress=plain
 )
-draw_accuracy([p for p in points if p.mechanism == 'quadrilateral'], 'it', 'accuracy.png')
+draw_accuracy([p for p in points if p['mechanism'] == 'quadrilateral'], 'it', 'accuracy.png')
 some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
-cells = outcomes.measure_outcomes(some, METHODS, cases=2, progress=plain)
+cells = measure.measure_outcomes(some, METHODS, cases=2, progress=plain)
 draw_stability(cells, 'it', 'stability.png')
-print(json.dumps([[p.record() for p in points], [vars(c) for c in cells]]))
+print(json.dumps([points, cells]))
 """
 
 

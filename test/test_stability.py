@@ -14,8 +14,7 @@ from linkage_ros.lab.methods.loads import (
     GROWN,
     STRAIGHT,
 )
-from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
-from linkage_ros.lab.methods.outcomes import (
+from linkage_ros.lab.methods.measure import (
     DIVERGED,
     NAN,
     REFUSED,
@@ -23,6 +22,7 @@ from linkage_ros.lab.methods.outcomes import (
     WRONG_BRANCH,
     measure_outcomes,
 )
+from linkage_ros.lab.methods.motion_cases import MOTION_SITUATIONS
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.lab.methods.situations import SITUATIONS
 
@@ -70,15 +70,15 @@ NAMED = {
 def test_defaults_are_right_or_refuse_and_others_fail_where_they_are_named(situation, methods):
     chosen = [m for m in methods if m.name in DEFAULTS or (m.name, situation.name) in NAMED]
     for cell in measure_outcomes([situation], chosen, cases=2, progress=lambda items, _: items):
-        if cell.method not in DEFAULTS:
-            assert cell.outcome == NAMED[cell.method, cell.situation], cell
+        if cell['method'] not in DEFAULTS:
+            assert cell['outcome'] == NAMED[cell['method'], cell['situation']], cell
             continue
-        assert cell.outcome == (RIGHT if situation.exists else REFUSED), cell
+        assert cell['outcome'] == (RIGHT if situation.exists else REFUSED), cell
         largest = {DEFAULT: 1e-8, STRAIGHT: 1e-9, GROWN: 1e-10}.get(
-            cell.method, 1e-7 if situation.exists else 1e-3
+            cell['method'], 1e-7 if situation.exists else 1e-3
         )
-        assert cell.worst_error is None or cell.worst_error < largest, cell
-        assert cell.worst_error is not None or not situation.exists
+        assert cell['worst_error'] is None or cell['worst_error'] < largest, cell
+        assert cell['worst_error'] is not None or not situation.exists
 
 
 def test_every_method_but_the_defaults_has_a_cell_where_it_fails():

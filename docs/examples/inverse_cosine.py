@@ -14,9 +14,9 @@ from __future__ import annotations
 import math
 
 from linkage_ros.formulas import Vector, atan2, cos, sin, sqrt
-from linkage_ros.lab.methods.chain import POSITION, Method
+from linkage_ros.lab.methods.measure import Method
 from linkage_ros.lab.methods.registry import METHODS
-from linkage_ros.lab.methods.stages import Links
+from linkage_ros.lab.methods.stages import POSITION, Links
 from linkage_ros.numeric import Real
 
 

@@ -1,15 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Speed against accuracy: a picture for each linkage, and one for all motions."""
+"""Speed against accuracy: a picture for each linkage, one for all motions, one for `follow`."""
 
 from __future__ import annotations
 
 import itertools
-import math
+import operator
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,11 +18,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-from linkage_ros.lab.methods.accuracy import NEAR, Measurement
-from linkage_ros.lab.methods.chain import BATCH, ONE, QUANTITIES, Method, label
-from linkage_ros.lab.methods.motion_bench import ENERGY, MEAN, SLOWEST, TRAJECTORY
-from linkage_ros.lab.methods.outcomes import LIMIT
+from linkage_ros.lab.methods.accuracy import NEAR, Point
+from linkage_ros.lab.methods.measure import BATCH, LIMIT, ONE, Method, label
+from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
+from linkage_ros.lab.methods.stages import QUANTITIES
+from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -38,52 +39,46 @@ from linkage_ros.palette import (
 
 _CEILING = 10.0  # where larger errors are drawn
 _LEAST = 1e-17  # where an error of 0 is drawn
+_SPAN = 1.0, 100.0  # % of error of a followed crank that are drawn
 
 
-class _Style(NamedTuple):
-    """The style of a method; the defaults have the most prominent colour."""
-
-    marker: str
-    color: Color
-    filled: bool = True
-    size: float = 6.0
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Options for matplotlib."""
-        color = fractions(self.color)
-        face = color if self.filled else 'white'
-        return {
-            'marker': self.marker, 'color': color, 'markersize': self.size,
-            'markerfacecolor': face,
-        }  # fmt: skip
+def _style(marker: str, color: Color, size: float = 6.0, *, filled: bool = True) -> dict[str, Any]:
+    return {
+        'marker': marker, 'color': fractions(color), 'markersize': size,
+        'markerfacecolor': fractions(color) if filled else 'white',
+    }  # fmt: skip
 
 
+# The defaults have the most prominent colour.
 _STYLES = {
-    DEFAULT: _Style('*', VERMILION, size=13),
-    'factored, float32': _Style('*', VERMILION, filled=False, size=9),
-    'two circles': _Style('D', BLACK),
-    'half-angle': _Style('s', BLUE),
-    'Newton-Raphson': _Style('^', GREEN),
-    "document 1's listing": _Style('v', SKY, size=7),
-    'table, cubic Hermite': _Style('o', PURPLE),
-    '2x2 solve': _Style('P', ORANGE, size=7),
-    'central differences': _Style('.', DARK, size=7),
-    LIVE: _Style('o', VERMILION),
-    RECORDS: _Style('*', VERMILION, filled=False, size=11),
-    'DOP853': _Style('s', BLUE),
-    'RK4': _Style('^', GREEN),
-    'Radau': _Style('D', PURPLE),
-    'multipliers, unstabilised': _Style('X', DARK),
-    'multipliers, Baumgarte': _Style('P', SKY, size=7),
-    'multipliers, projected': _Style('v', ORANGE),
+    DEFAULT: _style('*', VERMILION, 13),
+    'factored, float32': _style('*', VERMILION, 9, filled=False),
+    'two circles': _style('D', BLACK),
+    'half-angle': _style('s', BLUE),
+    'Newton-Raphson': _style('^', GREEN),
+    "document 1's listing": _style('v', SKY, 7),
+    'table, cubic Hermite': _style('o', PURPLE),
+    '2x2 solve': _style('P', ORANGE, 7),
+    'central differences': _style('.', DARK, 7),
+    LIVE: _style('o', VERMILION),
+    RECORDS: _style('*', VERMILION, 11, filled=False),
+    'DOP853': _style('s', BLUE),
+    'RK4': _style('^', GREEN),
+    'Radau': _style('D', PURPLE),
+    'multipliers, unstabilised': _style('X', DARK),
+    'multipliers, Baumgarte': _style('P', SKY, 7),
+    'multipliers, projected': _style('v', ORANGE),
 }
-_OTHER = _Style('d', DARK, filled=False)  # of a method from outside the package
-_STEADY = _Style('*', VERMILION, size=13)  # of the live default at its own setting
+_OTHER = _style('d', DARK, filled=False)  # of a method from outside the package
+_STEADY = _style('*', VERMILION, 13)  # of the live default at its own setting
+_ENCODERS = [
+    _style(marker, color, 5)
+    for marker, color in zip('s^oDv', (VERMILION, ORANGE, GREEN, BLUE, PURPLE), strict=True)
+]
 _ROLES = {DEFAULT: 'default', LIVE: 'live; star: steps of 1 ms', RECORDS: 'default for records'}
 
 
-def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None:
+def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
     """Draws one linkage, quantity by quantity in both modes; or all motions, row by row.
 
     Args:
@@ -94,7 +89,7 @@ def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None
     Raises:
         OSError: The picture cannot be written.
     """
-    if points[0].quantity in QUANTITIES:
+    if points[0]['quantity'] in QUANTITIES:
         methods: Sequence[Method] = METHODS
         wide, columns = 2, [*itertools.product(QUANTITIES, (ONE, BATCH))]
         named = '{1}, {2}'
@@ -103,16 +98,17 @@ def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None
         wide, columns = 3, [(TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)]
         methods, named = INTEGRATORS, '{0}, {1}, {2}'
         time, error = 'time per simulated ms', 'rad, crank lengths, or relative'
-    mechanisms = dict.fromkeys(point.mechanism for point in points)
+    mechanisms = dict.fromkeys(point['mechanism'] for point in points)
     panels = [(name, *column) for name in mechanisms for column in columns]
     high = len(panels) // wide
     figure = Figure(figsize=(WIDTH, 2.6 + 2.2 * high), dpi=DPI, layout='constrained')
     figure.suptitle(title, fontsize=TITLE)
     grid = figure.subplots(high, wide, sharey=True, sharex='col')
     for axes, panel in zip(grid.flat, panels, strict=True):
-        _draw_panel(axes, [p for p in points if (p.mechanism, p.quantity, p.mode) == panel])
         words = named.format(*panel).replace('_', ' ').replace(f', {MEAN}', '')
         axes.set_title(words, fontsize=TEXT)
+        place = operator.itemgetter('mechanism', 'quantity', 'mode')
+        _draw_panel(axes, [point for point in points if place(point) == panel])
     for axes in grid[-1]:
         axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
         low, high = axes.get_xlim()
@@ -123,7 +119,7 @@ def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None
     figure.supylabel(f'largest error: {error}', fontsize=TEXT)
     handles = [
         Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0, label=_name(method.name),
-               **_STYLES.get(method.name, _OTHER).options)
+               **_STYLES.get(method.name, _OTHER))
         for method in methods
     ]  # fmt: skip
     handles += [
@@ -137,44 +133,41 @@ def draw_accuracy(points: Sequence[Measurement], title: str, path: Path) -> None
     figure.savefig(path)
 
 
-def _draw_panel(axes: Axes, points: Sequence[Measurement]) -> None:
-    axes.set_xscale('log')
-    axes.set_yscale('log')
-    axes.grid(visible=True, which='major', color='0.9', linewidth=0.6)
-    axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
-    drawn = [p for p in points if math.isfinite(p.max_error) and math.isfinite(p.us_per_state)]
-    for method, group in itertools.groupby(drawn, key=lambda point: point.method):
-        found = list(group)
-        axes.plot(
-            [p.us_per_state for p in found], [_height(p) for p in found], linewidth=0.9,
-            zorder=5 if method in _ROLES else 3,
-            **_STYLES.get(method, _OTHER).options,
-        )  # fmt: skip
-    for point in drawn:
-        if (point.method, point.setting) == (LIVE, label(INTEGRATORS[0].steady)):
-            axes.plot([point.us_per_state], [_height(point)], zorder=6, **_STEADY.options)
-    front = sorted((p for p in points if p.pareto), key=lambda p: p.us_per_state)
-    axes.step(
-        [p.us_per_state for p in front], [_height(p) for p in front], where='post',
-        color=fractions(BLACK), linewidth=1.2, alpha=0.7, zorder=2,
-    )  # fmt: skip
-    failed = dict.fromkeys(p.method for p in points if p not in drawn)
-    if failed:
-        height = 0.565 if points[0].mechanism == NEAR else 0.97  # clear of the curves
-        axes.text(
-            0.98, height, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
-            fontsize=SMALL, ha='right', va='top', transform=axes.transAxes, color='0.3',
-        )  # fmt: skip
-    axes.set_ylim(2e-17, 30 * _CEILING)
-    axes.set_yticks([10.0**exponent for exponent in range(-15, 1, 3)])
+def _log_axes(axes: Axes, **options: Any) -> None:
+    axes.set(xscale='log', yscale='log', **options)
     axes.tick_params(labelsize=SMALL)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_locator(NullLocator())
 
 
-def _height(point: Measurement) -> float:
-    return float(np.clip(point.max_error, _LEAST, _CEILING))
+def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
+    _log_axes(axes, ylim=(2e-17, 30 * _CEILING))
+    axes.set_yticks([10.0**exponent for exponent in range(-15, 1, 3)])
+    axes.grid(visible=True, which='major', color='0.9', linewidth=0.6)
+    axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
+    drawn = [p for p in points if None not in (p['max_error'], p['us_per_state'])]
+    for method, group in itertools.groupby(drawn, key=lambda point: point['method']):
+        style, order = _STYLES.get(method, _OTHER), 5 if method in _ROLES else 3
+        axes.plot(*_places(list(group)), linewidth=0.9, zorder=order, **style)
+    steady = LIVE, label(INTEGRATORS[0].steady)
+    own = [p for p in drawn if (p['method'], p['setting']) == steady]
+    axes.plot(*_places(own), zorder=6, **_STEADY)
+    front = sorted((p for p in points if p['pareto']), key=lambda p: p['us_per_state'])
+    axes.step(
+        *_places(front), where='post', color=fractions(BLACK), linewidth=1.2, alpha=0.7, zorder=2
+    )
+    if failed := dict.fromkeys(p['method'] for p in points if p not in drawn):
+        height = 0.565 if points[0]['mechanism'] == NEAR else 0.97  # clear of the curves
+        axes.text(
+            0.98, height, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
+            fontsize=SMALL, ha='right', va='top', transform=axes.transAxes, color='0.3',
+        )  # fmt: skip
+
+
+def _places(points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    heights = np.clip([p['max_error'] for p in points], _LEAST, _CEILING)
+    return [p['us_per_state'] for p in points], heights.tolist()
 
 
 def _settings(methods: Sequence[Method]) -> str:
@@ -192,3 +185,39 @@ def _settings(methods: Sequence[Method]) -> str:
 
 def _name(method: str) -> str:
     return f'{method} ({_ROLES[method]})' if method in _ROLES else method
+
+
+def draw_follow(points: Sequence[Point], title: str, path: Path) -> None:
+    """Draws the torque error of a measured crank over the bandwidth, for each encoder.
+
+    Args:
+        points: All points.
+        title: Title of the picture.
+        path: The PNG file, replaced if it exists.
+
+    Raises:
+        OSError: The picture cannot be written.
+    """
+    figure = Figure(figsize=(WIDTH, 4.8), dpi=DPI, layout='constrained')
+    figure.suptitle(title, fontsize=TITLE)
+    panels = figure.subplots(1, 2, sharey=True, sharex=True)
+    default = FollowDrive().follow_bandwidth
+    for axes, velocity in zip(panels, (False, True), strict=True):
+        chosen = [p for p in points if p['measured_velocity'] == velocity]
+        lines = itertools.groupby(chosen, key=lambda p: p['bits'])
+        for (bits, group), style in zip(lines, _ENCODERS, strict=False):
+            line = [(p['follow_bandwidth'], 100 * p['max_error']) for p in group]
+            axes.plot(*zip(*line, strict=True), linewidth=1.2, label=f'{bits} bit', **style)
+        axes.axvline(default, color=fractions(BLACK), linestyle='--', linewidth=1.0,
+                     label=f'default, {default:g} Hz')  # fmt: skip
+        _log_axes(axes, ylim=_SPAN)
+        axes.grid(visible=True, which='both', color='0.9', linewidth=0.6)
+        words = 'angle and velocity are measured' if velocity else 'the angle is measured'
+        axes.set_title(words, fontsize=TEXT)
+        axes.set_xlabel('follow_bandwidth, Hz', fontsize=TEXT)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+    panels[0].set_ylabel('largest torque error, % of the peak torque', fontsize=TEXT)
+    panels[0].legend(fontsize=SMALL, loc='lower left')
+    figure.savefig(path)

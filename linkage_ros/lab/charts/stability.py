@@ -7,6 +7,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -21,16 +22,15 @@ from linkage_ros.lab.methods.loads import (
     GROWN,
     STRAIGHT,
 )
-from linkage_ros.lab.methods.motion_situations import MOTION_SITUATIONS
-from linkage_ros.lab.methods.outcomes import (
+from linkage_ros.lab.methods.measure import (
     DIVERGED,
     NAN,
     REFUSED,
     RIGHT,
     WRONG_BRANCH,
-    Cell,
     Situation,
 )
+from linkage_ros.lab.methods.motion_cases import MOTION_SITUATIONS
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
@@ -68,7 +68,7 @@ _TOP, _FOOT = 0.5, 0.75
 _NAMES, _SAID = 16, 42  # letters in a line, of situations and of what is said of them
 
 
-def draw_stability(cells: Sequence[Cell], title: str, path: Path) -> None:
+def draw_stability(cells: Sequence[dict[str, Any]], title: str, path: Path) -> None:
     """Draws one grid below the other.
 
     Args:
@@ -79,60 +79,57 @@ def draw_stability(cells: Sequence[Cell], title: str, path: Path) -> None:
     Raises:
         OSError: The picture cannot be written.
     """
-    heights = [_ABOVE + _HIGH * len(situations) for _, situations in GRIDS]
-    height = _TOP + sum(heights) + _FOOT
+    height = _TOP + sum(_ABOVE + _HIGH * len(situations) for _, situations in GRIDS) + _FOOT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
     y = height - _TOP
-    for (methods, situations), room in zip(GRIDS, heights, strict=True):
-        y -= room
-        across, down = _WIDE * len(methods), room - _ABOVE
+    for methods, situations in GRIDS:
+        across, down = _WIDE * len(methods), _HIGH * len(situations)
+        y -= _ABOVE + down
         axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
         _draw_grid(axes, [method.name for method in methods], situations, cells)
     figure.suptitle(title, fontsize=TITLE, y=1 - 0.15 / height)
-    figure.legend(
-        handles=[
-            Patch(facecolor=fractions(fill), label=_WORDS[name])
-            for name, (fill, _) in _COLORS.items()
-        ],
-        loc='lower center', ncols=3, fontsize=SMALL, frameon=False,
-    )  # fmt: skip
+    patches = [
+        Patch(facecolor=fractions(fill), label=_WORDS[name]) for name, (fill, _) in _COLORS.items()
+    ]
+    figure.legend(handles=patches, loc='lower center', ncols=3, fontsize=SMALL, frameon=False)
     figure.savefig(path)
 
 
 def _draw_grid(
-    axes: Axes, methods: list[str], situations: Sequence[Situation], cells: Sequence[Cell]
+    axes: Axes,
+    methods: list[str],
+    situations: Sequence[Situation],
+    cells: Sequence[dict[str, Any]],
 ) -> None:
-    rows = {situation.name: (i, situation) for i, situation in enumerate(situations)}
-    axes.set_xlim(0, len(methods))
-    axes.set_ylim(len(rows), 0)
-    for cell in cells:
-        if cell.situation not in rows:
-            continue
-        x, (y, situation) = methods.index(cell.method), rows[cell.situation]
-        fill, ink = map(fractions, _COLORS[cell.outcome])
-        axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
-        # Where no state exists, a refusal is right.
-        good = cell.outcome == RIGHT or (cell.outcome == REFUSED and not situation.exists)
-        words = _SHORT.get(cell.outcome, cell.outcome)
-        if cell.worst_error is not None:
-            words += f'\n{cell.worst_error:.0e}'
-        axes.text(
-            x + 0.5, y + 0.52, words, ha='center', va='center', color=ink, fontsize=NUMBERS,
-            fontweight='normal' if good else 'bold',
-        )  # fmt: skip
-    labels = []
-    for y, situation in rows.values():
-        labels.append(textwrap.fill(situation.name, _NAMES))
+    axes.set(xlim=(0, len(methods)), ylim=(len(situations), 0))
+    for y, situation in enumerate(situations):
         axes.text(
             len(methods) + 0.15, y + 0.5, textwrap.fill(situation.words, _SAID),
             va='center', fontsize=SMALL, color='0.3',
         )  # fmt: skip
+        for cell in (cell for cell in cells if cell['situation'] == situation.name):
+            x, outcome = methods.index(cell['method']), cell['outcome']
+            fill, ink = map(fractions, _COLORS[outcome])
+            square = Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5)
+            axes.add_patch(square)
+            # Where no state exists, a refusal is right.
+            is_good = outcome == RIGHT or (outcome == REFUSED and not situation.exists)
+            words = _SHORT.get(outcome, outcome)
+            if cell['worst_error'] is not None:
+                words += f'\n{cell["worst_error"]:.0e}'
+            axes.text(
+                x + 0.5, y + 0.52, words, ha='center', va='center', color=ink, fontsize=NUMBERS,
+                fontweight='normal' if is_good else 'bold',
+            )  # fmt: skip
     axes.set_xticks(
         [i + 0.5 for i in range(len(methods))], map(_name, methods),
         rotation=52, ha='left', fontsize=SMALL,
     )  # fmt: skip
     axes.xaxis.tick_top()
-    axes.set_yticks([i + 0.5 for i in range(len(rows))], labels, fontsize=SMALL)
+    axes.set_yticks(
+        [i + 0.5 for i in range(len(situations))],
+        [textwrap.fill(situation.name, _NAMES) for situation in situations], fontsize=SMALL,
+    )  # fmt: skip
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
 

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Methods of integrating motion under a torque, to one time after another.
 
-The package's own are those of live runs (motion/fixed_step_integrator.py) and of records
-(motion/adaptive_integrator.py).
+Each begins at the start of an initial value problem. `at` integrates to a time not before the last
+one, s, and returns the phase: coordinates, the crank with all its turns, then their rates. `gap`
+is then the gap of the loop, m. The package's own methods are those of live runs
+(motion/fixed_step_integrator.py) and of records (motion/adaptive_integrator.py).
 """
 
 from __future__ import annotations
@@ -29,65 +31,43 @@ _END = 1e10  # s, which no run reaches
 _MOST_STEPS = 500  # from one time to the next: with more it is stuck
 
 
-class Follower:
-    """A motion being integrated.
-
-    Attributes:
-        problem: The motion and its start.
-        phase: Coordinates, the crank with all its turns, then their rates.
-    """
-
-    def __init__(self, problem: InitialValueProblem) -> None:
-        self.problem, self.phase = problem, problem.start
-
-    def at(self, time: float) -> Phase:
-        """Integrates the motion to a time not before the last one, s; returns the phase."""
-        self.phase = self._advance(time)
-        return self.phase
-
-    def gap(self) -> float:
-        """Gap of the loop, m: 0, because coordinates always close it."""
-        solver, count = self.problem.driven.solver, self.problem.count
-        return _gap(solver, self.phase[:count], self.phase[count:])
-
-    def _advance(self, time: float) -> Phase:
-        raise NotImplementedError
+def _gap(solver: Solver, phase: Phase) -> float:
+    """The gap at coordinates, which close the loop by themselves, but for rounding."""
+    half = len(phase) // 2
+    state = solver.state(phase[:half], phase[half:], (0.0,) * half)
+    return loop_residual(solver.structure, state)
 
 
-def _gap(solver: Solver, q: Phase, u: Phase) -> float:
-    return loop_residual(solver.structure, solver.state(q, u, (0.0,) * len(q)))
-
-
-class OfPackage(Follower):
+class OfPackage:
     """The package's own steps, which reduce the crank angle and count its turns."""
 
     def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
-        super().__init__(problem)
         self._steps = begin(problem.driven, problem.start)
 
-    def _advance(self, time: float) -> Phase:
+    def at(self, time: float) -> Phase:
+        """See above."""
         steps = self._steps
         steps.advance(time)
         moment = published(steps.driven, steps.phase, steps.pairs)
         return moment.unwrapped, *moment.q[1:], *moment.u
 
     def gap(self) -> float:
-        """See `Follower`: in the coordinates that describe it now."""
-        phase, half = self._steps.phase, len(self._steps.phase) // 2
-        return _gap(self._steps.driven.solver, phase[:half], phase[half:])
+        """See above: in the coordinates that describe it now."""
+        return _gap(self._steps.driven.solver, self._steps.phase)
 
 
-class RungeKutta4(Follower):
+class RungeKutta4:
     """The classical textbook method of order 4 in equal steps, without error control."""
 
     def __init__(self, problem: InitialValueProblem, step: float) -> None:
-        super().__init__(problem)
+        self._driven, self._phase = problem.driven, problem.start
         self._longest, self._time = step, 0.0
 
-    def _advance(self, time: float) -> Phase:
-        span, slope = time - self._time, self.problem.driven.slope
-        steps = math.ceil(span / self._longest * (1 - 1e-9))
-        y, h = self.phase, span / max(steps, 1)
+    def at(self, time: float) -> Phase:
+        """See above."""
+        span, slope, y = time - self._time, self._driven.slope, self._phase
+        steps = max(1, math.ceil(span / self._longest * (1 - 1e-9)))
+        h = span / steps
         for _ in range(steps):
             k1 = slope(y)
             k2 = slope(_moved(y, h / 2, k1))
@@ -95,11 +75,20 @@ class RungeKutta4(Follower):
             k4 = slope(_moved(y, h, k3))
             sums = [a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
             y = _moved(y, h / 6, sums)
-        self._time = time
+        self._time, self._phase = time, y
         return y
 
+    def gap(self) -> float:
+        """See above."""
+        return _gap(self._driven.solver, self._phase)
 
-class OfScipy(Follower):
+
+def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
+    """Moves along one slope, a sixth faster than by the sums of fixed_step_integrator.py."""
+    return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
+
+
+class OfScipy:
     """One of SciPy's solvers, with its own dense output between steps."""
 
     def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
@@ -110,37 +99,46 @@ class OfScipy(Follower):
             solver: Name of the class in scipy.integrate.
             tolerance: Tolerance, relative, and absolute in rad and crank lengths.
         """
-        super().__init__(problem)
-        start, units = self._begin()
+        self._problem = problem
+        self._values, units = self._begin()
         self._steps: Any = getattr(integrate, solver)(
-            self._slope, 0.0, np.array(start), _END, first_step=_FIRST_STEP,
+            self._slope, 0.0, np.array(self._values), _END, first_step=_FIRST_STEP,
             rtol=tolerance, atol=tolerance * np.array(units),
         )  # fmt: skip
         self._between: Any = None
 
     def _begin(self) -> tuple[Phase, Phase]:
         """The values at t = 0, and their units."""
-        return self.problem.start, self.problem.driven.units
+        return self._problem.start, self._problem.driven.units
 
     def _slope(self, _: float, values: Array) -> Array:
-        return np.array(self.problem.driven.slope(tuple(values.tolist())))
+        return np.array(self._problem.driven.slope(tuple(values.tolist())))
 
-    def _advance(self, time: float) -> Phase:
+    def at(self, time: float) -> Phase:
+        """See above.
+
+        Raises:
+            ArithmeticError: It is stuck.
+        """
         steps = self._steps
         for _ in range(_MOST_STEPS):
             if steps.t >= time:
-                found: list[float] = self._between(time).tolist()
-                return tuple(found)
+                self._values = tuple(self._between(time).tolist())
+                return self._values
             with np.errstate(all='ignore'):  # what is not finite is seen by who asked
                 message = steps.step()
-                if steps.status == 'failed':
-                    raise ArithmeticError(message)
-                self._between = steps.dense_output()
-                self._correct(steps)
+            if steps.status == 'failed':
+                raise ArithmeticError(message)
+            self._between = steps.dense_output()
+            self._correct(steps)
         raise ArithmeticError(f'the steps from {steps.t} s on are too short to get anywhere')
 
     def _correct(self, steps: Any) -> None:
         """Changes the values at the end of a step."""
+
+    def gap(self) -> float:
+        """See above."""
+        return _gap(self._problem.driven.solver, self._values)
 
 
 class Multipliers(OfScipy):
@@ -173,13 +171,12 @@ class Multipliers(OfScipy):
         super().__init__(problem, 'DOP853', tolerance)
 
     def _begin(self) -> tuple[Phase, Phase]:
-        problem, count = self.problem, self.problem.count
+        problem, count = self._problem, self._problem.count
         q, u = problem.start[:count], problem.start[count:]
         state = problem.driven.solver.state(q, u, (0.0,) * count)
         length = problem.mechanism.crank.length
         units = tuple(length if slides else 1.0 for slides in self._bodies.slides)
-        self._values = *state.position, *state.velocity
-        return self._values, units * 2
+        return (*state.position, *state.velocity), units * 2
 
     def _places(self, values: Sequence[float]) -> list[Vector]:
         pairs = zip(values, self._bodies.slides, strict=False)
@@ -189,7 +186,7 @@ class Multipliers(OfScipy):
         half, row = len(values) // 2, values.tolist()
         rates, places = row[half:], self._places(row)
         matrix, right = self._bodies.system(places, rates)
-        right[0] += self.problem.motor.at(rates[0])
+        right[0] += self._problem.motor.at(rates[0])
         k = self._closing
         for i, gap in enumerate(self._bodies.gap(places) if k else (), half):
             right[i] -= k * (2 * np.dot(matrix[i][:half], rates) + k * gap)
@@ -213,19 +210,14 @@ class Multipliers(OfScipy):
             values = values - np.linalg.solve(matrix, gaps)[:half].T.ravel()
         return values
 
-    def _advance(self, time: float) -> Phase:
-        self._values = super()._advance(time)
+    def at(self, time: float) -> Phase:
+        """See above."""
+        values = super().at(time)
         if self._projects:
-            self._values = tuple(self._projected(np.array(self._values)).tolist())
-        rates = self._values[len(self._values) // 2 :]
-        places = self._values[: len(rates)]
+            values = self._values = tuple(self._projected(np.array(values)).tolist())
+        places, rates = values[: len(values) // 2], values[len(values) // 2 :]
         return places[0], *places[3:], rates[0], *rates[3:]
 
     def gap(self) -> float:
-        """Present gap of the loop, m."""
+        """See above."""
         return math.hypot(*self._bodies.gap(self._places(self._values)))
-
-
-def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Moves along one slope, a sixth faster than by the sums of fixed_step_integrator.py."""
-    return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])

@@ -15,26 +15,28 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import LinkageError
-from linkage_ros.lab.methods.chain import Method, Task
-from linkage_ros.lab.methods.linkages import Random, slider_crank
-from linkage_ros.lab.methods.outcomes import (
-    DIVERGED,
-    LIMIT,
-    REFUSED,
-    RIGHT,
-    Outcome,
+from linkage_ros.lab.methods.measure import (
+    ONE,
+    Case,
+    Method,
+    Panel,
+    Row,
+    Setting,
     Situation,
-    one_by_one,
+    attempt,
 )
+from linkage_ros.lab.methods.situations import Random, slider_crank
+from linkage_ros.lab.methods.stages import ACCELERATION, SPEED
 from linkage_ros.model.friction import Friction
 from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.slider_crank import SliderCrank
@@ -47,68 +49,61 @@ _ROUNDS = 100
 _PROBE = 10.0  # N, along the guide
 
 
-class NumberBench:
+class NumberCase(Case):
     """A number that methods compute.
 
     Attributes:
+        given: What they compute it from: of a load curve its points, rad and N m, and the crank
+            angle, rad; of friction the linkage with it, the crank angle, b, N, and k.
         exact: The right answer.
         size: Errors are relative to this.
     """
 
-    exact: float
-    size: float
+    def __init__(self, given: tuple[Any, ...], exact: float, size: float) -> None:
+        self.given, self.exact, self.size = given, exact, size
 
-    def judge(self, method: Method, situation: Situation) -> Iterator[Outcome]:
-        """The outcome of a method, with the relative error."""
-        try:
-            error = abs(method.solve(self) - self.exact) / self.size
-        except LinkageError:
-            yield REFUSED, None
-        else:
-            yield (RIGHT if situation.exists and error <= LIMIT else DIVERGED), error
+    def own(self, method: Method) -> Iterable[Panel]:
+        """See `Case`."""
+        return [(method.stage, ONE)]
+
+    def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
+        """See `Case`."""
+        del setting, quantity, mode
+        return [attempt(lambda: (method.solve(*self.given),))]
+
+    def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
+        """See `Case`."""
+        del quantity, place
+        return abs(row[0] - self.exact) / self.size
 
 
 # ---------------------------------------------------------------- load curves
 
 
-class CurveBench(NumberBench):
-    """A periodic load curve at one crank angle.
-
-    Attributes:
-        at: Where its points are, rising within a turn, rad.
-        value: There, N m.
-        crank: Crank angle, rad.
-    """
-
-    def __init__(self, random: Random, at: list[float], crank: float) -> None:
-        self.at, self.value = at, random.uniform(-_LARGEST, _LARGEST, len(at)).tolist()
-        self.crank, self.size = crank, _LARGEST
-        self.exact = self.line(crank)
-
-    def line(self, crank: float) -> float:
-        """The value on the straight lines between the points, N m."""
-        first = Fraction(self.at[0])
-        place = first + (Fraction(crank) - first) % TURN
-        at, value = [*map(Fraction, self.at), first + TURN], [*self.value, self.value[0]]
-        i = bisect.bisect_right(at, place) - 1
-        low, high = Fraction(value[i]), Fraction(value[i + 1])
-        return float(low + (high - low) * (place - at[i]) / (at[i + 1] - at[i]))
+def _lines(at: list[float], value: list[float], crank: float) -> float:
+    """The value on the straight lines between points that rise within a turn (rad), N m."""
+    places = [*map(Fraction, at), Fraction(at[0]) + TURN]
+    place = places[0] + (Fraction(crank) - places[0]) % TURN
+    i = bisect.bisect_right(places, place) - 1
+    low, high = map(Fraction, (*value, value[0])[i : i + 2])
+    return float(low + (high - low) * (place - places[i]) / (places[i + 1] - places[i]))
 
 
-def _own_curve(bench: CurveBench) -> float:
-    curve = LoadCurve('crank', at=tuple(bench.at), value=tuple(bench.value))
+def _own_curve(at: list[float], value: list[float], crank: float) -> float:
+    curve = LoadCurve('crank', at=tuple(at), value=tuple(value))
     resting = replace(slider_crank(0.1, 0.3, 0.0), gravity=(0.0, 0.0), loads=(curve,))
-    return -float(Solver(resting).state(bench.crank).torque)
+    return -float(Solver(resting).state(crank).torque)
 
 
-def _spline(bench: CurveBench) -> float:
-    at, value = [*bench.at, bench.at[0] + math.tau], [*bench.value, bench.value[0]]
-    return float(CubicSpline(at, value, bc_type='periodic')(bench.crank))
+def _spline(at: list[float], value: list[float], crank: float) -> float:
+    places, values = [*at, at[0] + math.tau], [*value, value[0]]
+    return float(CubicSpline(places, values, bc_type='periodic')(crank))
 
 
-def _nodes(bench: CurveBench) -> float:
+def _nodes(at: list[float], value: list[float], crank: float) -> float:
     nodes = np.arange(_NODES + 1) * (math.tau / _NODES)
-    return float(np.interp(bench.crank % math.tau, nodes, [*map(bench.line, nodes.tolist())]))
+    values = [_lines(at, value, node) for node in nodes.tolist()]
+    return float(np.interp(crank % math.tau, nodes, values))
 
 
 STRAIGHT = 'straight lines'
@@ -121,86 +116,65 @@ CURVE_METHODS = [
 
 def _points(random: Random) -> list[float]:
     even = np.arange(_POINTS) + random.uniform(-0.4, 0.4, _POINTS) + 0.5
-    points: list[float] = (even * (math.tau / _POINTS)).tolist()
-    return points
+    return [float(x) for x in even * (math.tau / _POINTS)]
 
 
-def _corner(random: Random, i: int) -> CurveBench:
+def _valued(random: Random, at: list[float], crank: float) -> NumberCase:
+    curve = at, random.uniform(-_LARGEST, _LARGEST, len(at)).tolist(), crank
+    return NumberCase(curve, _lines(*curve), _LARGEST)
+
+
+def _corner(random: Random, i: int) -> NumberCase:
     at = _points(random)
-    return CurveBench(random, at, at[i % _POINTS] - _BESIDE)
+    return _valued(random, at, at[i % _POINTS] - _BESIDE)
 
 
-def _steep(random: Random, _: int) -> CurveBench:
+def _steep(random: Random, _: int) -> NumberCase:
     at = _points(random)
     crank = at[3] + _STEEP * float(random.uniform(0.2, 0.8))
-    return CurveBench(random, sorted([*at, at[3] + _STEEP]), crank)
+    return _valued(random, sorted([*at, at[3] + _STEEP]), crank)
 
 
 CURVE_SITUATIONS = (
-    one_by_one('corner of a load curve', f'{_BESIDE:g} rad beside one of its points', _corner),
-    one_by_one('steep edge', f'between two points that are {_STEEP:g} rad apart', _steep),
+    Situation('corner of a load curve', f'{_BESIDE:g} rad beside one of its points', _corner),
+    Situation('steep edge', f'between two points that are {_STEEP:g} rad apart', _steep),
 )
 
 
 # ---------------------------------------------------------------- friction
 
 
-class FrictionBench(NumberBench):
-    """The normal force of the guide of one slider-crank at one crank angle, N.
-
-    Attributes:
-        push: The force without friction, to the guide's left: b, N.
-        gain: k: what friction by 1 N of normal force adds to it.
-        locks: Gain in the direction of that force: 1 or more locks the mechanism.
-    """
-
-    def __init__(self, mechanism: SliderCrank, crank: float, share: float) -> None:
-        """Prepares it.
-
-        Args:
-            mechanism: The linkage, without friction.
-            crank: Crank angle, rad.
-            share: Coefficient of friction over the one at which |k| is 1.
-        """
-        self._mechanism, self._crank = mechanism, crank
-        self.push, velocity = self._force(mechanism)
-        pushed = replace(mechanism, slider=replace(mechanism.slider, force=_PROBE))
-        slope = -math.copysign(1.0, velocity) * (self._force(pushed)[0] - self.push) / _PROBE
-        self._friction = Friction(guide=share / abs(slope))
-        self.gain = self._friction.guide * slope
-        self.locks = self.gain * math.copysign(1.0, self.push)
-        self.exact = abs(self.push) / (1 - self.locks)
-        self.size = abs(self.exact)
-
-    def _force(self, mechanism: SliderCrank) -> tuple[float, float]:
-        solver, task = Solver(mechanism), Task.at(mechanism, self._crank)
-        state = solver.state(self._crank, task.speed, task.acceleration)
-        return float(solver.reactions(state).guide_force or 0.0), float(state.velocity[-1])
-
-    def own(self) -> float:
-        """The normal force by the package."""
-        return abs(self._force(replace(self._mechanism, loads=(self._friction,)))[0])
+def _guide(mechanism: SliderCrank, crank: float) -> tuple[float, float]:
+    """The force in the guide, to its left, N, and the velocity of the slider, m/s."""
+    solver = Solver(mechanism)
+    state = solver.state(crank, SPEED, ACCELERATION)
+    return float(solver.reactions(state).guide_force or 0.0), float(state.velocity[-1])
 
 
-def _fixed_point(bench: FrictionBench) -> float:
+def _grown(mechanism: SliderCrank, crank: float, *_: float) -> float:
+    return abs(_guide(mechanism, crank)[0])
+
+
+def _fixed_point(_: SliderCrank, __: float, push: float, gain: float) -> float:
     force = 0.0
-    for _ in range(_ROUNDS):
-        force = abs(bench.push + bench.gain * force)
+    for _round in range(_ROUNDS):
+        force = abs(push + gain * force)
     return force
 
 
-def _newton(bench: FrictionBench) -> float:
-    force = 10.0 * abs(bench.push)  # as from a state before, in which more was pressed
-    for _ in range(_ROUNDS):
-        sign = math.copysign(1.0, bench.push + bench.gain * force)
-        force = sign * bench.push / (1 - sign * bench.gain)
+def _newton(_: SliderCrank, __: float, push: float, gain: float) -> float:
+    force = 10.0 * abs(push)  # as from a state before, in which more was pressed
+    for _round in range(_ROUNDS):
+        sign = math.copysign(1.0, push + gain * force)
+        force = sign * push / (1 - sign * gain)
     return force
 
 
 GROWN = 'Newton, growing'
 FRICTION_METHODS = [
     Method(
-        GROWN, 'friction', 'nothing', 'this package: dynamics/friction.py', FrictionBench.own,
+        GROWN, 'friction', 'nothing', 'this package: dynamics/friction.py',
+        _grown,
     ),
     Method(
         'Newton, at once', 'friction', 'a first guess', 'Newton on N = abs(b + k N)', _newton,
@@ -211,34 +185,38 @@ FRICTION_METHODS = [
 ]  # fmt: skip
 
 
-def _rubbing(
-    name: str, words: str, share: float, wanted: Callable[[float], bool], *, exists: bool = True
-) -> Situation:
-    """Random slider-cranks with a share of the coefficient at which |k| is 1."""
-
-    def make(random: Random, _: int) -> FrictionBench:
-        while True:
-            r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
-            crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
-            bench = FrictionBench(slider_crank(r, b, offset), crank, share)
-            if wanted(bench.locks):
-                return bench
-
-    return one_by_one(name, words, make, exists=exists)
+def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) -> NumberCase:
+    """A random slider-crank with a share of the coefficient at which |k| is 1."""
+    r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
+    crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
+    smooth = slider_crank(r, b, offset)
+    push, velocity = _guide(smooth, crank)
+    pushed = replace(smooth, slider=replace(smooth.slider, force=_PROBE))
+    slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / _PROBE
+    # Gain in the direction of the force: 1 or more locks the mechanism.
+    locks = share * math.copysign(1.0, slope * push)
+    if (locks < 0) != relieves:
+        return _rubbing(random, 0, share=share, relieves=relieves)
+    mechanism = replace(smooth, loads=(Friction(guide=share / abs(slope)),))
+    exact = abs(push) / (1 - locks)
+    given = mechanism, crank, push, share * math.copysign(1.0, slope)
+    return NumberCase(given, exact, abs(exact))
 
 
 FRICTION_SITUATIONS = (
-    _rubbing('friction', 'the normal force grows by a tenth', 0.1, lambda k: k > 0),
-    _rubbing(
-        'nearly self-locking', 'the coefficient is 0.999 of the one that locks', 0.999,
-        lambda k: k > 0,
+    Situation(
+        'friction', 'the normal force grows by a tenth', partial(_rubbing, share=0.1)
     ),
-    _rubbing(
-        'friction that relieves', 'friction takes off three times what presses on the guide', 3.0,
-        lambda k: k < 0,
+    Situation(
+        'nearly self-locking', 'the coefficient is 0.999 of the one that locks',
+        partial(_rubbing, share=0.999),
     ),
-    _rubbing(
-        'self-locking', 'the coefficient is 1.001 of the one that locks', 1.001, lambda k: k > 0,
-        exists=False,
+    Situation(
+        'friction that relieves', 'friction takes off three times what presses on the guide',
+        partial(_rubbing, share=3.0, relieves=True),
+    ),
+    Situation(
+        'self-locking', 'the coefficient is 1.001 of the one that locks',
+        partial(_rubbing, share=1.001), exists=False,
     ),
 )  # fmt: skip

@@ -7,49 +7,25 @@ To add a method, append an entry here, or in a file of your own before a chart i
 
 from __future__ import annotations
 
-import operator
 from functools import partial
 
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.trees import Constants
-from linkage_ros.formulas import Opaque
 from linkage_ros.lab.methods import stages, tables
-from linkage_ros.lab.methods.chain import (
-    BATCH,
-    MOTION,
-    ONE,
-    POSITION,
-    RATES,
-    STATE,
-    Method,
-    Setting,
-    Task,
-)
 from linkage_ros.lab.methods.integrators import Multipliers, OfPackage, OfScipy, RungeKutta4
+from linkage_ros.lab.methods.measure import BATCH, ONE, Method, Setting
+from linkage_ros.lab.methods.stages import POSITION, RATES, STATE
 from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE
 from linkage_ros.motion.integrators import live_steps, record_steps
-
-
-def _looks_up(locate: tables.Locator) -> tuple[Opaque, ...]:
-    """The tool of `stages.looked_up`: a function that gives a position, and both parts of it."""
-    return Opaque(locate), Opaque(operator.itemgetter(0)), Opaque(operator.itemgetter(1))
-
-
-def _newton(task: Task, setting: Setting) -> tuple[Opaque, ...]:
-    names = 'crank', 'coupler', 'output'
-    step = Program(stages.newton_step, Constants(task.links()), names).scalar
-    return _looks_up(tables.newton_raphson(step, task.guess, setting['tolerance']))
-
 
 DEFAULT = 'factored closed form'
 
 METHODS = [
     Method(
         DEFAULT, STATE, 'nothing', 'this package: model/transmission.py, docs/mechanisms.md',
+        stages.factored,
     ),
     Method(
         'factored, float32', STATE, 'nothing', 'the same, in single precision',
-        modes=(BATCH,), narrow=True,
+        stages.factored, modes=(BATCH,), narrow=True,
     ),
     Method(
         'two circles', POSITION, 'nothing',
@@ -65,18 +41,18 @@ METHODS = [
         'Newton-Raphson', POSITION,
         'a first guess, and each angle close to the one before', 'document 1, eq. 8 to 12',
         stages.looked_up, tuple({'tolerance': 10.0**-k} for k in (1, 3, 6, 9, 12, 15)),
-        {'tolerance': 1e-12}, (ONE,), tool=_newton,
+        {'tolerance': 1e-12}, (ONE,), tool=tables.newton_raphson,
     ),
     Method(
         "document 1's listing", POSITION, 'the same, and a four-bar',
         'document 1, as printed: see its errata', stages.looked_up, modes=(ONE,),
-        tool=lambda task, _: _looks_up(tables.listing(task.mechanism, task.guess)),
+        tool=tables.listing,
     ),
     Method(
         'table, cubic Hermite', POSITION, 'a full turn; memory for its nodes',
         'de Boor, A Practical Guide to Splines, ch. IV', stages.looked_up,
         tuple({'nodes': 4**k} for k in range(2, 9)), {'nodes': 4096},
-        tool=lambda task, setting: _looks_up(tables.hermite(task.mechanism, setting['nodes'])),
+        tool=tables.hermite,
     ),
     Method(
         '2x2 solve', RATES, 'links not in line', 'documents 1 (eq. 13 to 18) and 4 (eq. 5 to 8)',
@@ -105,7 +81,7 @@ _CLOSING = 20.0  # Baumgarte's k, 1/s
 # Steps are in s; the first two are the defaults.
 INTEGRATORS = (
     Method(
-        LIVE, MOTION, 'nothing',
+        LIVE, 'motion', 'nothing',
         'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; '
         'motion/fixed_step_integrator.py',
         lambda problem, setting: OfPackage(
@@ -119,40 +95,41 @@ INTEGRATORS = (
         tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
     ),
     Method(
-        RECORDS, MOTION, 'SciPy; a torque that does not leap',
+        RECORDS, 'motion', 'SciPy; a torque that does not leap',
         f'{_DOP853}; motion/adaptive_integrator.py',
         lambda problem, _: OfPackage(problem, record_steps),
     ),
     Method(
-        'DOP853', MOTION, 'SciPy; no edge of the coordinates on the way', _DOP853,
+        'DOP853', 'motion', 'SciPy; no edge of the coordinates on the way', _DOP853,
         lambda problem, setting: OfScipy(problem, 'DOP853', setting['tolerance']),
         tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-13},
     ),
     Method(
-        'RK4', MOTION, 'a step that is short enough everywhere',
+        'RK4', 'motion', 'a step that is short enough everywhere',
         'Hairer, Norsett and Wanner I, II.1, table 1.2',
         lambda problem, setting: RungeKutta4(problem, setting['step']),
         tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
     ),
     Method(
-        'Radau', MOTION, 'SciPy; no edge of the coordinates on the way',
+        'Radau', 'motion', 'SciPy; no edge of the coordinates on the way',
         'Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8',
         lambda problem, setting: OfScipy(problem, 'Radau', setting['tolerance']),
         tuple({'tolerance': 10.0**-k} for k in range(3, 9)), {'tolerance': 1e-7},
     ),
     Method(
-        'multipliers, unstabilised', MOTION, 'SciPy; no change point; a short run',
+        'multipliers, unstabilised', 'motion', 'SciPy; no change point; a short run',
         'Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5; then DOP853',
         lambda problem, setting: Multipliers(problem, setting['tolerance']), *_MULTIPLIERS,
     ),
     Method(
-        'multipliers, Baumgarte', MOTION, 'SciPy; no change point; a rate at which the gap closes',
-        'the same; the gap obeys gap\'\' + 2 k gap\' + k^2 gap = 0, k = 20/s',
+        'multipliers, Baumgarte', 'motion',
+        'SciPy; no change point; a rate at which the gap closes',
+        "the same; the gap obeys gap'' + 2 k gap' + k^2 gap = 0, k = 20/s",
         lambda problem, setting: Multipliers(problem, setting['tolerance'], closing=_CLOSING),
         *_MULTIPLIERS,
     ),
     Method(
-        'multipliers, projected', MOTION, 'SciPy; no strong damping',
+        'multipliers, projected', 'motion', 'SciPy; no strong damping',
         'Eich, SIAM J. Numer. Anal. 30 (1993); positions and rates, after every step',
         lambda problem, setting: Multipliers(problem, setting['tolerance'], projects=True),
         *_MULTIPLIERS,

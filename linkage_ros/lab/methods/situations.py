@@ -1,35 +1,105 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Situations in which methods for linkages fail, generated from a seed."""
+"""Linkages for testing methods, some random, and the situations in which methods fail on them."""
 
 from __future__ import annotations
 
 import cmath
 import math
+from typing import TypeAlias
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.lab.methods.bench import LinkageBench
-from linkage_ros.lab.methods.chain import Task
-from linkage_ros.lab.methods.linkages import (
-    Linkage,
-    Random,
-    any_assembly,
-    four_bar,
-    limited,
-    other_assembly,
-    slider_crank,
-    turning,
-    with_change_point,
-)
-from linkage_ros.lab.methods.outcomes import one_by_one
-from linkage_ros.model.parts import CROSSED, OPEN
+from linkage_ros.lab.methods.linkage_cases import LinkageCase
+from linkage_ros.lab.methods.measure import Situation
+from linkage_ros.lab.reference.states import Linkage, other_assembly
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Rocker, Slider
+from linkage_ros.model.slider_crank import SliderCrank
+
+Random: TypeAlias = np.random.Generator
 
 
-def _case(mechanism: Linkage, cranks: tuple[float, ...], *, decimal: bool = False) -> LinkageBench:
-    """Makes a case, with the first guess at the first angle."""
-    return LinkageBench(Task.at(mechanism, cranks[0]), cranks, decimal=decimal)
+def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.0) -> FourBar:
+    """A four-bar of uniform rods.
+
+    Args:
+        lengths: Lengths of crank, coupler, rocker and frame, m.
+        assembly: 'open' or 'crossed'.
+        angle: Angle of the frame, rad.
+
+    Returns:
+        The linkage.
+    """
+    r, b, c, d = lengths
+    return FourBar(Frame(d, angle), Body(*_rod(r)), Coupler(*_rod(b)), Rocker(*_rod(c)), assembly)
+
+
+def slider_crank(
+    r: float, b: float, offset: float, assembly: str = OPEN, angle: float = 0.0
+) -> SliderCrank:
+    """A slider-crank of uniform rods and a slider of 1 kg.
+
+    Args:
+        r: Length of the crank, m.
+        b: Length of the coupler, m.
+        offset: Offset of the slider, m.
+        assembly: 'open' or 'crossed'.
+        angle: Angle of the guide, rad.
+
+    Returns:
+        The linkage.
+    """
+    slider = Slider(offset, 1.0)
+    return SliderCrank(Body(*_rod(r)), Coupler(*_rod(b)), slider, Guide(angle), assembly)
+
+
+def _rod(length: float) -> tuple[float, float, float, tuple[float, float]]:
+    """Length, mass, inertia and centre of a uniform rod of 2 kg."""
+    return length, 2.0, length * length / 6, (length / 2, 0.0)
+
+
+def any_assembly(random: Random) -> str:
+    """One of the two assemblies, at random."""
+    return OPEN if random.random() < 0.5 else CROSSED
+
+
+def turning(random: Random) -> Linkage:
+    """A random linkage that turns fully, far from change points."""
+    while True:
+        angle = float(random.uniform(-math.pi, math.pi))
+        if random.random() < 0.3:
+            r, b = float(random.uniform(0.1, 0.3)), float(random.uniform(0.5, 1.0))
+            offset = float(random.uniform(-0.3, 0.3)) * (b - r)
+            return slider_crank(r, b, offset, any_assembly(random), angle)
+        lengths = tuple(float(x) for x in random.uniform(0.1, 1.0, 4))
+        r, b, c, d = lengths
+        sums = (b + c - d - r, (d - r - b + c), (d - r + b - c))
+        if sums[0] > 0.05 and sums[1] * sums[2] > 0.0025 and r > 0.05:
+            return four_bar(lengths, any_assembly(random), angle)
+
+
+def with_change_point(random: Random) -> FourBar:
+    """Random lengths in 64ths of a metre, with a change point at exactly crank angle 0."""
+    r = int(random.integers(8, 24))
+    d, b = r + int(random.integers(4, 24)), r + int(random.integers(4, 24))
+    lengths = tuple(x / 64 for x in (r, b, d - r + b, d))
+    return four_bar(lengths, any_assembly(random))
+
+
+def limited(random: Random) -> FourBar:
+    """A four-bar whose crank cannot turn fully."""
+    while True:
+        lengths = tuple(float(x) for x in random.uniform(0.2, 1.0, 4))
+        r, b, c, d = lengths
+        near = (d - r - b + c) * (d - r + b - c)
+        reach = b + c - abs(d - r) > 0.05 and abs(b - c) - (d + r) < -0.05
+        if reach and (b + c - d - r < -0.05) != (near < -0.01):
+            return four_bar(lengths, any_assembly(random), float(random.uniform(-3, 3)))
+
+
+# ---------------------------------------------------------------- situations
 
 
 def _turn(steps: int = 48, turns: int = 1) -> tuple[float, ...]:
@@ -43,77 +113,77 @@ def _passing(*extra: float) -> tuple[float, ...]:
     return tuple(sorted((*even, *extra)))
 
 
-def _ordinary(random: Random, _: int) -> LinkageBench:
-    return _case(turning(random), _turn())
+def _ordinary(random: Random, _: int) -> LinkageCase:
+    return LinkageCase(turning(random), _turn())
 
 
-def _hit(random: Random, _: int) -> LinkageBench:
-    return _case(with_change_point(random), (-0.3, -0.2, -0.1, 0.0, -0.0, 1e-300))
+def _hit(random: Random, _: int) -> LinkageCase:
+    return LinkageCase(with_change_point(random), (-0.3, -0.2, -0.1, 0.0, -0.0, 1e-300))
 
 
-def _passed(random: Random, _: int) -> LinkageBench:
-    return _case(with_change_point(random), _passing())
+def _passed(random: Random, _: int) -> LinkageCase:
+    return LinkageCase(with_change_point(random), _passing())
 
 
-def _near(random: Random, i: int) -> LinkageBench:
+def _near(random: Random, i: int) -> LinkageCase:
     angle, gap = float(random.uniform(-3, 3)), 10.0 ** -float(random.uniform(11, 13))
     r, b = (float(x) for x in random.uniform((0.2, 0.5), (0.4, 0.9)))
     d = r + gap if i % 2 else r + float(random.uniform(0.1, 0.4))
     c = b if i % 2 else d - r + b - gap
     mechanism = four_bar((r, b, c, d), any_assembly(random), angle)
     aside = [sign * 10.0**power for power in range(-14, 0) for sign in (-1, 1)]
-    return _case(mechanism, tuple(sorted(angle + x for x in (*aside, 0.0))))
+    return LinkageCase(mechanism, tuple(sorted(angle + x for x in (*aside, 0.0))))
 
 
-def _dead_centre(random: Random, _: int) -> LinkageBench:
+def _dead_centre(random: Random, _: int) -> LinkageCase:
     mechanism = limited(random)
     start, end = Solver(mechanism).reach.arcs[0]
     goal, inward = (start, 1.0) if random.random() < 0.5 else (end, -1.0)
     # In steps from the middle of the arc, as a motion would come there.
     walk = np.linspace((start + end) / 2, goal + inward * 1e-2, 40, endpoint=False)
     near = [goal + inward * 10.0**-k for k in range(2, 7)]
-    return _case(mechanism, (*map(float, walk), *near))
+    return LinkageCase(mechanism, (*map(float, walk), *near))
 
 
-def _no_assembly(random: Random, _: int) -> LinkageBench:
+def _no_assembly(random: Random, _: int) -> LinkageCase:
     mechanism = limited(random)
     start, end = Solver(mechanism).reach.arcs[0]
     beyond = end + random.uniform(0.01, 0.9, 8) * 0.1
     position = Solver(mechanism).state((start + end) / 2).position
-    return LinkageBench(Task(mechanism, (position[1], position[2])), beyond)
+    return LinkageCase(mechanism, beyond, position[1:])
 
 
-def _denominator(random: Random, i: int) -> LinkageBench:
+def _denominator(random: Random, i: int) -> LinkageCase:
     """Crank angles where the rocker of one assembly points against the frame.
 
     The tangent of its half angle is infinite there: the quadratic term vanishes, and the formula
     for the other assembly is 0/0.
     """
     if i == 0:
-        return _case(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))
+        return LinkageCase(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))
     r, c, d = (float(x) for x in random.uniform((0.5, 0.6, 0.1), (0.7, 0.8, 0.2)))
     crank = float(random.uniform(0.9, 2.2)) * (1 if i % 2 else -1)
     # B is on the line of the frame, right of the line from A to B0 where A is left of the frame.
     b = abs(d - c - cmath.rect(r, crank))
-    return _case(four_bar((r, b, c, d), OPEN if crank > 0 else CROSSED), (crank,))
+    return LinkageCase(four_bar((r, b, c, d), OPEN if crank > 0 else CROSSED), (crank,))
 
 
-def _wrong_guess(random: Random, _: int) -> LinkageBench:
+def _wrong_guess(random: Random, _: int) -> LinkageCase:
     mechanism, cranks = turning(random), _turn()
     position = Solver(other_assembly(mechanism)).state(cranks[0]).position
-    return LinkageBench(Task(mechanism, (position[1], position[2])), cranks)
+    return LinkageCase(mechanism, cranks, position[1:])
 
 
-def _few_steps(random: Random, _: int) -> LinkageBench:
+def _few_steps(random: Random, _: int) -> LinkageCase:
     d = float(random.uniform(0.1, 0.15))
     lengths = (float(random.uniform(0.5, 0.6)), float(random.uniform(0.35, 0.45)), 0.55, d)
-    return _case(four_bar(lengths, any_assembly(random)), _turn(steps=5, turns=2))
+    return LinkageCase(four_bar(lengths, any_assembly(random)), _turn(steps=5, turns=2))
 
 
-def _equal(random: Random, i: int) -> LinkageBench:
+def _equal(random: Random, i: int) -> LinkageCase:
     x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
     lengths = ((x, x, x, x), (x, y, y, x), (x, y, x, y))[i % 3]
-    return _case(four_bar(lengths, any_assembly(random)), _passing(0.0, 1e-9))
+    return LinkageCase(four_bar(lengths, any_assembly(random)), _passing(0.0, 1e-9))
 
 
 _DECIMALS = (
@@ -122,42 +192,42 @@ _DECIMALS = (
 )  # fmt: skip
 
 
-def _decimals(random: Random, i: int) -> LinkageBench:
+def _decimals(random: Random, i: int) -> LinkageCase:
     mechanism = four_bar(_DECIMALS[i % len(_DECIMALS)], any_assembly(random))
-    return _case(mechanism, _passing(1e-9, 1e-6, 1e-3), decimal=True)
+    return LinkageCase(mechanism, _passing(1e-9, 1e-6, 1e-3), decimal=True)
 
 
-def _long_run(random: Random, _: int) -> LinkageBench:
+def _long_run(random: Random, _: int) -> LinkageCase:
     turns = 2 * math.pi * 1e9
-    return _case(turning(random), tuple(turns + x for x in _turn()))
+    return LinkageCase(turning(random), tuple(turns + x for x in _turn()))
 
 
 SITUATIONS = (
-    one_by_one('ordinary', 'random linkages that turn fully, far from change points', _ordinary),
-    one_by_one('change point hit', 'all links in one line, to the last bit', _hit),
-    one_by_one('change point passed', 'two turns through it, in both assemblies', _passed),
-    one_by_one(
+    Situation('ordinary', 'random linkages that turn fully, far from change points', _ordinary),
+    Situation('change point hit', 'all links in one line, to the last bit', _hit),
+    Situation('change point passed', 'two turns through it, in both assemblies', _passed),
+    Situation(
         'near a change point', 'missed by 1e-11 to 1e-13 m; angles to 1e-14 rad from it', _near
     ),
-    one_by_one('dead centre', 'a limited crank comes up to it, to 1e-6 rad', _dead_centre),
-    one_by_one(
+    Situation('dead centre', 'a limited crank comes up to it, to 1e-6 rad', _dead_centre),
+    Situation(
         'no assembly',
         'a crank turned beyond its reach: no state exists',
         _no_assembly,
         exists=False,
     ),
-    one_by_one(
+    Situation(
         'half-angle denominator',
         'the coefficient of the quadratic term is 0 but for rounding',
         _denominator,
     ),
-    one_by_one('wrong first guess', "the other assembly's position", _wrong_guess),
-    one_by_one('few steps', 'links that turn, asked five times a turn', _few_steps),
-    one_by_one('equal lengths', 'rhombi, kites, parallelograms, with both change points', _equal),
-    one_by_one(
+    Situation('wrong first guess', "the other assembly's position", _wrong_guess),
+    Situation('few steps', 'links that turn, asked five times a turn', _few_steps),
+    Situation('equal lengths', 'rhombi, kites, parallelograms, with both change points', _equal),
+    Situation(
         'lengths in decimals',
         'a change point is meant, but 0.2 + 0.3 - 0.1 - 0.4 is not 0',
         _decimals,
     ),
-    one_by_one('long run', 'after 1e9 turns', _long_run),
+    Situation('long run', 'after 1e9 turns', _long_run),
 )

@@ -1,9 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Formulas of the methods for positions and rates of linkages.
+"""From the crank angle of a linkage to position, velocity, acceleration and torque, in formulas.
 
-Each is traced (dynamics/program.py), like the package's own formulas, so that all are compared on
-equal terms. The loop equation is that of documents 1 (eq. 7 and 8) and 4 (eq. 2):
+A method does one stage. The position before it is the package's own, as unit vectors; a position
+is followed by the 2x2 solve of documents 1 and 4, because rates that belong to it have to come
+from it; and the torque is the package's own sum. So every method has a point in each chart that
+its stage reaches. Each formula is traced (dynamics/program.py), like the package's own, so that
+all are compared on equal terms. The loop equation is that of documents 1 (eq. 7 and 8) and 4
+(eq. 2):
 
     gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
 
@@ -13,22 +17,37 @@ slider.
 
 from __future__ import annotations
 
+import functools
+import math
+import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
+from linkage_ros.dynamics.equations import balance
 from linkage_ros.dynamics.model import Model
-from linkage_ros.formulas import ZERO, Vector, atan2, cos, cross, dot, sin, sqrt
+from linkage_ros.dynamics.trees import leaves
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, cross, dot, sin, sqrt
+from linkage_ros.lab.reference.states import Linkage, lengths
+from linkage_ros.model.parts import OPEN
 from linkage_ros.model.pose import LinkPose, Pose
-from linkage_ros.numeric import Real
+from linkage_ros.numeric import Real, require_finite
+
+QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
+STATE, POSITION, RATES = 'state', 'position', 'rates'
+# What a method of a stage itself computes.
+OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3]}
+SPEED, ACCELERATION = 5 * math.pi, 20.0  # of the crank, rad/s (150 rpm) and rad/s^2
 
 Pair: TypeAlias = tuple[Real, Real]
 # The coupler's direction and the output: each an angle, rad, a unit vector, or m.
 Place: TypeAlias = tuple[Real | Vector, Real | Vector]
+# Position, and its first and second derivatives by the crank angle.
+Rates: TypeAlias = tuple[Place, Pair, Pair]
 Locate: TypeAlias = Callable[[Real], Place]  # from the crank angle
 
 
 class Links(NamedTuple):
-    """The constants of a four-bar or a slider-crank, and the motion of its crank.
+    """The constants of a four-bar or a slider-crank.
 
     Attributes:
         r: Length of the crank, m.
@@ -37,10 +56,8 @@ class Links(NamedTuple):
         d: Length of the frame, or offset of a slider, m.
         angle: Angle of frame or guide, rad.
         side: 1.0 for the open assembly, -1.0 for the crossed one.
-        speed: Crank speed, rad/s.
-        change: Crank acceleration, rad/s^2.
         model: The package's own constants.
-        tool: What the formula of a method asks for besides: a number or functions.
+        tool: What the formula of a method asks for besides: a number, or `looked_up`'s functions.
     """
 
     r: Real
@@ -49,10 +66,54 @@ class Links(NamedTuple):
     d: Real
     angle: Real
     side: Real
-    speed: Real
-    change: Real
     model: Model
     tool: Any
+
+    @classmethod
+    def of(cls, mechanism: Linkage, tool: Any = None) -> Links:
+        """The constants of a linkage, with a number or a function of the crank angle as tool."""
+        r, b, *rocker, d = lengths(mechanism)
+        side = 1.0 if mechanism.assembly == OPEN else -1.0
+        refusals, links = (Opaque(require_finite),) * 3, mechanism.structure().links
+        model = Model.of(mechanism, links, mechanism.loop(), *refusals)
+        if callable(tool):
+            tool = tuple(map(Opaque, (tool, operator.itemgetter(0), operator.itemgetter(1))))
+        return cls(
+            r, b, rocker[0] if rocker else None, d, mechanism.frame.angle, side, model, tool
+        )
+
+
+@functools.cache
+def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..., Any]:
+    """Combines the stages up to a quantity, all but one the package's own.
+
+    Args:
+        quantity: One of QUANTITIES.
+        stage: The stage that is not the package's own.
+        solve: Its formula.
+
+    Returns:
+        The formula, from links and crank angle: to the coupler's direction, an angle or the
+        numbers of a unit vector, and the output, the same or m; to their velocities or
+        accelerations; to the driving torque, N m, in a tuple of one.
+    """
+    position, rates = (solve, two_by_two) if stage == POSITION else (factored, solve)
+
+    def solved(links: Links, crank: Real) -> tuple[Real, ...]:
+        if stage == STATE:
+            pose = links.model.loop.pose((crank,))
+            place: Any = tuple(link.position for link in pose.links[1:])
+        else:
+            place, *slopes = rates(links, crank, functools.partial(position, links))
+            pose = posed(links, crank, place, *slopes)
+        moving = [(link.jacobian[0], link.curvature[0]) for link in pose.links[1:]]
+        velocities = tuple(k * SPEED for k, _ in moving)
+        changes = tuple(c * (SPEED * SPEED) + k * ACCELERATION for k, c in moving)
+        drive = balance(links.model, pose, (SPEED, *velocities), (ACCELERATION, *changes))
+        found = tuple(leaves(place)), velocities, changes, tuple(drive)
+        return found[QUANTITIES.index(quantity)]
+
+    return solved
 
 
 # ---------------------------------------------------------------- positions
@@ -139,12 +200,12 @@ class Arms(NamedTuple):
     def at(cls, links: Links, crank: Real, place: Place) -> Arms:
         """The vectors at a position."""
         coupler, output = place
-        first, second = Vector.at(crank) * links.r, direction(coupler) * links.b
+        first, second = Vector.at(crank) * links.r, _direction(coupler) * links.b
         frame = Vector.at(links.angle)
         if links.c is None:
             start, third, slope = frame.left() * links.d, frame * output, frame
         else:
-            start, third = frame * links.d, direction(output) * links.c
+            start, third = frame * links.d, _direction(output) * links.c
             slope = third.left()
         over = -1.0 / dot(second, slope)
         return cls(first, second, third, slope, first + second - start - third, over)
@@ -154,8 +215,7 @@ class Arms(NamedTuple):
         return cross(right, self.slope) * self.over, dot(self.coupler, right) * self.over
 
 
-def direction(link: Real | Vector) -> Vector:
-    """The unit vector of a link."""
+def _direction(link: Real | Vector) -> Vector:
     return link if isinstance(link, Vector) else Vector.at(link)
 
 
@@ -163,11 +223,9 @@ def posed(links: Links, crank: Real, place: Place, first: Pair, second: Pair) ->
     """The pose of a position and its derivatives by the crank angle."""
     poses = [LinkPose(crank, Vector.at(crank), (1.0,), (ZERO,))]
     for at, rate, change in zip(place, first, second, strict=True):
-        along, angle = direction(at), at
-        if isinstance(at, Vector):
-            angle = atan2(at.y, at.x)
-        elif len(poses) == 2 and links.c is None:
-            along = Vector.at(links.angle)
+        slides = links.c is None and len(poses) > 1
+        along = Vector.at(links.angle) if slides else _direction(at)
+        angle = atan2(at.y, at.x) if isinstance(at, Vector) else at
         poses.append(LinkPose(angle, along, (rate,), (change,)))
     return Pose(tuple(poses), ())
 
@@ -179,9 +237,6 @@ def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple
 
 
 # ---------------------------------------------------------------- rates
-
-# Position, and its first and second derivatives by the crank angle.
-Rates: TypeAlias = tuple[Place, Pair, Pair]
 
 
 def two_by_two(links: Links, crank: Real, locate: Locate) -> Rates:

@@ -1,46 +1,47 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods for positions by iteration or from a table.
-
-The table is made from exact states of one period, and needs a crank that turns fully. The
-textbook: de Boor, A Practical Guide to Splines, ch. IV (cubic Hermite interpolation).
-"""
+"""Methods for positions by iteration or from a table; each makes a function of the crank angle."""
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
+from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.methods.linkages import Linkage
-from linkage_ros.lab.methods.stages import Pair
+from linkage_ros.lab.methods.linkage_cases import LinkageCase
+from linkage_ros.lab.methods.measure import Setting
+from linkage_ros.lab.methods.stages import Links, Locate, Pair, newton_step
+from linkage_ros.lab.reference.states import Linkage, lengths
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.numeric import Real, wrap
-
-Locator: TypeAlias = Callable[[Any], Pair]  # from a crank angle
 
 CAP = 50
 _ENDLESS = 200  # iterations after which a loop without a cap counts as stuck
 
 
-def newton_raphson(step: Callable[..., Any], guess: Pair, tolerance: float) -> Locator:
+def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
     """Newton-Raphson on the loop equation, as in document 1 (eq. 8 to 12).
 
     Each angle begins from the solution of the one before. The document has no cap; here 50
     iterations are one, and the last iterate stands.
 
     Args:
-        step: `stages.newton_step` of the linkage.
-        guess: The coupler's direction and the output from which to begin.
-        tolerance: Tolerance of step (rad, of a slider m) and residual (m).
+        case: The linkage, and where to begin.
+        setting: 'tolerance' of step (rad, of a slider m) and residual (m).
+
+    Returns:
+        The function.
     """
-    place = guess
+    names = 'crank', 'coupler', 'output'
+    step = Program(newton_step, Constants(Links.of(case.mechanism)), names).scalar
+    place, tolerance = case.guess, setting['tolerance']
 
     def locate(crank: float) -> Pair:
         nonlocal place
@@ -54,28 +55,31 @@ def newton_raphson(step: Callable[..., Any], guess: Pair, tolerance: float) -> L
     return locate
 
 
-def listing(mechanism: Linkage, guess: Pair) -> Locator:
+def listing(case: LinkageCase, setting: Setting) -> Locate:
     """Document 1's listing as printed: see the errata in docs/mechanisms.md.
 
     The second column of its Jacobian has the coupler's length for the rocker's, and a complex
     number for its real part, so that angles become complex. What it plots are their real parts.
 
     Args:
-        mechanism: The linkage; the listing knows a four-bar alone.
-        guess: The coupler's direction and the rocker's from which to begin, rad.
+        case: The linkage, a four-bar, and where to begin.
+        setting: There is none.
+
+    Returns:
+        The function.
     """
-    x: Any = np.array(guess)
+    del setting
+    mechanism, x = case.mechanism, np.array(case.guess)
 
     def locate(crank: float) -> Pair:
         nonlocal x
         if not isinstance(mechanism, FourBar):
             raise ConfigurationError("document 1's listing is for a four-bar")
-        b = mechanism.coupler.length
-        fixed = cmath.rect(mechanism.crank.length, crank)
-        fixed -= cmath.rect(mechanism.frame.length, mechanism.frame.angle)
+        r, b, c, d = lengths(mechanism)
+        fixed = cmath.rect(r, crank) - cmath.rect(d, mechanism.frame.angle)
         for _ in range(_ENDLESS):
             coupler, rocker = np.exp(1j * x)
-            f = fixed + b * coupler - mechanism.rocker.length * rocker
+            f = fixed + b * coupler - c * rocker
             one, other = 1j * b * coupler, -1j * b * rocker
             jacobian = np.array([[one.real, other], [one.imag, other.imag]])
             residual = np.array([f.real, f.imag])
@@ -88,10 +92,24 @@ def listing(mechanism: Linkage, guess: Pair) -> Locator:
     return locate
 
 
+def hermite(case: LinkageCase, setting: Setting) -> Locate:
+    """A table of exact positions and rates over one period, of a crank that turns fully.
+
+    It is read by cubic Hermite interpolation (de Boor, A Practical Guide to Splines, ch. IV).
+
+    Args:
+        case: The linkage.
+        setting: Number of 'nodes' per period.
+
+    Returns:
+        The function.
+    """
+    return _hermite(case.mechanism, setting['nodes'])
+
+
 # A chart asks for each table several times in a row.
 @lru_cache(maxsize=2)
-def hermite(mechanism: Linkage, nodes: int) -> Locator:
-    """A table of positions and rates, read by cubic interpolation; `nodes` per period."""
+def _hermite(mechanism: Linkage, nodes: int) -> Locate:
     solver = Solver(mechanism)
     solver.reach.require_full_turn()
     length = solver.reach.period_turns * math.tau

@@ -12,6 +12,7 @@ to either side.
 from __future__ import annotations
 
 import operator
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, TypeAlias
 
@@ -21,19 +22,33 @@ from linkage_ros.errors import UnreachableError
 from linkage_ros.formulas import Vector
 from linkage_ros.lab.reference.multibody import Multibody
 from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.parts import OPEN
+from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.slider_crank import SliderCrank
 
 _DIGITS = 130
 _ASIDE = '1e-60'  # rad
 _STRAIGHT = '1e-25'  # sine of the transmission angle: below, the mean of two states is taken
+DIRECTION = 'direction'
+
 _Number: TypeAlias = Any  # an mpf or mpc; mpmath has no types
-_Values: TypeAlias = tuple[_Number, ...]
-
-
 # By 'position' (of the coupler, rad, and of the output, rad or m), 'direction' (the same with unit
 # vectors for angles), 'rate', 'acceleration' and 'torque' (in a tuple of one).
-Exact: TypeAlias = dict[str, _Values]
+Exact: TypeAlias = dict[str, tuple[_Number, ...]]
+# The mechanisms whose loop textbooks solve in closed form.
+Linkage: TypeAlias = FourBar | SliderCrank
+
+
+def lengths(linkage: Linkage) -> tuple[float, ...]:
+    """Lengths of crank, coupler, rocker and frame, or of crank, coupler and offset, m."""
+    first = linkage.crank.length, linkage.coupler.length
+    if isinstance(linkage, FourBar):
+        return *first, linkage.rocker.length, linkage.frame.length
+    return *first, linkage.slider.offset
+
+
+def other_assembly(linkage: Linkage) -> Linkage:
+    """The same links in the other assembly."""
+    return replace(linkage, assembly=CROSSED if linkage.assembly == OPEN else OPEN)
 
 
 class Reference:
@@ -44,12 +59,7 @@ class Reference:
     """
 
     def __init__(
-        self,
-        mechanism: FourBar | SliderCrank,
-        speed: float,
-        acceleration: float,
-        *,
-        decimal: bool = False,
+        self, mechanism: Linkage, speed: float, acceleration: float, *, decimal: bool = False
     ) -> None:
         """Reads the mechanism's numbers.
 
@@ -61,26 +71,14 @@ class Reference:
                 like all other numbers, that of the float.
         """
         self._mechanism, self._motion = mechanism, (speed, acceleration)
-        self.slides = not isinstance(mechanism, FourBar)
-        self._side = 1 if mechanism.assembly == OPEN else -1
-        links = [mechanism.crank.length, mechanism.coupler.length]
-        if isinstance(mechanism, FourBar):
-            links += [mechanism.rocker.length, mechanism.frame.length]
-        else:
-            links += [mechanism.slider.offset]
-        self._lengths = tuple(Fraction(repr(x) if decimal else x) for x in links)
+        self.slides = isinstance(mechanism, SliderCrank)
+        self._lengths = [Fraction(repr(x) if decimal else x) for x in lengths(mechanism)]
         with mp.workdps(3 * _DIGITS):
             as_typed = (lambda x: mp.mpf(repr(x))) if decimal else mp.mpf
             self._bodies = Multibody(mechanism, mp.mpf, _unit, as_typed)
 
     def state(self, crank: float) -> Exact:
-        """The state at a crank angle.
-
-        Args:
-            crank: Crank angle, rad.
-
-        Returns:
-            The state.
+        """The state at a crank angle, rad.
 
         Raises:
             UnreachableError: The loop does not close there, or the crank has a limit there.
@@ -103,19 +101,22 @@ class Reference:
         frame -= 2 * mp.pi * mp.nint(frame / (2 * mp.pi))
         theta, turn = crank - frame, mp.expj(frame)
         r, b, *others = (mp.mpf(x.numerator) / x.denominator for x in self._lengths)
+        exact_r, exact_b, *exact = self._lengths
         if self.slides:
-            (offset,) = others
-            fr, fb, fe = self._lengths
+            (offset,), (e,) = others, exact
             y = offset - r * mp.sin(theta)
-            x = self._height(b + y, b - y, (fb + fe == fr, fb - fe == fr), theta + mp.pi / 2)
+            folds = exact_b + e == exact_r, exact_b - e == exact_r
+            x = self._height(b + y, b - y, folds, theta + mp.pi / 2)
             return mp.mpc(x, y) * turn / b, mp.mpc(r * mp.cos(theta) + x), x / b
-        c, d = others
+        (c, d), (exact_c, exact_d) = others, exact
         diagonal = turn * (d - r * mp.expj(theta))
         square = abs(diagonal) ** 2
         if not square:
             return self._locate(crank + mp.mpf(10) ** (10 - mp.dps))
-        fr, fb, fc, fd = self._lengths
-        folds = fb + fc == fd + fr, (fd - fr) ** 2 == (fb - fc) ** 2
+        folds = (
+            exact_b + exact_c == exact_d + exact_r,
+            abs(exact_d - exact_r) == abs(exact_b - exact_c),
+        )
         height = self._height((b + c) ** 2 - square, square - (b - c) ** 2, folds, theta)
         coupler = diagonal * ((b - c) * (b + c) + square + 1j * height) / (2 * square)
         return coupler / b, (coupler - diagonal) / c, height / (2 * b * c)
@@ -130,29 +131,29 @@ class Reference:
         rounding = mp.mpf(10) ** (10 - mp.dps) * (abs(p) + abs(q)) if any(folds) else 0
         if min(p, q) < -rounding:
             raise UnreachableError('the loop does not close', crank_angle=float(theta), arcs=())
-        height = self._side * mp.sqrt(max(p, 0)) * mp.sqrt(max(q, 0))
+        height = mp.sqrt(max(p, 0)) * mp.sqrt(max(q, 0))
+        if self._mechanism.assembly != OPEN:
+            height = -height
         for folds_there, part in zip(folds, (mp.cos(theta / 2), mp.sin(theta / 2)), strict=True):
             height *= -1 if folds_there and part < 0 else 1
         return height
 
     def _solve(self, crank: _Number, coupler: _Number, output: _Number, _: _Number) -> Exact:
         """Solves the accelerations for the crank's motion, and the torque by virtual power."""
-        speed, change = map(mp.mpf, self._motion)
-        zero, bodies = mp.mpf(0), self._bodies
+        (speed, change), zero, bodies = map(mp.mpf, self._motion), mp.mpf(0), self._bodies
         places = [_unit(crank), _vector(coupler), _vector(output)]
         slopes = bodies.closed(places, [mp.mpf(1), zero, zero], [zero, zero])
         rates = [slope * speed for slope in slopes]
         rows, right = bodies.system(places, rates)
         changes = bodies.closed(places, [change, zero, zero], right[3:])
-        torque = zero
-        for slope, row, force in zip(slopes, rows, right, strict=False):
-            torque += slope * (sum(map(operator.mul, row, changes)) - force)
+        forces = [sum(map(operator.mul, row, changes)) for row in rows]
+        powers = (x * (y - z) for x, y, z in zip(slopes, forces, right, strict=False))
         return {
             'position': (mp.arg(coupler), output.real if self.slides else mp.arg(output)),
-            'direction': (*places[1], *places[2][: 1 if self.slides else 2]),
+            DIRECTION: (*places[1], *places[2][: 1 if self.slides else 2]),
             'rate': tuple(rates[1:]),
             'acceleration': tuple(changes[1:]),
-            'torque': (torque,),
+            'torque': (sum(powers),),
         }
 
 

@@ -1,0 +1,249 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A linkage with its true states, as a case on which methods are measured.
+
+Errors are relative to the largest value that a quantity has at even angles or, next to a change
+point where it may be larger by many powers of ten, to the value itself. Errors of directions are
+absolute, in rad.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from mpmath import mp
+
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.trees import Constants
+from linkage_ros.errors import LinkageError, UnreachableError
+from linkage_ros.lab.methods.measure import (
+    DIVERGED,
+    FAILURES,
+    LIMIT,
+    ONE,
+    WRONG_BRANCH,
+    Case,
+    Method,
+    Panel,
+    Row,
+    Setting,
+    attempt,
+)
+from linkage_ros.lab.methods.stages import (
+    ACCELERATION,
+    OWN,
+    POSITION,
+    QUANTITIES,
+    SPEED,
+    Links,
+    formula,
+)
+from linkage_ros.lab.reference.states import DIRECTION, Exact, Linkage, Reference, other_assembly
+from linkage_ros.numeric import Array, Real
+
+_EVEN = 48  # angles, over a period or an arc
+_NOTHING = 1e-12  # of the largest value of a quantity
+_BATCH = 4096  # states
+_FAR = 1e12  # rad, from which on an angle tells no direction
+_TURN = np.longdouble('6.283185307179586476925287')  # rad
+Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
+Place: TypeAlias = tuple[float, float]  # the coupler's direction and the output
+
+
+class LinkageCase(Case):
+    """A linkage at some crank angles.
+
+    Attributes:
+        mechanism: The linkage.
+        cranks: Angles at which methods are judged, in order, rad.
+        guess: Where an iteration begins.
+        decimal: See `Reference`.
+        reference: The true states.
+    """
+
+    def __init__(
+        self,
+        mechanism: Linkage,
+        cranks: Sequence[float] | Array,
+        guess: Place | None = None,
+        *,
+        decimal: bool = False,
+    ) -> None:
+        """Prepares it.
+
+        Args:
+            mechanism: The linkage.
+            cranks: Angles in order, rad.
+            guess: Where an iteration begins; by default the position at the first angle, rounded
+                to 0.1 rad or m.
+            decimal: See `Reference`.
+        """
+        self.mechanism, self.cranks, self.decimal = mechanism, np.array(cranks), decimal
+        self.guess = guess or _rough(mechanism, cranks[0])
+        self.reference = Reference(mechanism, SPEED, ACCELERATION, decimal=decimal)
+        self._known: dict[int, dict[str, Any]] = {}
+
+    @cached_property
+    def _other(self) -> LinkageCase:
+        """The other assembly."""
+        other = other_assembly(self.mechanism)
+        return LinkageCase(other, self.cranks, self.guess, decimal=self.decimal)
+
+    def _exact(self, place: int) -> dict[str, Any]:
+        """The true values, in long doubles to see errors of doubles; empty: no state exists."""
+        if place not in self._known:
+            state: Exact = {}
+            with suppress(UnreachableError):
+                state = self.reference.state(float(self.cranks[place]))
+            self._known[place] = {
+                name: [np.longdouble(mp.nstr(x, 25)) for x in row] for name, row in state.items()
+            }
+        return self._known[place]
+
+    @cached_property
+    def _sizes(self) -> dict[str, list[float]]:
+        """Largest value of each quantity at even angles inside the reach."""
+        solver, parts = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
+        turns = solver.reach.period_turns
+        cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
+        state = solver.state(np.concatenate(cranks), SPEED, ACCELERATION)
+        rows = state.position[1:], state.velocity[1:], state.acceleration[1:], (state.torque,)
+        sizes = {}
+        for quantity, each in zip(QUANTITIES, rows, strict=True):
+            largest = [float(np.max(np.abs(row))) for row in each]
+            # The rest of a rounding is no size.
+            sizes[quantity] = [x if x > _NOTHING * max(largest) else 0.0 for x in largest]
+        return sizes | {DIRECTION: [1.0, 1.0, *sizes[POSITION][1:], 1.0]}
+
+    def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
+        """See `Case`: a position is two numbers or, as unit vectors, more."""
+        exact, worst = self._exact(place), 0.0
+        if not exact:
+            return math.inf
+        slides = self.reference.slides
+        angles = 2 - slides if quantity == POSITION else 0
+        if quantity == POSITION and len(row) > 2:
+            quantity, angles = DIRECTION, 0
+        values = zip(row, exact[quantity], self._sizes[quantity], strict=False)
+        for i, (value, true, size) in enumerate(values):
+            apart = value - true
+            if i < angles and abs(value) < _FAR:
+                apart -= _TURN * np.rint(apart / _TURN)
+            scale = max(size, abs(true)) if size and i >= angles else 1.0
+            worst = max(worst, float(abs(apart) / scale))
+        return worst
+
+    def wrong(self, quantity: str, place: int, row: Sequence[float]) -> str:
+        """See `Case`."""
+        is_other = quantity == POSITION and self._other.error(quantity, place, row) <= LIMIT
+        return WRONG_BRANCH if is_other else DIVERGED
+
+    def own(self, method: Method) -> Iterable[Panel]:
+        """See `Case`."""
+        return itertools.product(OWN[method.stage], method.modes)
+
+    def function(self, method: Method, setting: Setting, quantity: str, mode: str) -> Function:
+        """Makes a quantity a function of the crank angle, including all preceding work.
+
+        Args:
+            method: A method for linkages.
+            setting: Setting of the method.
+            quantity: One of QUANTITIES; see `stages.formula`.
+            mode: Whether the function takes an angle or an array of them.
+
+        Returns:
+            The function.
+
+        Raises:
+            LinkageError: The method cannot solve this linkage.
+        """
+        tool = method.tool(self, setting) if method.tool else None
+        links = Constants(Links.of(self.mechanism, tool))
+        program = Program(formula(quantity, method.stage, method.solve), links, ('crank',))
+        if method.narrow:
+            return lambda crank: program.arrays(np.asarray(crank, np.float32))
+        return program.scalar if mode == ONE else program.arrays
+
+    def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
+        """See `Case`."""
+        try:
+            function = self.function(method, setting, quantity, mode)
+        except LinkageError:
+            return [None] * len(self.cranks)
+        if mode == ONE:
+            return [attempt(function, crank) for crank in self.cranks.tolist()]
+
+        def rows(cranks: Array) -> list[list[float]]:
+            columns = np.broadcast_arrays(*function(cranks), cranks)[:-1]
+            return [*np.stack(columns, -1).tolist()]
+
+        # An array is refused for one of its angles: then each is asked by itself.
+        with np.errstate(all='ignore'), suppress(LinkageError, *FAILURES):
+            return rows(self.cranks)
+        return [attempt(lambda x: rows(x)[0], crank) for crank in self.cranks[:, None]]
+
+
+class TurnCase(LinkageCase):
+    """One period of a linkage whose crank turns fully, for errors and times.
+
+    Its angles are close together where the motion is fast.
+
+    Attributes:
+        rounds: Number of timings.
+    """
+
+    rounds = 15
+
+    def __init__(self, mechanism: Linkage, angles: int) -> None:
+        """Prepares it.
+
+        Args:
+            mechanism: The linkage.
+            angles: Number of even angles per turn.
+        """
+        reach = Solver(mechanism).reach
+        turns = reach.period_turns
+        fine = reach.samples(angles)
+        even = np.linspace(0, fine[-1], angles * turns + 1)
+        # No special angle flatters or fails a method by chance: half a step after 0.
+        self._ones = even[:-1] + math.pi / angles
+        fine = np.setdiff1d(fine, even)[:: 360 // angles]
+        # The fast places themselves, even or not.
+        middle = reach.fast + math.pi * np.arange(2 * turns)
+        cranks = np.unique(np.concatenate([self._ones, fine, middle]))
+        super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
+
+    def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
+        """Quantities that a method reaches, with the package's own work beyond its stage."""
+        del setting
+        first = QUANTITIES.index(OWN[method.stage][0])
+        return itertools.product(QUANTITIES[first:], method.modes)
+
+    def timer(
+        self, method: Method, setting: Setting, quantity: str, mode: str
+    ) -> Callable[[], Sequence[float]]:
+        """Prepares a method; returns a function that gives its time per state, us."""
+        function = self.function(method, setting, quantity, mode)
+        calls: Any = self._ones.tolist() if mode == ONE else [np.resize(self._ones, _BATCH)]
+
+        def timed() -> Sequence[float]:
+            start = time.perf_counter()
+            for crank in calls:
+                function(crank)
+            return ((time.perf_counter() - start) / np.size(calls) * 1e6,)
+
+        return timed
+
+
+def _rough(mechanism: Linkage, crank: float) -> Place:
+    """The position at a crank angle, rounded to 0.1 rad or m."""
+    _, coupler, output = Solver(mechanism).state(crank).position
+    return round(coupler, 1), round(output, 1)

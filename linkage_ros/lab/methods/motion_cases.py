@@ -1,0 +1,306 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Motions under a torque, as cases on which integrators are measured, and hard ones of a seed."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from decimal import Decimal
+from functools import cached_property, lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.lab.methods.measure import (
+    DIVERGED,
+    Case,
+    Method,
+    Outcome,
+    Panel,
+    Row,
+    Setting,
+    Situation,
+    attempt,
+)
+from linkage_ros.lab.methods.situations import Random, four_bar, limited
+from linkage_ros.lab.reference.motions import MotionReference
+from linkage_ros.lab.reference.problems import (
+    InitialValueProblem,
+    Phase,
+    coasting,
+    driven_pump,
+    free_pump,
+    preset,
+)
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.parts import Body, Coupler
+from linkage_ros.motion.drives import Motor
+
+TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
+# Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
+MEAN, SLOWEST = 'motion', 'motion, slowest ms'
+_ASKED = 0.05  # s between two states that are compared
+_TICK = 1e-3  # s
+_TICKS = 300  # of which the slowest is looked for, in a second of motion
+_SEED = 20_261_122
+
+
+class MotionCase(Case):
+    """A motion at some times.
+
+    Attributes:
+        problem: The motion and its start.
+        times: Times at which states are compared, in order, s.
+        quantities: What is judged: TRAJECTORY, ENERGY or LOOP.
+        rounds: Number of timings.
+    """
+
+    rounds = 3
+
+    def __init__(
+        self,
+        problem: InitialValueProblem,
+        times: Iterable[float],
+        quantities: Sequence[str] = (TRAJECTORY,),
+        at: Callable[[float], Sequence[Any]] | None = None,
+    ) -> None:
+        """Prepares it.
+
+        Args:
+            problem: The motion and its start.
+            times: At which states are compared, s.
+            quantities: What is judged.
+            at: The true motion; by default it is followed in many digits.
+        """
+        self.problem, self.times, self.quantities = problem, tuple(times), quantities
+        self._at = at or MotionReference(problem).at
+
+    @cached_property
+    def _exact(self) -> list[tuple[Decimal, ...]]:
+        return [tuple(map(Decimal, self._at(time))) for time in self.times]
+
+    @cached_property
+    def _sizes(self) -> Phase:
+        rates = zip(*(state[self.problem.count :] for state in self._exact), strict=True)
+        largest = (float(max(map(abs, rate))) for rate in rates)
+        return (*self.problem.driven.units[: self.problem.count], *largest)
+
+    def own(self, method: Method) -> Iterable[Panel]:
+        """See `Case`."""
+        del method
+        return [(quantity, MEAN) for quantity in self.quantities]
+
+    def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
+        """Quantities and modes that a method supports; steps up to a ms have a slowest ms."""
+        has_ticks = TRAJECTORY in self.quantities and setting.get('step', 0) <= _TICK
+        return [*self.own(method), *[(TRAJECTORY, SLOWEST)] * has_ticks]
+
+    def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
+        """See `Case`: phases with the gap of the loop, m, up to a failure or a refusal."""
+        del quantity, mode
+        return followed(self.problem, self.times, method.solve, tuple(setting.items()))
+
+    def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
+        """See `Case`.
+
+        TRAJECTORY: the largest error, in rad, crank lengths and, for rates, relative to the
+        largest rate. ENERGY: the change of energy without motor and damping, relative to the
+        initial kinetic energy. LOOP: the gap of the loop in crank lengths.
+        """
+        *phase, gap = row
+        if quantity == LOOP:
+            return gap / self.problem.mechanism.crank.length
+        if quantity == ENERGY:
+            (kinetic, still), energy = map(self.problem.energy, (self.problem.start, tuple(phase)))
+            return abs(sum(energy) - (kinetic + still)) / kinetic
+        values = zip(phase, self._exact[place], self._sizes, strict=True)
+        return max(abs(float(Decimal(value) - true)) / size for value, true, size in values)
+
+    def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[Outcome]:
+        """See `Case`: wrong values count more than the failure after them."""
+        found = super().outcomes(method, setting, *panel)
+        return [each for each in found if each[0] == DIVERGED] or found
+
+    def timer(
+        self, method: Method, setting: Setting, quantity: str, mode: str
+    ) -> Callable[[], Sequence[float]]:
+        """A function that returns the time of a simulated ms, or of the slowest, us."""
+        del quantity
+        timed = _mean_time if mode == MEAN else _slowest_time
+        return lambda: (timed(self.times, partial(method.solve, self.problem, setting)),)
+
+
+# Two situations judge the same motions, and panels of a chart the same run.
+@lru_cache(maxsize=32)
+def followed(
+    problem: InitialValueProblem,
+    times: tuple[float, ...],
+    solve: Callable[..., Any],
+    setting: tuple[tuple[str, float], ...],
+) -> list[Row]:
+    """Integrates a motion; see `MotionCase.rows`."""
+    phases = _phases(times, partial(solve, problem, dict(setting)))
+    return list(iter(partial(attempt, next, phases, ()), ()))  # () ends it
+
+
+def _phases(times: Sequence[float], begin: Callable[[], Any]) -> Iterator[tuple[float, ...]]:
+    follower = begin()
+    for moment in times:
+        phase = follower.at(moment)
+        if not all(map(math.isfinite, phase)):
+            raise ArithmeticError('the motion overflows')
+        # A phase that no position belongs to is refused here, as where it is published.
+        yield *phase, follower.gap()
+
+
+def _mean_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
+    """The time of a simulated ms of the whole motion, us."""
+    follower = begin()
+    start = time.perf_counter()
+    for moment in times:
+        follower.at(moment)
+    return (time.perf_counter() - start) / times[-1] * 1e3
+
+
+def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
+    """Time of the slowest of the first 1000 ms, fewer for a short motion, us.
+
+    Each is requested separately.
+    """
+    count = min(1000, round(times[-1] * _TICKS))
+    fastest = [math.inf] * count
+    for _ in range(3):
+        follower = begin()
+        for i in range(count):
+            start = time.perf_counter()
+            follower.at((i + 1) * _TICK)
+            fastest[i] = min(fastest[i], time.perf_counter() - start)
+    return max(fastest) * 1e6
+
+
+def even(seconds: float) -> list[float]:
+    """Even times at which states are compared, up to the last."""
+    return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]
+
+
+# ---------------------------------------------------------------- situations
+
+
+def _driven(random: Random, i: int) -> MotionCase:
+    speed = (2.0, 6.0)[i] if i < 2 else float(random.uniform(1.0, 7.0))
+    return MotionCase(driven_pump(speed), even(5.0))
+
+
+def _parallelogram(random: Random) -> FourBar:
+    """Without weights nothing depends on its crank angle, because the coupler does not turn."""
+    x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
+    return replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
+
+
+def _change_point(random: Random, _: int) -> MotionCase:
+    mechanism = _parallelogram(random)
+    angle, speed, torque = (float(k) for k in random.uniform((-2, 1, 0.1), (-1, 3, 0.2)))
+    problem = InitialValueProblem(mechanism, (angle, speed), Motor(torque))
+    ((inertia,),) = problem.driven.solver.matrix(1.0)
+    change = torque / inertia
+    return MotionCase(
+        problem, even(4.0),
+        at=lambda t: (angle + (speed + change / 2 * t) * t, speed + change * t),
+    )  # fmt: skip
+
+
+def _steep_line(random: Random, i: int) -> MotionCase:
+    damping = (1e3, 1e7)[i] if i < 2 else 10.0 ** float(random.uniform(3, 9))
+    mechanism, speed = _parallelogram(random), float(random.uniform(5, 20))
+    problem = InitialValueProblem(mechanism, (0.0, 0.0), Motor(damping * speed, damping))
+    ((inertia,),) = problem.driven.solver.matrix(1.0)
+    return MotionCase(problem, even(1.0), at=lambda t: _settling(0.0, speed, damping / inertia, t))
+
+
+def _stiff_guide(random: Random, i: int) -> MotionCase:
+    pump = preset('wind_pump').mechanism
+    damping = (1e5, 1e9)[i] if i < 2 else 10.0 ** float(random.uniform(5, 11))
+    force, speed = (float(k) for k in random.uniform((-0.1, 1), (0.1, 3)))
+    # Without masses coupler and rod, between crank and slider, leave them to themselves.
+    pump = replace(
+        pump, gravity=(0.0, 0.0), crank=Body(0.12, inertia=20.0),
+        coupler=Coupler(0.8), rod=Body(1.6),
+        slider=replace(pump.slider, damping=damping, force=damping * force),
+    )  # fmt: skip
+
+    def at(t: float) -> Phase:
+        moved, velocity = _settling(1.0, force, damping / pump.slider.mass, t)
+        return speed * t, pump.slider.position + moved, speed, velocity
+
+    start = 0.0, pump.slider.position, speed, 1.0
+    return MotionCase(InitialValueProblem(pump, start), even(1.0), at=at)
+
+
+def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
+    """Path and speed of a body that approaches a speed under linear damping."""
+    settled = -math.expm1(-rate * time)
+    way = end * time + (begin - end) * settled / rate
+    return way, begin + (end - begin) * settled
+
+
+def _stretched(random: Random, i: int) -> MotionCase:
+    while True:
+        if i % 4 == 3:
+            mechanism = limited(random)
+            start, end = Solver(mechanism).reach.arcs[0]
+            speed = float(random.uniform(3, 6)) * (end - start)
+            problem = InitialValueProblem(mechanism, ((start + end) / 2, speed))
+        else:
+            drawn = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
+            problem = driven_pump(2.0, (5.0, 6.0, -7.0)[i] if i < 3 else drawn)
+        reference = MotionReference(problem)
+        stretched = reference.end(0.5)
+        if stretched is not None:
+            times = stretched * np.linspace(0.0, 1.5, 14)[1:]
+            return MotionCase(problem, times.tolist(), at=reference.at)
+
+
+def _long(_: Random, i: int, *, quantity: str) -> MotionCase:
+    problem, seconds = ((coasting(), 30.0), (free_pump(9.0), 60.0))[i]
+    return MotionCase(problem, even(seconds), (quantity,))
+
+
+MOTION_SITUATIONS = (
+    Situation(
+        'driven pump', 'the wind pump with its motor, from 2, 6 and other rad/s', _driven,
+        share=10, fewest=2, seed=(_SEED, '_driven'),
+    ),
+    Situation(
+        'change point under a torque',
+        'a parallelogram whose crank is driven through both, several times', _change_point,
+        share=5, fewest=2, seed=(_SEED, '_change_point'),
+    ),
+    Situation(
+        'steep motor line',
+        'a parallelogram at rest under motor lines of 1e3 to 1e9 N m s', _steep_line,
+        share=5, fewest=2, seed=(_SEED, '_steep_line'),
+    ),
+    Situation(
+        'stiff guide',
+        "a slider, moving and pressed, in a pump's guide of 1e5 to 1e11 N s/m", _stiff_guide,
+        share=5, fewest=2, seed=(_SEED, '_stiff_guide'),
+    ),
+    Situation(
+        'stretched dyad',
+        'coupler and third link come into line at speed, and the motion goes on', _stretched,
+        share=3, fewest=4, seed=(_SEED, '_stretched'),
+    ),
+    Situation(
+        'long free run',
+        'quadrilateral for 30 s, pump for a minute, without motors: the energy',
+        partial(_long, quantity=ENERGY), share=15,
+    ),
+    Situation(
+        'loop after a long run', 'the same: by how much the loop is open',
+        partial(_long, quantity=LOOP), share=15,
+    ),
+)  # fmt: skip
