@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
+from linkage_ros.lab.charts.axes import chart
+from linkage_ros.lab.charts.sizes import SMALL, TEXT
 from linkage_ros.lab.methods.accuracy import NEAR, Point
 from linkage_ros.lab.methods.measure import BATCH, LIMIT, ONE, Method, label
 from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY
@@ -101,41 +102,37 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
     mechanisms = dict.fromkeys(point['mechanism'] for point in points)
     panels = [(name, *column) for name in mechanisms for column in columns]
     high = len(panels) // wide
-    figure = Figure(figsize=(WIDTH, 2.6 + 2.2 * high), dpi=DPI, layout='constrained')
-    figure.suptitle(title, fontsize=TITLE)
-    grid = figure.subplots(high, wide, sharey=True, sharex='col')
-    for axes, panel in zip(grid.flat, panels, strict=True):
-        words = named.format(*panel).replace('_', ' ').replace(f', {MEAN}', '')
-        axes.set_title(words, fontsize=TEXT)
-        place = operator.itemgetter('mechanism', 'quantity', 'mode')
-        _draw_panel(axes, [point for point in points if place(point) == panel])
-    for axes in grid[-1]:
-        axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
-        low, high = axes.get_xlim()
-        # Axes of more than two decades have no room for labels at 2 and 5.
-        axes.xaxis.set_major_locator(
-            LogLocator(subs=(1.0, 2.0, 5.0) if high < 200 * low else (1,))
-        )
-    figure.supylabel(f'largest error: {error}', fontsize=TEXT)
-    handles = [
-        Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0, label=_name(method.name),
-               **_STYLES.get(method.name, _OTHER))
-        for method in methods
-    ]  # fmt: skip
-    handles += [
-        Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right answers'),
-        Line2D([], [], color='0.85', linewidth=7, label=f'worse than {LIMIT:g}: not on the front'),
-    ]
-    figure.legend(
-        handles=handles, loc='outside lower center', ncols=3, fontsize=SMALL, frameon=False,
-        title_fontsize=SMALL, title=textwrap.fill(_settings(methods), 115),
-    )  # fmt: skip
-    figure.savefig(path)
+    with chart(path, 2.6 + 2.2 * high, title) as figure:
+        rcParams['text.parse_math'] = True  # powers of ten at the axes
+        grid = figure.subplots(high, wide, sharey=True, sharex='col')
+        for axes, panel in zip(grid.flat, panels, strict=True):
+            axes.set_title(named.format(*panel).replace('_', ' ').replace(f', {MEAN}', ''))
+            place = operator.itemgetter('mechanism', 'quantity', 'mode')
+            _draw_panel(axes, [point for point in points if place(point) == panel])
+        for axes in grid[-1]:
+            axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
+            low, most = axes.get_xlim()
+            # Axes of more than two decades have no room for labels at 2 and 5.
+            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if most < 200 * low else (1,)))
+        figure.supylabel(f'largest error: {error}', fontsize=TEXT)
+        handles = [
+            Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0,
+                   label=_name(method.name), **_STYLES.get(method.name, _OTHER))
+            for method in methods
+        ]  # fmt: skip
+        limit = f'worse than {LIMIT:g}: not on the front'
+        handles += [
+            Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right answers'),
+            Line2D([], [], color='0.85', linewidth=7, label=limit),
+        ]
+        figure.legend(
+            handles=handles, loc='outside lower center', ncols=3, title_fontsize=SMALL,
+            title=textwrap.fill(_settings(methods), 115),
+        )  # fmt: skip
 
 
 def _log_axes(axes: Axes, **options: Any) -> None:
     axes.set(xscale='log', yscale='log', **options)
-    axes.tick_params(labelsize=SMALL)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_locator(NullLocator())
@@ -144,7 +141,6 @@ def _log_axes(axes: Axes, **options: Any) -> None:
 def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
     _log_axes(axes, ylim=(2e-17, 30 * _CEILING))
     axes.set_yticks([10.0**exponent for exponent in range(-15, 1, 3)])
-    axes.grid(visible=True, which='major', color='0.9', linewidth=0.6)
     axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
     drawn = [p for p in points if None not in (p['max_error'], p['us_per_state'])]
     for method, group in itertools.groupby(drawn, key=lambda point: point['method']):
@@ -161,7 +157,7 @@ def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
         height = 0.565 if points[0]['mechanism'] == NEAR else 0.97  # clear of the curves
         axes.text(
             0.98, height, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
-            fontsize=SMALL, ha='right', va='top', transform=axes.transAxes, color='0.3',
+            ha='right', va='top', transform=axes.transAxes, color='0.3',
         )  # fmt: skip
 
 
@@ -198,26 +194,25 @@ def draw_follow(points: Sequence[Point], title: str, path: Path) -> None:
     Raises:
         OSError: The picture cannot be written.
     """
-    figure = Figure(figsize=(WIDTH, 4.8), dpi=DPI, layout='constrained')
-    figure.suptitle(title, fontsize=TITLE)
-    panels = figure.subplots(1, 2, sharey=True, sharex=True)
     default = FollowDrive().follow_bandwidth
-    for axes, velocity in zip(panels, (False, True), strict=True):
-        chosen = [p for p in points if p['measured_velocity'] == velocity]
-        lines = itertools.groupby(chosen, key=lambda p: p['bits'])
-        for (bits, group), style in zip(lines, _ENCODERS, strict=False):
-            line = [(p['follow_bandwidth'], 100 * p['max_error']) for p in group]
-            axes.plot(*zip(*line, strict=True), linewidth=1.2, label=f'{bits} bit', **style)
-        axes.axvline(default, color=fractions(BLACK), linestyle='--', linewidth=1.0,
-                     label=f'default, {default:g} Hz')  # fmt: skip
-        _log_axes(axes, ylim=_SPAN)
-        axes.grid(visible=True, which='both', color='0.9', linewidth=0.6)
-        words = 'angle and velocity are measured' if velocity else 'the angle is measured'
-        axes.set_title(words, fontsize=TEXT)
-        axes.set_xlabel('follow_bandwidth, Hz', fontsize=TEXT)
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
-    panels[0].set_ylabel('largest torque error, % of the peak torque', fontsize=TEXT)
-    panels[0].legend(fontsize=SMALL, loc='lower left')
-    figure.savefig(path)
+    with chart(path, 4.8, title) as figure:
+        panels = figure.subplots(1, 2, sharey=True, sharex=True)
+        for axes, velocity in zip(panels, (False, True), strict=True):
+            _log_axes(axes, ylim=_SPAN)
+            chosen = [p for p in points if p['measured_velocity'] == velocity]
+            lines = itertools.groupby(chosen, key=lambda p: p['bits'])
+            for (bits, group), style in zip(lines, _ENCODERS, strict=False):
+                line = [(p['follow_bandwidth'], 100 * p['max_error']) for p in group]
+                axes.plot(*zip(*line, strict=True), linewidth=1.2, label=f'{bits} bit', **style)
+            axes.axvline(
+                default, color=fractions(BLACK), linestyle='--', linewidth=1.0,
+                label=f'default, {default:g} Hz',
+            )  # fmt: skip
+            measured = 'angle and velocity are' if velocity else 'the angle is'
+            axes.set_title(f'{measured} measured')
+            axes.set_xlabel('follow_bandwidth, Hz', fontsize=TEXT)
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+                axis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+        panels[0].set_ylabel('largest torque error, % of the peak torque', fontsize=TEXT)
+        panels[0].legend(loc='lower left')

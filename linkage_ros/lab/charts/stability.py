@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TITLE, WIDTH
+from linkage_ros.lab.charts.axes import chart
+from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, WIDTH
 from linkage_ros.lab.methods.loads import (
     CURVE_METHODS,
     CURVE_SITUATIONS,
@@ -79,20 +79,20 @@ def draw_stability(cells: Sequence[dict[str, Any]], title: str, path: Path) -> N
     Raises:
         OSError: The picture cannot be written.
     """
-    height = _TOP + sum(_ABOVE + _HIGH * len(situations) for _, situations in GRIDS) + _FOOT
-    figure = Figure(figsize=(WIDTH, height), dpi=DPI)
+    height = _TOP + sum(_ABOVE + _HIGH * len(places) for _, places in GRIDS) + _FOOT
     y = height - _TOP
-    for methods, situations in GRIDS:
-        across, down = _WIDE * len(methods), _HIGH * len(situations)
-        y -= _ABOVE + down
-        axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
-        _draw_grid(axes, [method.name for method in methods], situations, cells)
-    figure.suptitle(title, fontsize=TITLE, y=1 - 0.15 / height)
-    patches = [
-        Patch(facecolor=fractions(fill), label=_WORDS[name]) for name, (fill, _) in _COLORS.items()
-    ]
-    figure.legend(handles=patches, loc='lower center', ncols=3, fontsize=SMALL, frameon=False)
-    figure.savefig(path)
+    with chart(path, height, title, layout=None) as figure:
+        for methods, situations in GRIDS:
+            across, down = _WIDE * len(methods), _HIGH * len(situations)
+            y -= _ABOVE + down
+            axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
+            _draw_grid(axes, [method.name for method in methods], situations, cells)
+        figure.suptitle(title, y=1 - 0.15 / height)
+        patches = [
+            Patch(facecolor=fractions(fill), label=_WORDS[name])
+            for name, (fill, _) in _COLORS.items()
+        ]
+        figure.legend(handles=patches, loc='lower center', ncols=3)
 
 
 def _draw_grid(
@@ -105,7 +105,7 @@ def _draw_grid(
     for y, situation in enumerate(situations):
         axes.text(
             len(methods) + 0.15, y + 0.5, textwrap.fill(situation.words, _SAID),
-            va='center', fontsize=SMALL, color='0.3',
+            va='center', color='0.3',
         )  # fmt: skip
         for cell in (cell for cell in cells if cell['situation'] == situation.name):
             x, outcome = methods.index(cell['method']), cell['outcome']
