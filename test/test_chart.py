@@ -371,7 +371,7 @@ def elapsed(crank, speed):
         (['motion', 'wiper', 'wiper'], 'wiper, wiper: give each file another name'),
         (
             ['motion', 'wiper', 'press', '--fluctuation', '0.1'],
-            '--fluctuation is for one mechanism',
+            '2 mechanisms: must be at most 7, and one with --fluctuation',
         ),
         (['motion', *map(str, range(8))], '8 mechanisms: must be at most 7'),
         (['movie', 'wiper', 'wiper.png'], 'wiper.png: must end with .gif or .mp4'),

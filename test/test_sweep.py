@@ -32,9 +32,9 @@ from linkage_ros.lab.sweep.designs import groups, with_value
 from linkage_ros.lab.sweep.measures import Task, measure, torque_of
 from linkage_ros.lab.sweep.results import FRONT
 from linkage_ros.lab.sweep.spread import cluster, processes, spread
-from linkage_ros.lab.sweep.study import Column, Settings, _designs, _parameters
+from linkage_ros.lab.sweep.study import Settings, _designs, parameters
 from linkage_ros.parameters.configuration import load
-from linkage_ros.quantities import build, flatten
+from linkage_ros.quantities import Leaf, Quantity, build, flatten
 from linkage_ros.units import radians_per_second
 
 RPM = 150.0
@@ -49,7 +49,7 @@ LENGTHS = {
 def drawn(preset, count, seed=0):
     """A mechanism, and wide random values of some of its parameters."""
     mechanism = load(preset).mechanism
-    base = {leaf.name: leaf.default or 0.1 for leaf in _parameters(mechanism, None)}
+    base = {leaf.name: leaf.default or 0.1 for leaf in parameters(mechanism, None)}
     shares = np.random.default_rng(seed).uniform(0.5, 1.6, (count, len(LENGTHS[preset])))
     return mechanism, LENGTHS[preset], shares * [base[name] for name in LENGTHS[preset]]
 
@@ -106,14 +106,14 @@ def expected_measures(solver, angles, points):
     }
     if 'C' in solver.structure.points:
         x, y = solver.point(solver.state(np.linspace(0, 2 * math.pi, 100001)), 'C').position
-        found['point_distance'] = max(np.hypot(x - px, y - py).min() for px, py in points)
+        found['point_distance'] = max(np.abs(x + 1j * y - point).min() for point in points)
     return found
 
 
 @pytest.mark.parametrize('preset', LENGTHS)
 def test_measures_are_those_of_the_solver(preset):
     mechanism, names, table = drawn(preset, 30, seed=2)
-    points = ((0.1, 0.2), (-0.1, 0.1))
+    points = (0.1 + 0.2j, -0.1 + 0.1j)
     solvers = [solver_of(mechanism, names, row) for row in table]
     expected = [expected_measures(x, 360, points) if x else None for x in solvers]
     measures = next(tuple(x) for x in expected if x)
@@ -152,7 +152,7 @@ def test_springs_on_rockers_are_computed_design_by_design():
     found = measure(Task(mechanism, RPM, names, ('peak_torque',), 36), table)
     for row, (_, torque) in zip(table, found, strict=True):
         solver = solver_of(mechanism, names, row)
-        assert torque == expected_measures(solver, 36, [(0, 0)])['peak_torque']
+        assert torque == expected_measures(solver, 36, [0j])['peak_torque']
 
 
 def test_torques_of_designs_cost_what_states_of_one_do():
@@ -176,7 +176,8 @@ def test_torques_of_designs_cost_what_states_of_one_do():
     ('sampler', 'count'), [('sobol', 100), ('latin_hypercube', 100), ('grid', 81)]
 )
 def test_samplers_fill_the_ranges(sampler, count):
-    columns = [Column('m', 0, 1.0, 2.0), Column('m', 0, -1.0, 1.0)]
+    spans = Quantity('number', '', 'm', 1.0, 2.0), Quantity('number', '', 'm', -1.0, 1.0)
+    columns = [Leaf('', span, 0.0) for span in spans]
     settings = partial(Settings, 'quadrilateral', 100 if count == 100 else 99, sampler)
     table = _designs(settings(7), columns)
     assert len(table) == count

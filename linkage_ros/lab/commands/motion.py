@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod, extent, mean
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.charts.motion import DESIGN_COLORS, draw_comparison, draw_motion
+from linkage_ros.lab.charts.motion import DESIGN_COLORS, DRAWN_AT, draw_motion
 from linkage_ros.lab.charts.movie import SECONDS, draw_movie
 from linkage_ros.lab.commands.flywheel import size_flywheel
 from linkage_ros.lab.commands.output import folder, progress, save_csv
@@ -28,20 +28,6 @@ from linkage_ros.parameters.presets import find_file
 from linkage_ros.units import radians_per_second
 
 
-class Shown(NamedTuple):
-    """A mechanism over one period.
-
-    Attributes:
-        drive: Its drive.
-        period: The period.
-        title: Name, class, speed, and further lines.
-    """
-
-    drive: Drive
-    period: Period
-    title: list[str]
-
-
 def motion(options: argparse.Namespace) -> None:
     """Draws one period of a mechanism, or of several beside each other, and writes a table.
 
@@ -51,11 +37,10 @@ def motion(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: A mechanism, the options or the folder cannot be used.
     """
-    if len(options.params) > 1:
-        _require_comparable(options)
-    names = [find_file(source).stem for source in options.params]
+    names = _names(options)
     others = {x: getattr(options, x) for x in ('acceleration', 'reactions', 'fluctuation')}
     shown = [show(source, options.rpm, **others) for source in options.params]
+    periods = {name: period for name, (_, period, _) in zip(names, shown, strict=True)}
     (drive, period, title), *more = shown
     stem = 'comparison' if more else f'{names[0]}_motion'
     picture, table = (options.out / f'{stem}.{suffix}' for suffix in ('png', 'csv'))
@@ -66,17 +51,16 @@ def motion(options: argparse.Namespace) -> None:
             lines += size_flywheel(period, drive, options.fluctuation, names[0], flywheel)
             lines.append(flywheel)
         if more:
-            periods = {name: one.period for name, one in zip(names, shown, strict=True)}
             measures = {name: _measures(one) for name, one in periods.items()}
             lines = [*_lines(measures)]
             rows = [[name, *row.values()] for name, row in measures.items()]
             save_csv(table, ['design', *measures[names[0]]], rows)
-            draw_comparison(periods, picture)
         else:
             columns = period.columns.values()
             values = np.stack([column.values for column in columns], axis=-1).tolist()
             save_csv(table, [f'{column.name} [{column.unit}]' for column in columns], values)
-            draw_motion(period, title, picture)
+        drawn_at = [] if more else [*title[1:], f'drawn at crank angle {DRAWN_AT:g} deg']
+        draw_motion(periods, drawn_at, picture)
     print(*lines, picture, table, sep='\n')
 
 
@@ -97,7 +81,7 @@ def movie(options: argparse.Namespace) -> None:
     print(', '.join(title), options.out, sep='\n')
 
 
-def show(source: str, rpm: float | None, **others: Any) -> Shown:
+def show(source: str, rpm: float | None, **others: Any) -> tuple[Drive, Period, list[str]]:
     """Computes the period to draw.
 
     Args:
@@ -106,7 +90,7 @@ def show(source: str, rpm: float | None, **others: Any) -> Shown:
         others: Other options that were given: acceleration, reactions, fluctuation.
 
     Returns:
-        The mechanism over one period.
+        Its drive, its period, and its title: name, class, speed, and further lines.
 
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
@@ -119,7 +103,7 @@ def show(source: str, rpm: float | None, **others: Any) -> Shown:
     )
     kind = configuration.kind.mechanism
     about = [kind if kind != name else '', configuration.mechanism.assembly, group]
-    return Shown(configuration.drive, period, [name, ', '.join(filter(None, about)), *lines])
+    return configuration.drive, period, [name, ', '.join(filter(None, about)), *lines]
 
 
 def _driven(
@@ -198,20 +182,21 @@ def settled_turn(motion: PeriodicMotion) -> Period:
 # ---------------------------------------------------------------- several mechanisms
 
 
-def _require_comparable(options: argparse.Namespace) -> None:
-    """Refuses what cannot be drawn beside each other.
+def _names(options: argparse.Namespace) -> list[str]:
+    """The names of the mechanisms.
 
     Raises:
-        ConfigurationError: There are too many, two have one name, or a flywheel is asked for.
+        ConfigurationError: They cannot be drawn beside each other.
     """
-    count = len(options.params)
-    if options.fluctuation is not None:
-        raise ConfigurationError('--fluctuation is for one mechanism: leave it or the others out')
-    if count > len(DESIGN_COLORS):
-        raise ConfigurationError(f'{count} mechanisms: must be at most {len(DESIGN_COLORS)}')
+    count, most = len(options.params), len(DESIGN_COLORS)
+    if count > most or (count > 1 and options.fluctuation is not None):
+        raise ConfigurationError(
+            f'{count} mechanisms: must be at most {most}, and one with --fluctuation'
+        )
     names = [find_file(source).stem for source in options.params]
     if len(set(names)) < count:
         raise ConfigurationError(f'{", ".join(names)}: give each file another name')
+    return names
 
 
 def _measures(period: Period) -> dict[str, float | None]:

@@ -6,46 +6,62 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property, partial
-from typing import Any, NamedTuple, TypeAlias, cast
+from functools import cached_property
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from linkage_ros.dynamics.model import Model
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import Joints, reactions
+from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.dynamics.trees import Constants, transformed
 from linkage_ros.formulas import ZERO, Vector
 from linkage_ros.lab.sweep.designs import groups
 from linkage_ros.lab.torque_models import driving_torque
 from linkage_ros.model.four_bar import FourBarLoop
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.model.transmission import Transmission
 from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import radians_per_second
 
 RPM = 'rpm'
 _AT_ONCE = 16384  # values of an array: what lies between stays in the processor's cache
 _STEPS = 8  # of Newton's method; four reach the last digits
-# What measures may need.
-_SPEED = 'a crank speed, such as rpm: 60.0, and no dry friction'
-_ROCKER, _SLIDER = 'a rocker', 'a slider'
-_POINTS = 'coupler.point, and points: [x, y, ...]'
-_Constants: TypeAlias = tuple[Model, Any, Joints]  # and the coupler point
 
 
-def torque_of(constants: _Constants, angle: Real, speed: Real) -> Real:
+class Task(NamedTuple):
+    """What is done with every design.
+
+    Attributes:
+        mechanism: The mechanism that the designs have in common.
+        rpm: Its crank speed; None: it has none.
+        names: The parameters in which designs differ.
+        measures: Names of the measures.
+        angles: Number of crank angles in a turn.
+        points: Points that the coupler point should pass, x + iy, m.
+    """
+
+    mechanism: Mechanism
+    rpm: float | None
+    names: tuple[str, ...]
+    measures: tuple[str, ...]
+    angles: int
+    points: tuple[complex, ...] = ()
+
+
+# Formulas of a model with its coupler point, of the crank angle and the speed.
+
+
+def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
     """The driving torque, N m."""
     return driving_torque(constants[0], angle, speed)[0]
 
 
-def _output_of(constants: _Constants, angle: Real, _: Real) -> tuple[Real, Real, Real]:
+def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
     """Position of the output link, and its first two derivatives over the crank angle."""
     link = constants[0].loop.pose((angle,)).links[-1]
     return link.position, link.jacobian[0], link.curvature[0]
 
 
-def _path_of(constants: _Constants, angle: Real, _: Real) -> Vector:
+def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
     """The coupler point, m."""
     model, point, _ = constants
     directions = [link.direction for link in model.loop.pose((angle,)).links]
@@ -53,9 +69,10 @@ def _path_of(constants: _Constants, angle: Real, _: Real) -> Vector:
     return cast('Vector', point.follow(directions, at_rest, at_rest)[0])
 
 
-def _force_of(constants: _Constants, angle: Real, speed: Real) -> Vector:
+def _force_of(constants: Any, angle: Real, speed: Real) -> Vector:
     """The force on the frame, N."""
-    return reactions((constants[0], constants[2]), (angle,), (speed,), ())[2]
+    model, _, joints = constants
+    return reactions((model, joints), (angle,), (speed,), ())[2]
 
 
 class Batch:
@@ -65,21 +82,21 @@ class Batch:
     """
 
     def __init__(
-        self, constants: Constants, transmission: Transmission, speed: Array, task: Task
+        self, constants: Constants, speed: Array, transmission_angle: Array, task: Task
     ) -> None:
         """Takes designs.
 
         Args:
-            constants: A coupler point, or None, behind the constants of the model.
-            transmission: Those of the transmission angle.
+            constants: Those of the model; behind it a coupler point, or None, and the joints.
             speed: Crank speeds, of shape (designs, 1), rad/s.
+            transmission_angle: Smallest ones, as acute angles, deg.
             task: Number of angles, and points.
         """
-        self._constants, self._transmission = constants, transmission
-        self._speed, self._points = speed, task.points
-        straight = [square.least is ZERO for square in (transmission.cos, transmission.sin)]
-        self._has_change_point = any(straight)
-        turns = 2 if sum(straight) == 1 else 1
+        self._constants, self._speed, self._points = constants, speed, task.points
+        self.transmission_angle = transmission_angle
+        roots = constants.tree[0].loop.transmission
+        straight = [square.least is ZERO for square in (roots.cos, roots.sin)]
+        self._has_change_point, turns = any(straight), 2 if sum(straight) == 1 else 1
         self._step = 2 * math.pi / task.angles
         self._angles = (np.arange(turns * task.angles) + 0.5) * self._step
 
@@ -129,21 +146,14 @@ class Batch:
         rest = len(self._angles) * self._step - way
         return np.maximum(way, rest) / np.minimum(way, rest)
 
-    def transmission_angle(self) -> Array:
-        """Smallest transmission angle, as an acute one, deg."""
-        low, high = self._transmission.extremes()
-        return cast('Array', np.degrees(np.minimum(low, math.pi - high)).ravel())
-
     def point_distance(self) -> Array:
         """Largest distance of the given points from the path of the coupler point, m."""
         x, y = self._run(_path_of, self._angles)
-        dx, dy = (np.roll(row, -1, axis=-1) - row for row in (x, y))
-        farthest = np.zeros(len(x))
-        for px, py in self._points:
-            along = np.clip(((px - x) * dx + (py - y) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
-            distances = np.hypot(x + along * dx - px, y + along * dy - py)
-            farthest = np.maximum(farthest, distances.min(-1))
-        return farthest
+        path = x + 1j * y
+        step = np.roll(path, -1, axis=-1) - path
+        ways = (np.array(self._points)[:, None, None] - path) / step
+        away = np.abs(step * (ways - np.clip(ways.real, 0.0, 1.0)))
+        return np.asarray(away.min(-1).max(0))
 
 
 class Measure(NamedTuple):
@@ -153,7 +163,7 @@ class Measure(NamedTuple):
         unit: Its unit.
         meaning: What it is.
         of: Computes it for each design of a batch.
-        needs: What it needs of a task, in words; empty: nothing.
+        needs: What it needs of a task, a key of NEEDS; empty: nothing.
     """
 
     unit: str
@@ -162,6 +172,9 @@ class Measure(NamedTuple):
     needs: str = ''
 
 
+_SPEED = 'a crank speed, such as rpm: 60.0, and no dry friction'
+_ROCKER, _SLIDER = 'a rocker', 'a slider'
+_POINTS = 'coupler.point, and points: [x, y, ...]'
 MEASURES = {
     'peak_torque': Measure(
         'N m', 'largest driving torque', lambda x: np.abs(x.torque).max(-1), _SPEED
@@ -176,7 +189,9 @@ MEASURES = {
     'time_ratio': Measure(
         '', 'longer to shorter crank rotation between reversals', Batch.time_ratio
     ),
-    'transmission_angle': Measure('deg', 'smallest transmission angle', Batch.transmission_angle),
+    'transmission_angle': Measure(
+        'deg', 'smallest transmission angle', lambda x: x.transmission_angle
+    ),
     'point_distance': Measure(
         'm', 'largest distance of a given point from the coupler curve', Batch.point_distance,
         _POINTS,
@@ -184,35 +199,16 @@ MEASURES = {
 }  # fmt: skip
 
 
-class Task(NamedTuple):
-    """What is done with every design.
-
-    Attributes:
-        mechanism: The mechanism that the designs have in common.
-        rpm: Its crank speed; None: it has none.
-        names: The parameters in which designs differ.
-        measures: Names of the measures.
-        angles: Number of crank angles in a turn.
-        points: Points that the coupler point should pass, m.
-    """
-
-    mechanism: Mechanism
-    rpm: float | None
-    names: tuple[str, ...]
-    measures: tuple[str, ...]
-    angles: int
-    points: tuple[tuple[float, float], ...] = ()
-
-    def lacks(self, need: str) -> bool:
-        """Whether the mechanism or the task lacks what a measure needs."""
-        structure = self.mechanism.structure()
-        slides = structure.links[-1].slides
-        return {
-            _SPEED: self.rpm is None or bool(self.mechanism.joint_loads()),
-            _ROCKER: slides,
-            _SLIDER: not slides,
-            _POINTS: not self.points or 'C' not in structure.points,
-        }.get(need, False)
+def has(task: Task, needs: str) -> bool:
+    """Whether a task has what a measure needs."""
+    structure = task.mechanism.structure()
+    slides = structure.links[-1].slides
+    return {
+        _SPEED: task.rpm is not None and not task.mechanism.joint_loads(),
+        _ROCKER: not slides,
+        _SLIDER: slides,
+        _POINTS: bool(task.points) and 'C' in structure.points,
+    }.get(needs, True)
 
 
 def measure(task: Task, designs: Array) -> Array:
@@ -229,23 +225,19 @@ def measure(task: Task, designs: Array) -> Array:
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
     found[:, 0] = 0
     columns = dict(zip(task.names, designs.T, strict=True))
-    rpms: Real = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
+    rpms = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
     at_once = max(1, _AT_ONCE // task.angles)
     # As in Program.arrays: from then on glibc keeps the memory of arrays.
     np.empty(3_000_000)
     with np.errstate(all='ignore'):
         for rows, model, constants in groups(task.mechanism, columns, len(designs)):
             transmission = cast('FourBarLoop', model.loop).transmission
-            for start in range(0, len(rows), at_once) if transmission.turns_fully else ():
+            low, high = transmission.extremes()
+            acute = np.degrees(np.minimum(low, math.pi - high)) + 0 * rows[:, None]
+            for start in range(0, len(rows) if transmission.turns_fully else 0, at_once):
                 part = slice(start, start + at_once)
-                own = transformed(partial(_part, part), transmission)
                 speed: Real = radians_per_second(rpms[rows[part], None])
-                batch = Batch(constants.part(part), own, speed, task)
-                found[rows[part], 0] = 1
-                for i, name in enumerate(task.measures, 1):
-                    found[rows[part], i] = MEASURES[name].of(batch)
+                batch = Batch(constants.part(part), speed, acute[part, 0], task)
+                measured = [MEASURES[name].of(batch) for name in task.measures]
+                found[rows[part]] = np.column_stack([np.ones(len(speed)), *measured])
     return found
-
-
-def _part(rows: slice, value: Any) -> Any:
-    return value[rows] if isinstance(value, np.ndarray) else value

@@ -68,31 +68,23 @@ def spread(
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
     """Processes of this machine."""
-    executor = ProcessPoolExecutor(
-        count, multiprocessing.get_context('spawn'), initializer=_end_with_parent
-    )
-    # Ctrl-C goes to all processes of a terminal. These never get it: they start with it blocked.
-    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        for _ in range(count):  # each starts one
-            executor.submit(int)
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    context = multiprocessing.get_context('spawn')
+    executor = ProcessPoolExecutor(count, context, initializer=_prepare)
     try:
         yield executor
     finally:
         executor.shutdown(cancel_futures=True)
 
 
-def _end_with_parent() -> None:
-    """Ends this worker once the process that started it is gone; it would wait for ever."""
-    parent = multiprocessing.parent_process()
+def _prepare() -> None:
+    """Makes a worker deaf to Ctrl-C, and ends it once the process that started it is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-    def end() -> None:
-        cast('Any', parent).join()
+    def end_with_parent() -> None:
+        cast('Any', multiprocessing.parent_process()).join()
         os._exit(1)
 
-    threading.Thread(target=end, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
 @contextmanager
@@ -111,6 +103,12 @@ def cluster(address: str) -> Iterator[Executor]:
     from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host_port
 
+    reasons = {
+        TimeoutError: f'it has no workers; start `dask worker {address}`',
+        KilledWorker: 'workers died again and again: is memory short? Give fewer angles',
+        ImportError: 'a worker has no linkage_ros: install it there',
+        CancelledError: 'the scheduler has gone',
+    }
     # It logs what becomes an error here, and that it repeats what a lost worker had.
     logging.getLogger('distributed.client').setLevel(logging.CRITICAL)
     try:
@@ -127,18 +125,6 @@ def cluster(address: str) -> Iterator[Executor]:
             client.wait_for_workers(1, timeout=_PATIENCE)
             client.run(version, 'linkage_ros')  # a worker without it ends, and the work waits
             yield client.get_executor()
-        except TimeoutError as error:
-            raise ConfigurationError(
-                f'--scheduler {address}: it has no workers; start `dask worker {address}`'
-            ) from error
-        except KilledWorker as error:
-            raise ConfigurationError(
-                f'--scheduler {address}: workers died again and again: is memory short? Give '
-                'fewer angles'
-            ) from error
-        except ImportError as error:
-            raise ConfigurationError(
-                f'--scheduler {address}: a worker has no linkage_ros: install it there'
-            ) from error
-        except CancelledError as error:
-            raise ConfigurationError(f'--scheduler {address}: the scheduler has gone') from error
+        except tuple(reasons) as error:
+            reason = next(reasons[kind] for kind in reasons if isinstance(error, kind))
+            raise ConfigurationError(f'--scheduler {address}: {reason}') from error

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.sweep.measures import MEASURES, RPM, Task
+from linkage_ros.lab.sweep.measures import MEASURES, RPM, Task, has
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import load
@@ -54,35 +54,19 @@ class Settings(Checked):
     )
 
 
-class Column(NamedTuple):
-    """A parameter in which designs differ.
-
-    Attributes:
-        unit: Its unit.
-        base: Its value in the base.
-        low: Smallest value in the designs.
-        high: Largest value in the designs.
-    """
-
-    unit: str
-    base: float
-    low: float
-    high: float
-
-
 class Study(NamedTuple):
     """A study, read and sampled.
 
     Attributes:
         task: What is done with every design.
-        columns: The parameters in which designs differ, by name.
+        columns: The parameters in which designs differ, with their ranges; defaults are the base.
         designs: Their values, a row for each design.
         constraints: Smallest and largest value of measures.
         goals: 'least' or 'most' for the two measures of the Pareto front; empty: there is none.
     """
 
     task: Task
-    columns: dict[str, Column]
+    columns: list[Leaf]
     designs: Array
     constraints: dict[str, tuple[float, float]]
     goals: dict[str, str]
@@ -100,14 +84,8 @@ def read_study(path: str) -> Study:
     Raises:
         ConfigurationError: It cannot be used; one line that says what would be valid.
     """
-    given: dict[str, Any] = dict(read_study_file(path))
-    groups = {group: _taken(given, f'{group}.') for group in _GROUPS}
+    groups, given = _read_groups(path)
     measures = given.pop('measures', [])
-    known = [*leaves(Settings), *(Leaf(x, _NUMBER, None) for x in ('measures', *_GROUPS))]
-    for name in given.keys() - {leaf.name for leaf in known}:
-        raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
-    for name in given.keys() & set(_GROUPS):
-        raise ConfigurationError(f'{name} = {shown(given[name])}: write {name}: {{NAME: VALUE}}')
     settings = build(Settings, given)
     configuration = load(settings.base)
     mechanism, rpm = configuration.mechanism, settings.rpm
@@ -124,18 +102,33 @@ def read_study(path: str) -> Study:
         raise ConfigurationError(f'{len(goals)} goals: must be two measures, or none')
     listed = measures if isinstance(measures, list) else [measures]
     wanted, points = dict.fromkeys([*listed, *goals, *constraints]), settings.points or ()
-    task = Task(
-        mechanism, rpm, tuple(columns), tuple(wanted), settings.angles,
-        tuple(zip(points[::2], points[1::2], strict=False)),
-    )  # fmt: skip
+    places = tuple(map(complex, points[::2], points[1::2]))
+    names = tuple(leaf.name for leaf in columns)
+    task = Task(mechanism, rpm, names, tuple(wanted), settings.angles, places)
     _require_measures(task)
-    return Study(task, columns, _designs(settings, [*columns.values()]), constraints, goals)
+    return Study(task, columns, _designs(settings, columns), constraints, goals)
 
 
-def _taken(given: dict[str, Any], group: str) -> dict[str, Any]:
-    """Takes what begins with a group's name out of what is given."""
-    names = [name for name in given if name.startswith(group)]
-    return {name.removeprefix(group): given.pop(name) for name in names}
+def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
+    """Reads the groups of a study, and its other settings.
+
+    Raises:
+        ConfigurationError: The file cannot be read, or has an unknown name.
+    """
+    groups: dict[str, dict[str, Any]] = {group: {} for group in _GROUPS}
+    given: dict[str, Any] = {}
+    known = [*leaves(Settings), *(Leaf(x, _NUMBER, None) for x in ('measures', *_GROUPS))]
+    for name, value in read_study_file(path).items():
+        group, _, rest = name.partition('.')
+        if rest and group in groups:
+            groups[group][rest] = value
+        elif name in groups:
+            raise ConfigurationError(f'{name} = {shown(value)}: write {name}: {{NAME: VALUE}}')
+        elif name in {leaf.name for leaf in known}:
+            given[name] = value
+        else:
+            raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
+    return groups, given
 
 
 def _require_measures(task: Task) -> None:
@@ -150,20 +143,20 @@ def _require_measures(task: Task) -> None:
         if name not in MEASURES:
             meant = nearest(str(name), MEASURES) or ' or '.join(MEASURES)
             raise ConfigurationError(f'{shown(name)} is not a measure; did you mean {meant}?')
-        if task.lacks(MEASURES[name].needs):
+        if not has(task, MEASURES[name].needs):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
 
 
 def _columns(
     groups: Mapping[str, Mapping[str, Any]], mechanism: Mechanism, rpm: float | None
-) -> dict[str, Column]:
+) -> list[Leaf]:
     """The parameters in which designs differ.
 
     Raises:
         ConfigurationError: There is none, or one is unknown, given twice or out of range.
     """
-    valid = {leaf.name: leaf for leaf in _parameters(mechanism, rpm)}
-    columns: dict[str, Column] = {}
+    valid = {leaf.name: leaf for leaf in parameters(mechanism, rpm)}
+    columns: dict[str, Leaf] = {}
     for group in ('ranges', 'tolerances'):
         for name, value in groups[group].items():
             if name not in valid:
@@ -171,15 +164,16 @@ def _columns(
                 raise ConfigurationError(unknown_name(name, owner, valid.values(), where))
             if name in columns:
                 raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
-            allowed, base = valid[name].quantity, cast('float', valid[name].default)
+            _, allowed, base = valid[name]
             limits = value
             if group == 'tolerances':
                 width = cast('float', _NUMBER.clean(f'{group}.{name}', value))
-                limits = [base - width, base + width]
-            columns[name] = Column(allowed.unit, base, *_span(f'{group}.{name}', limits, allowed))
+                limits = [cast('float', base) - width, cast('float', base) + width]
+            low, high = _span(f'{group}.{name}', limits, allowed)
+            columns[name] = Leaf(name, replace(allowed, low=low, high=high), base)
     if not columns:
         raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
-    return columns
+    return [*columns.values()]
 
 
 def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
@@ -194,7 +188,7 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
     return low, high
 
 
-def _parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
+def parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
     """The numbers that may vary, with their values in the base as defaults."""
     values: dict[str, Any] = flatten(mechanism)
     for name, allowed, _ in leaves(type(mechanism)):
@@ -207,7 +201,7 @@ def _parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
         yield from (leaf._replace(default=rpm) for leaf in leaves(Settings) if leaf.name == RPM)
 
 
-def _designs(settings: Settings, columns: Sequence[Column]) -> Array:
+def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
     """Values of the parameters, a row for each design.
 
     Raises:
@@ -228,5 +222,5 @@ def _designs(settings: Settings, columns: Sequence[Column]) -> Array:
         shares = sampler.random_base2(math.ceil(math.log2(count)))[:count]
     else:
         shares = qmc.LatinHypercube(size, seed=settings.seed).random(count)
-    low, high = (np.array([getattr(x, end) for x in columns]) for end in ('low', 'high'))
+    low, high = np.array([(leaf.quantity.low, leaf.quantity.high) for leaf in columns]).T
     return np.asarray(low + (high - low) * shares)
