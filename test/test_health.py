@@ -65,16 +65,13 @@ def test_a_few_missed_ticks_are_no_warning(missed):
     assert motion(missed) == ([OK] * len(missed), [])
 
 
-def test_a_busy_machine_is_said_once_and_its_end_once():
-    levels, lines = motion([0] * 10 + [40, 80, 30, 50] * 10 + [0] * 20)
-    assert lines == [(WARN, BUSY), (OK, '192.0 Hz kept')]
+@pytest.mark.parametrize(('is_torque_driven', 'words'), [(False, BUSY), (True, FAST)])
+def test_a_busy_machine_is_said_once_and_its_end_once(is_torque_driven, words):
+    missed = [0] * 10 + [40, 80, 30, 50] * 10 + [0] * 20
+    levels, lines = motion(missed, is_torque_driven=is_torque_driven)
+    assert lines == [(WARN, words), (OK, '192.0 Hz kept')]
     changes = [later for earlier, later in pairwise(levels) if later != earlier]
     assert changes == [WARN, OK]
-
-
-def test_a_torque_driven_run_is_told_that_a_fast_crank_costs_more():
-    _, lines = motion([0] * 10 + [40, 80, 30, 50] * 10 + [0] * 20, is_torque_driven=True)
-    assert lines == [(WARN, FAST), (OK, '192.0 Hz kept')]
 
 
 def test_the_warning_takes_some_seconds_to_begin():
@@ -140,14 +137,11 @@ def test_losses_during_a_trouble_are_no_lag():
     assert viewer(gone, *[back] * 12, Health('x', 9))[-1] == [LAGS]
 
 
-def test_a_failure_is_an_error_and_said_by_what_fails():
-    assert viewer(Health('x', 1, OSError('gone'))) == [[]]
-    _, status = HealthMonitor('node').report(
-        TickCounts(), {}, {'log': Health('x', 1, OSError('gone'))}, []
-    )
-    assert (status.level, status.message) == (ERROR, 'failed: gone')
-
-
-def test_a_part_that_there_is_not_is_off():
-    _, status = HealthMonitor('node').report(TickCounts(), {}, {'log': Health('')}, [])
-    assert (status.level, status.message) == (OK, 'off')
+@pytest.mark.parametrize(
+    ('part', 'level', 'words'),
+    [(Health('x', 1, OSError('gone')), ERROR, 'failed: gone'), (Health(''), OK, 'off')],
+)
+def test_a_failure_is_an_error_that_the_part_itself_says(part, level, words):
+    assert viewer(part) == [[]]
+    _, status = HealthMonitor('node').report(TickCounts(), {}, {'log': part}, [])
+    assert (status.level, status.message) == (level, words)

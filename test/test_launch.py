@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch files.
 
-No wheel of launch exists. So most tests run the files with stand-ins for the few names that they
-import, and start the nodes as launch_ros would. The last ones use `ros2 launch` where it is there.
+No wheel of launch exists. So the tests run the files with stand-ins for the few names that they
+import, and start the nodes as launch_ros would.
 """
 
 import os
@@ -11,7 +11,6 @@ import runpy
 import subprocess
 import sys
 import tempfile
-from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from xml.etree import ElementTree as ET
@@ -19,7 +18,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import yaml
 from rclpy.serialization import deserialize_message
-from ros_harness import Listener, environment, fresh_domain, running, wait_for
+from ros_harness import Listener, fresh_domain, running, wait_for
 from sensor_msgs.msg import JointState
 from test_node import stop
 
@@ -316,45 +315,3 @@ def by_stamp(messages):
         )
         for one in found
     }
-
-
-# ---------------------------------------------------------------- the real command line
-
-ROS2_LAUNCH = 'import sys; from ros2cli.cli import main; sys.exit(main())'
-real = pytest.mark.skipif(find_spec('ros2launch') is None, reason='needs ros2 launch')
-
-
-def ros2_launch(prefix, file, *arguments):
-    """Runs `ros2 launch` on a launch file of the checkout, as if it were installed."""
-    (prefix / 'share' / 'ament_index' / 'resource_index' / 'packages').mkdir(parents=True)
-    (prefix / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'linkage_ros').touch()
-    (prefix / 'lib' / 'linkage_ros').mkdir(parents=True)
-    for name in ('node', 'controller'):
-        program = prefix / 'lib' / 'linkage_ros' / f'linkage_{name}'
-        program.write_text(f'#!/bin/sh\nexec {sys.executable} -m linkage_ros.{name} "$@"\n')
-        program.chmod(0o755)
-    path = os.pathsep.join((str(prefix), os.environ.get('AMENT_PREFIX_PATH', '')))
-    variables = {**environment(fresh_domain()), 'AMENT_PREFIX_PATH': path}
-    variables['PYTHONPATH'] = os.pathsep.join((str(ROOT), os.environ.get('PYTHONPATH', '')))
-    return subprocess.run(
-        [sys.executable, '-c', ROS2_LAUNCH, 'launch', file, *arguments], env=variables,
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-
-
-@real
-def test_ros2_launch_ends_with_the_node_and_shows_its_exit_code(tmp_path):
-    log = tmp_path / 'run.mcap'
-    log.touch()
-    done = ros2_launch(tmp_path, DEMO, f'log:={log}')
-    assert done.returncode == 1
-    output = done.stdout + done.stderr
-    assert 'run.mcap exists already' in output
-    assert 'exit code 2' in output
-
-
-@real
-def test_ros2_launch_shows_a_wrong_value_in_one_line(tmp_path):
-    done = ros2_launch(tmp_path, CONTROLLER, 'rpm:=fast')
-    assert done.returncode == 1
-    assert "rpm = 'fast': must be a number" in done.stdout + done.stderr

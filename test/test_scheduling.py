@@ -7,6 +7,7 @@ import gc
 import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,24 +19,17 @@ def in_thread(work):
         return pool.submit(work).result()
 
 
-def slack():
-    return ctypes.CDLL(None).prctl(30)  # PR_GET_TIMERSLACK
-
-
-def usual_slack():
-    ctypes.CDLL(None).prctl(29, 50_000, 0, 0, 0)  # other tests may have changed that of pytest
-
-
 def policy():
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
 
 
 def test_a_thread_wakes_when_it_asked_for():
     def work():
-        usual_slack()
-        before = slack()
+        prctl = ctypes.CDLL(None).prctl
+        prctl(29, 50_000, 0, 0, 0)  # PR_SET_TIMERSLACK; other tests may have changed it
+        before = prctl(30)
         scheduling.minimize_timer_slack()
-        return before, slack()
+        return before, prctl(30)
 
     assert in_thread(work) == (50_000, 1)
 
@@ -51,8 +45,7 @@ def test_it_goes_first_and_what_it_starts_does_not():
     granted, own, child = in_thread(work)
     assert in_thread(beside) == (own, 40 if granted else 0)
     assert own == (os.SCHED_FIFO if granted else os.SCHED_OTHER)
-    assert child == os.SCHED_OTHER
-    assert policy() == os.SCHED_OTHER
+    assert child == policy() == os.SCHED_OTHER
 
 
 def test_without_the_right_it_says_so(monkeypatch):
@@ -78,37 +71,24 @@ def test_what_was_made_so_far_is_searched_no_more(interval):
     assert gc.get_freeze_count() > 0
 
 
-class Clock:
-    def __init__(self):
-        self.now = 100.0
-
-    def monotonic(self):
-        return self.now
-
-
-def patient_for(switch_interval, clock):
-    """How long it is patient, s."""
-    begin = clock.now
-    while sys.getswitchinterval() > 1e-4:
-        assert clock.now < begin + 1000
-        clock.now += 0.5
-        switch_interval.follow(0)
-    return clock.now - begin
-
-
 def test_a_tick_that_is_far_too_late_makes_the_ticker_patient_for_two_seconds(
     monkeypatch, interval
 ):
-    clock = Clock()
-    monkeypatch.setattr(scheduling, 'time', clock)
+    clock = SimpleNamespace(now=100.0)
+    monkeypatch.setattr(scheduling, 'time', SimpleNamespace(monotonic=lambda: clock.now))
     switch_interval = scheduling.SwitchInterval()
-    assert patient_for(switch_interval, clock) == 2.0
-    switch_interval.follow(19_000_000)
-    assert sys.getswitchinterval() < 1e-4
-    clock.now += 100
-    switch_interval.follow(21_000_000)
-    assert patient_for(switch_interval, clock) == 2.0
-    switch_interval.follow(21_000_000)
-    clock.now += 1.5
-    switch_interval.follow(21_000_000)  # still far too late: the two seconds begin anew
-    assert patient_for(switch_interval, clock) == 2.0
+
+    def is_patient(wait, late):
+        clock.now += wait
+        switch_interval.follow(late)
+        return sys.getswitchinterval() > 1e-4
+
+    very_late = 21_000_000
+    steps = [
+        *((0.0, 0, True), (1.9, 0, True), (0.1, 0, False), (0.0, 19_000_000, False)),
+        *((100.0, very_late, True), (1.9, 0, True), (0.1, 0, False), (5.0, very_late, True)),
+        *((1.5, very_late, True), (1.9, 0, True), (0.1, 0, False)),  # the two seconds begin anew
+    ]
+    assert [is_patient(wait, late) for wait, late, _ in steps] == [
+        patient for *_, patient in steps
+    ]

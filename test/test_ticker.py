@@ -21,8 +21,8 @@ MS = 1_000_000
 class Clock:
     """Both clocks of a machine; sleeping moves them, and so may a tick that takes long."""
 
-    def __init__(self, wall=1_700_000_000 * 10**9):
-        self.mono, self.wall, self.naps = 5_000, wall, []
+    def __init__(self):
+        self.mono, self.wall = 5_000, 1_700_000_000 * 10**9
 
     def monotonic_ns(self):
         return self.mono
@@ -31,7 +31,6 @@ class Clock:
         return self.wall
 
     def sleep(self, seconds):
-        self.naps.append(seconds)
         self.advance(round(seconds * 1e9))
 
     def advance(self, ns):
@@ -46,89 +45,65 @@ def clock(monkeypatch):
     return clock
 
 
-def run(clock, rate_hz, ticks, act=lambda tick: None):
-    """Ticks until so many were carried out; returns stamps, restamps and the ticker."""
-    simulator = Simulator(configure({'rate_hz': rate_hz}))
-    stamps, restamps, starts, done = [], [], [], threading.Event()
+class Run:
+    """What a ticker called for: stamps, t0 at the first of them, steps of the clock, errors."""
 
-    def tick(stamp):
-        starts.append(ticker.t0)
-        stamps.append(stamp)
-        act(len(stamps))
-        if len(stamps) == ticks:
-            ticker._stop.set()
-            done.set()
+    def __init__(self, kind, simulator, last=None, act=lambda tick: None, receive=tuple):
+        self.stamps, self.begun, self.moved, self.failed = [], [], [], []
+        self._last, self._act = last, act
+        self.ticker = kind(
+            simulator, self._tick, lambda *pair: self.moved.append(pair), self.failed.append,
+            lambda: receive(self.ticker),
+        )  # fmt: skip
+        self.ticker.start()
+        self.ticker._thread.join(20)
+        assert not self.ticker._thread.is_alive()
+        self.counts = self.ticker.counts
 
-    def restamp(old, new):
-        restamps.append((old, new))
+    def _tick(self, stamp):
+        self.begun = self.begun or [self.ticker.t0]
+        self.stamps.append(stamp)
+        self._act(len(self.stamps))
+        if len(self.stamps) == self._last:
+            self.ticker._stop.set()
 
-    errors = []
-    ticker = RealTimeTicker(
-        simulator, tick, restamp, lambda error: (errors.append(error), done.set())
-    )
-    ticker.start()
-    assert done.wait(20)
-    ticker.stop()
-    return stamps, restamps, ticker, starts[0], errors
+
+def real(rate_hz, ticks, act=lambda tick: None):
+    return Run(RealTimeTicker, Simulator(configure({'rate_hz': rate_hz})), ticks, act)
 
 
 def test_stamps_are_the_start_plus_whole_periods_whatever_the_lateness(clock):
-    stamps, restamps, ticker, t0, _ = run(
-        clock, 30.0, 200, lambda tick: clock.advance((tick * 7919) % (20 * MS))
-    )
-    assert stamps == [t0 + n * 10**9 // 30 for n in range(200)]
-    assert (ticker.counts.missed, ticker.counts.kept, restamps) == (0, 200, [])
+    run = real(30.0, 200, lambda tick: clock.advance((tick * 7919) % (20 * MS)))
+    assert run.stamps == [run.begun[0] + n * 10**9 // 30 for n in range(200)]
+    assert (run.counts.missed, run.counts.kept, run.moved) == (0, 200, [])
 
 
 def test_ticks_that_a_late_thread_cannot_keep_are_skipped_and_counted(clock):
-    stamps, _, ticker, t0, _ = run(
-        clock, 1000.0, 50, lambda tick: clock.advance(7_300_000 if tick == 10 else 0)
-    )
+    run = real(1000.0, 50, lambda tick: clock.advance(7_300_000 if tick == 10 else 0))
     # Tick 9 is carried out at 9 ms and lasts until 16.3 ms: 10 to 15 are lost.
-    assert stamps[:10] == [t0 + n * MS for n in range(10)]
-    assert stamps[10:] == [t0 + n * MS for n in range(16, 56)]
-    assert ticker.counts.missed == 6
-    assert ticker.counts.max_lateness == max(ticker.counts.lateness) == 6_300_000
+    assert run.stamps == [run.begun[0] + n * MS for n in (*range(10), *range(16, 56))]
+    assert run.counts.missed == 6
+    assert run.counts.max_lateness == max(run.counts.lateness) == 6_300_000
 
 
-def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock):
-    jump = -3_600 * 10**9
+@pytest.mark.parametrize('jump', [-3_600 * 10**9, CLOCK_STEP + 1, CLOCK_STEP])
+def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock, jump):
+    """A smaller one, a difference of the clocks, moves nothing."""
 
     def act(tick):
-        if tick == 20:
-            clock.wall += jump
+        clock.wall += jump if tick == 20 else 0
 
-    stamps, restamps, ticker, t0, _ = run(clock, 100.0, 40, act)
-    assert stamps[:20] == [t0 + n * 10 * MS for n in range(20)]
-    assert stamps[20:] == [t0 + jump + n * 10 * MS for n in range(20, 40)]
-    assert restamps == [(t0 + 200 * MS, t0 + 200 * MS + jump)]
-    assert ticker.counts.clock_steps == 1
-
-
-def test_a_small_difference_of_the_clocks_moves_nothing(clock):
-    def act(tick):
-        if tick == 20:
-            clock.wall += CLOCK_STEP
-
-    stamps, restamps, _, t0, _ = run(clock, 100.0, 40, act)
-    assert stamps == [t0 + n * 10 * MS for n in range(40)]
-    assert restamps == []
+    run = real(100.0, 40, act)
+    moved = jump if abs(jump) > CLOCK_STEP else 0
+    (t0,) = run.begun
+    assert run.stamps[:20] == [t0 + n * 10 * MS for n in range(20)]
+    assert run.stamps[20:] == [t0 + moved + n * 10 * MS for n in range(20, 40)]
+    assert run.moved == ([(t0 + 200 * MS, t0 + 200 * MS + jump)] if moved else [])
+    assert run.counts.clock_steps == bool(moved)
 
 
-def test_an_error_in_a_tick_ends_the_thread_and_is_reported(clock):
-    def act(tick):
-        if tick == 3:
-            raise RuntimeError('broken')
-
-    stamps, _, ticker, _, errors = run(clock, 100.0, 40, act)
-    assert len(stamps) == 3
-    assert [str(error) for error in errors] == ['broken']
-    assert ticker.error is errors[0]
-
-
-def test_it_never_sleeps_longer_than_it_may_take_to_stop(monkeypatch):
-    simulator = Simulator(configure({'rate_hz': 0.01}))
-    first = threading.Event()
+def test_it_never_sleeps_longer_than_it_may_take_to_stop():
+    simulator, first = Simulator(configure({'rate_hz': 0.01})), threading.Event()
     ticker = RealTimeTicker(simulator, lambda _: first.set(), lambda *_: None, lambda _: None)
     ticker.start()
     assert first.wait(5)
@@ -164,77 +139,58 @@ class Every:
         return elapsed // self.period
 
 
-class SimulatedRun:
-    """What a ticker called for while a clock told some times, before it was stopped."""
+def simulated(*times, period=5 * MS, **options):
+    """The run of a clock that told some times before it was stopped."""
+    times = list(times)
 
-    def __init__(self, *times, period=5 * MS, last=None, tick=None):
-        self.stamps, self.begun, self.moved, self.failed = [], [], [], []
-        self._times, self._last = list(times), last
-        self.ticker = SimTimeTicker(
-            Every(period), tick or self._tick, lambda *pair: self.moved.append(pair),
-            self.failed.append, self._receive,
-        )  # fmt: skip
-        self.ticker.start()
-        self.ticker._thread.join(20)
-        assert not self.ticker._thread.is_alive()
+    def receive(ticker):
+        if not times:
+            ticker._stop.set()
+        while times:
+            yield times.pop(0)
 
-    def _receive(self):
-        if not self._times:
-            self.ticker._stop.set()
-        while self._times:
-            yield self._times.pop(0)
-
-    def _tick(self, stamp):
-        self.begun = self.begun or [self.ticker.t0]
-        self.stamps.append(stamp)
-        if len(self.stamps) == self._last:
-            self.ticker._stop.set()
+    return Run(SimTimeTicker, Every(period), receive=receive, **options)
 
 
-def test_tick_0_is_the_first_time_heard_and_every_tick_up_to_now_is_made():
-    run = SimulatedRun(100 * MS, 104 * MS, 105 * MS, 122 * MS)
-    assert run.begun == [100 * MS]
-    assert run.stamps == [(100 + 5 * i) * MS for i in range(5)]
-    assert (run.ticker.counts.kept, run.ticker.counts.missed) == (5, 0)
-
-
-def test_nothing_happens_while_the_clock_stands():
-    run = SimulatedRun(7, *[10 * MS] * 100)
-    assert run.stamps == [7, 5 * MS + 7]
-    assert run.moved == []
+@pytest.mark.parametrize(
+    ('times', 'stamps'),
+    [
+        ((100, 104, 105, 122), [100, 105, 110, 115, 120]),  # every tick up to now is made
+        ((7, *[10] * 100), [7]),  # the clock stands
+        ((0, 10**6, 10**6 + 5), [0, 10**6, 10**6 + 5]),  # a long jump forward
+        # 1015 ms was due next: it is 300 ms now, and the grid goes on from there.
+        ((1000, 1012, 300, 306), [1000, 1005, 1010, 300, 305]),
+    ],
+)
+def test_tick_0_is_the_first_time_heard_and_others_follow_the_clock(times, stamps):
+    run = simulated(*(time * MS for time in times))
+    assert run.begun == [times[0] * MS]
+    assert run.stamps == [stamp * MS for stamp in stamps]
+    is_back, is_jump = 300 in times, 10**6 in times
+    assert run.moved == ([(1015 * MS, 300 * MS)] if is_back else [])
+    assert (run.counts.kept, run.counts.clock_steps) == (len(stamps), is_back + is_jump)
+    assert run.counts.missed == (10**6 // 5 - 1 if is_jump else 0)
 
 
 @given(st.lists(st.integers(0, 40 * MS), max_size=60))
 def test_how_often_the_clock_speaks_makes_no_difference(gaps):
     times = list(accumulate(gaps, initial=0))
-    run = SimulatedRun(*times)
+    run = simulated(*times)
     assert run.stamps == list(range(0, times[-1] + 1, 5 * MS))
-    assert run.ticker.counts.clock_steps == 0
-
-
-def test_a_clock_that_goes_back_moves_the_motion_with_it():
-    run = SimulatedRun(1000 * MS, 1012 * MS, 300 * MS, 306 * MS)
-    # 1015 ms was due next: it is 300 ms now, and the grid goes on from there.
-    assert run.moved == [(1015 * MS, 300 * MS)]
-    assert run.stamps == [1000 * MS, 1005 * MS, 1010 * MS, 300 * MS, 305 * MS]
-    assert run.ticker.counts.clock_steps == 1
-
-
-def test_a_long_jump_forward_is_missed_and_counted():
-    run = SimulatedRun(0, 10**12, 10**12 + 5 * MS)
-    assert run.stamps == [0, 10**12, 10**12 + 5 * MS]
-    assert run.ticker.counts.missed == 10**12 // (5 * MS) - 1
+    assert run.counts.clock_steps == 0
 
 
 def test_a_stopped_ticker_makes_no_more_of_the_ticks_that_are_due():
-    run = SimulatedRun(0, 10**9, period=2 * MS, last=3)
+    run = simulated(0, 10**9, period=2 * MS, last=3)
     assert run.stamps == [0, 2 * MS, 4 * MS]
 
 
-def test_a_tick_that_fails_ends_the_motion_and_is_told():
-    def fail(_):
-        raise ValueError('on purpose')
+def test_a_tick_that_fails_ends_the_motion_and_is_told(clock):
+    def act(tick):
+        if tick == 3:
+            raise RuntimeError('broken')
 
-    run = SimulatedRun(0, 10**9, tick=fail)
-    assert [str(error) for error in run.failed] == ['on purpose']
-    assert run.ticker.error is run.failed[0]
+    for run in (real(100.0, 40, act), simulated(0, 10**9, act=act)):
+        assert len(run.stamps) == 3
+        assert [str(error) for error in run.failed] == ['broken']
+        assert run.ticker.error is run.failed[0]

@@ -18,7 +18,7 @@ from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.fixed_step_integrator import _sums
 from linkage_ros.motion.stiff_integrator import _solvers
 from linkage_ros.numeric import within_two_turns
-from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
+from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
@@ -67,13 +67,6 @@ def test_a_wind_pump_is_driven_by_a_torque_whether_said_or_not():
         configure({**values, 'frame.angle': 0.0})
 
 
-def test_each_drive_has_its_own_parameters():
-    drive = configure({'drive': 'torque'}).drive
-    assert (drive.start_rpm, drive.motor.torque, drive.motor.damping) == (0.0, 0.0, 0.0)
-    assert configure(QUADRILATERAL.parameters()) == QUADRILATERAL
-    assert from_strings(to_strings(PUMP)) == PUMP
-
-
 def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
     values = {
         'mechanism': 'four_bar', 'frame.length': 1.0, 'crank.length': 0.9, 'crank.inertia': 1.0,
@@ -103,38 +96,23 @@ class Clock:
         return self.now
 
 
-def test_the_last_good_command_counts_until_it_is_too_old():
+def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old():
     clock = Clock()
     commands = TorqueCommands(LIMITED, 'crank', clock)
     assert commands.torque() == 0.0
-    for names, efforts, torque in (
-        (['crank'], [2.0], 2.0),
-        (['rocker', 'crank'], [9.0, -3], -3.0),
+    # Time since the last step, command and its age, and the torque in force.
+    for wait, command, age, torque in (
+        *((0.0, 2.0, 0.0, 2.0), (0.5, None, 0.0, 2.0), (0.001, None, 0.0, 0.0)),
+        *((0.0, 5.1, 0.0, 5.0), (0.0, -1e300, 0.0, -5.0), (0.0, -5.0, 0.0, -5.0)),
+        *((0.0, 1.5, 0.6, 0.0), (0.0, 1.5, 0.4, 1.5), (0.2, None, 0.0, 0.0)),
     ):
-        commands.receive(names, efforts, 0.0)
-        clock.now += 0.5
+        clock.now += wait
+        if command is not None:
+            commands.receive(['rocker', 'crank'], [9.0, command], age)
         assert commands.torque() == torque
         assert float(commands.diagnostics()['command, N m']) == torque
-        clock.now += 0.001
-        assert commands.torque() == 0.0
-        assert commands.diagnostics()['command, N m'] == '0'
-    assert (commands.accepted, commands.refused, commands.limited) == (2, 0, 0)
-
-
-def test_commands_count_from_when_they_came_and_within_their_limit():
-    clock = Clock()
-    commands = TorqueCommands(LIMITED, 'crank', clock)
-    for torque, followed in ((5.0, 5.0), (5.1, 5.0), (-1e300, -5.0)):
-        commands.receive(['crank'], [torque], 0.0)
-        assert commands.torque() == followed
-    assert (commands.accepted, commands.limited) == (3, 2)
-    commands.receive(['crank'], [1.5], age=0.6)
-    assert commands.torque() == 0.0
-    commands.receive(['crank'], [1.5], age=0.4)
-    assert commands.torque() == 1.5
-    clock.now += 0.2
-    assert (commands.torque(), commands.timeouts) == (0.0, 2)
-    assert commands.diagnostics()['command timeouts'] == '2'
+    counts = commands.accepted, commands.limited, commands.refused, commands.timeouts
+    assert counts == (6, 2, 0, 3)
 
 
 def test_commands_with_gaps_are_silent_until_there_was_no_gap_for_a_while():
@@ -142,12 +120,11 @@ def test_commands_with_gaps_are_silent_until_there_was_no_gap_for_a_while():
     commands = TorqueCommands(LIMITED, 'crank', clock)
     commands.torque()
     assert not commands.troubles('')  # none was ever sent
-    for gap, count in ((0.6, 8), (0.5, 19)):
-        for _ in range(count):
-            commands.receive(['crank'], [1.5], 0.0)
-            clock.now += gap
-            commands.torque()
-            assert commands.troubles('')
+    for gap in [0.6] * 8 + [0.5] * 19:
+        commands.receive(['crank'], [1.5], 0.0)
+        clock.now += gap
+        commands.torque()
+        assert commands.troubles('')
     clock.now += 0.5
     assert not commands.troubles('')
 

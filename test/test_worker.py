@@ -5,6 +5,7 @@
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import pytest
@@ -18,11 +19,10 @@ QUICK = 0.001
 class Gated:
     """A consumer that holds each call until it is let through, and may fail at one of them."""
 
-    def __init__(self, *, is_open=True, fail_at=None, fail_to_close=False):
-        self.gate, self.entered = threading.Event(), threading.Event()
-        self.batches, self.closed, self.calls = [], 0, 0
-        self.fail_at, self.fail_to_close = fail_at, fail_to_close
-        self.threads = set()
+    def __init__(self, *, is_open=True, fails=False, fails_to_close=False):
+        self.gate, self.entered, self.called = (threading.Event() for _ in range(3))
+        self.batches, self.closed, self.threads = [], 0, set()
+        self.fails, self.fails_to_close = fails, fails_to_close
         if is_open:
             self.gate.set()
 
@@ -32,17 +32,17 @@ class Gated:
 
     def consume(self, items):
         self.threads.add(threading.current_thread().name)
-        self.calls += 1
+        self.called.set()
         if items:
             self.entered.set()
             assert self.gate.wait(PATIENCE)
-        if self.fail_at is not None and any(item >= self.fail_at for item in items):
-            raise OSError(28, 'No space left on device')
+            if self.fails:
+                raise OSError(28, 'No space left on device')
         self.batches.append(list(items))
 
     def close(self):
         self.closed += 1
-        if self.fail_to_close:
+        if self.fails_to_close:
             raise OSError(5, 'Input/output error')
 
 
@@ -52,64 +52,39 @@ def start(consumer, capacity=1_000, period=QUICK):
     return worker, errors
 
 
-def until(event):
-    assert event.wait(PATIENCE)
-
-
-def finished(worker):
-    """Waits for the thread to end by itself; nothing asks it to."""
-    worker._thread.join(PATIENCE)
-    assert not worker._thread.is_alive()
-
-
-# ---------------------------------------------------------------- order and completeness
-
-
 def test_close_hands_over_what_is_still_queued():
     consumer = Gated()
     worker, errors = start(consumer, period=PATIENCE)
     for item in range(500):
         worker.offer(item)
     assert consumer.batches == []
-    assert worker.close(PATIENCE)
-    assert worker.close(PATIENCE)
+    assert [worker.close(PATIENCE), worker.close(PATIENCE)] == [True, True]
     assert consumer.batches == [list(range(500))]
     assert (consumer.closed, consumer.threads) == (1, {'test'})
     assert (worker.dropped, worker.error, errors) == (0, None, [])
 
 
 def test_a_consumer_without_items_is_still_called_so_that_it_may_flush():
-    consumer, called = Gated(), threading.Event()
-    consume = consumer.consume
-
-    def counted(items):
-        consume(items)
-        if consumer.calls == 3:
-            called.set()
-
-    consumer.consume = counted
+    consumer = Gated()
     worker, _ = start(consumer)
-    until(called)
+    for _ in range(3):
+        assert consumer.called.wait(PATIENCE)
+        consumer.called.clear()
     assert worker.close(PATIENCE)
     assert consumer.items == []
-
-
-# ---------------------------------------------------------------- a consumer that lags
 
 
 def test_the_oldest_are_dropped_and_counted_to_the_item():
     consumer = Gated(is_open=False)
     worker, errors = start(consumer, capacity=10)
     worker.offer(0)
-    until(consumer.entered)
+    assert consumer.entered.wait(PATIENCE)
     for count in range(1, 36):
         worker.offer(count)
         assert worker.dropped == max(0, count - 10)
     consumer.gate.set()
     assert worker.close(PATIENCE)
-    assert consumer.items == [0, *range(26, 36)]
-    assert worker.dropped == 25
-    assert errors == []
+    assert (consumer.items, worker.dropped, errors) == ([0, *range(26, 36)], 25, [])
 
 
 def test_threads_that_offer_at_once_lose_and_mix_nothing():
@@ -121,79 +96,60 @@ def test_threads_that_offer_at_once_lose_and_mix_nothing():
         for number in range(0, 20_000, 2):
             worker.offer((thread, number), (thread, number + 1))
 
-    threads = [threading.Thread(target=offer, args=(i,)) for i in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(3) as pool:
+        list(pool.map(offer, range(3)))
     assert worker.close(PATIENCE)
-    items = consumer.items
-    assert len(items) + worker.dropped == 60_000
+    assert len(consumer.items) + worker.dropped == 60_000
     for i in range(3):
-        own = [number for thread, number in items if thread == i]
+        own = [number for thread, number in consumer.items if thread == i]
         assert own == sorted(set(own))
-    broken = sum(
-        first[1] % 2 == 0 and second != (first[0], first[1] + 1)
-        for batch in consumer.batches
-        for first, second in pairwise(batch)
-    )
-    assert broken == 0
-
-
-# ---------------------------------------------------------------- a consumer that fails
+    for first, second in (pair for batch in consumer.batches for pair in pairwise(batch)):
+        assert first[1] % 2 or second == (first[0], first[1] + 1)
 
 
 @pytest.mark.parametrize('period', [QUICK, PATIENCE], ids=['at work', 'on the last batch'])
-@pytest.mark.parametrize('fail_to_close', [False, True])
-def test_the_first_failure_is_reported_once_and_the_consumer_closed(period, fail_to_close):
-    consumer = Gated(fail_at=0, fail_to_close=fail_to_close)
+@pytest.mark.parametrize(
+    ('options', 'said'),
+    [
+        ({'fails': True}, 'No space left on device'),
+        ({'fails': True, 'fails_to_close': True}, 'No space left on device'),
+        ({'fails_to_close': True}, 'Input/output error'),
+    ],
+)
+def test_the_first_failure_is_reported_once_and_the_consumer_closed(period, options, said):
+    consumer = Gated(**options)
     worker, errors = start(consumer, period=period)
     worker.offer(0)
     assert worker.close(PATIENCE)
-    assert [str(error) for error in errors] == ['[Errno 28] No space left on device']
+    assert [error.strerror for error in errors] == [said]
     assert worker.error is errors[0]
     assert consumer.closed == 1
 
 
 def test_what_is_queued_at_a_failure_and_what_comes_after_it_is_counted():
-    consumer = Gated(is_open=False, fail_at=0)
+    consumer = Gated(is_open=False, fails=True)
     worker, errors = start(consumer)
     worker.offer(0)
-    until(consumer.entered)
+    assert consumer.entered.wait(PATIENCE)
     worker.offer(1, 2, 3)
     consumer.gate.set()
-    finished(worker)
+    worker._thread.join(PATIENCE)  # it ends by itself
     for item in range(100):
         assert worker.dropped == 3 + item
         worker.offer(item)
     assert (consumer.items, len(errors)) == ([], 1)
 
 
-def test_a_failure_to_close_is_reported():
-    consumer = Gated(fail_to_close=True)
-    worker, errors = start(consumer)
-    worker.offer(0)
-    assert worker.close(PATIENCE)
-    assert consumer.items == [0]
-    assert [str(error) for error in errors] == ['[Errno 5] Input/output error']
-    assert worker.error is errors[0]
-
-
-# ---------------------------------------------------------------- a consumer that hangs
-
-
 def test_close_gives_up_on_a_hanging_consumer():
     consumer = Gated(is_open=False)
     worker, errors = start(consumer)
     worker.offer(0)
-    until(consumer.entered)
+    assert consumer.entered.wait(PATIENCE)
     assert worker.close(0.05) is False
     assert consumer.closed == 0
-    # Once it wakes, it is closed after all.
-    consumer.gate.set()
+    consumer.gate.set()  # once it wakes, it is closed after all
     assert worker.close(PATIENCE)
-    assert consumer.closed == 1
-    assert errors == []
+    assert (consumer.closed, errors) == (1, [])
 
 
 HANGING = """
