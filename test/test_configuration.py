@@ -220,6 +220,14 @@ def test_frame_id_must_not_be_a_name_of_the_linkage_itself(name):
     assert other.session.frame_id == name
 
 
+def test_crank_joint_must_not_be_another_joint_of_the_linkage():
+    words = "^crank_joint = 'l_coupler': must not be another joint .*, l_coupler, l_rocker; give"
+    with pytest.raises(ConfigurationError, match=words):
+        configure({'drive': 'follow', 'joint_prefix': 'l_', 'crank_joint': 'l_coupler'})
+    for name in ('l_crank', 'coupler'):
+        configure({'drive': 'follow', 'joint_prefix': 'l_', 'crank_joint': name})
+
+
 def test_minus_zero_becomes_zero():
     strings = to_strings(configure({**REQUIRED, 'rpm': -0.0, 'gravity': [-0.0, -0.0]}))
     assert (strings['rpm'], strings['gravity']) == ('0.0', '[0.0, 0.0]')
@@ -304,10 +312,12 @@ def test_another_viewer_is_refused_with_the_valid_ones(viewer):
         configure({'viewer': viewer})
 
 
-@pytest.mark.parametrize('viewer', ['', 'spawn', 'web', 'rerun+http://a:9876/proxy', 'x/run.rrd'])
-def test_viewers_are_accepted(viewer):
-    assert configure({'viewer': viewer}).session.viewer == viewer
-
-
-def test_names_that_no_file_can_have_are_accepted():
-    assert configure({'log': 'a\0b', 'viewer': 'c\0.rrd'}).session.log == 'a\0b'
+@pytest.mark.parametrize(
+    'values',
+    [
+        *({'viewer': x} for x in ('', 'spawn', 'web', 'rerun+http://a:9876/proxy', 'x/run.rrd')),
+        {'log': 'a\0b', 'viewer': 'c\0.rrd'},  # no file can have these names
+    ],
+)
+def test_viewers_are_accepted(values):
+    assert configure(values).session.viewer == values['viewer']

@@ -5,6 +5,7 @@
 import math
 import re
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -129,17 +130,22 @@ def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
     configuration = replace(configure({'drive': 'follow'}), mechanism=limited)
     crank = MeasuredCrank(Simulator(configuration))
     (start, end), *_ = limited.reach().arcs
-    inside = 0.5 * (start + end)
+    inside, beyond = 0.5 * (start + end), end + 0.01 * (TURN - end + start)
     came = 10**18
-    stamp, found = crank.hear(message(5, position=(0.0, inside)), came)
-    assert (stamp, found.unwrapped) == (5, inside)
-    assert crank.hear(message(position=(0.0, inside)), came)[0] == came
-    for data in (b'', b'\0\1\0\0abc', message(position=(0.0, inside))[:40]):
-        assert crank.hear(data, came) is None
-    for data in (message(name=('arm',)), message(position=(1.0,)), message(name=())):
-        assert crank.hear(data, came + 1) is None
-    beyond = end + 0.01 * (TURN - end + start)
-    assert crank.hear(message(position=(0.0, beyond)), came + 2) is None
+    for given, stamp in ((5, 5), (0, came)):
+        stamped, found = crank.read(message(given, position=(0.0, inside)), came)
+        assert (stamped, found.unwrapped) == (stamp, inside)
+    for data, cause in (
+        (b'', NO_JOINT_STATE),
+        (b'\0\1\0\0abc', NO_JOINT_STATE),
+        (message(position=(0.0, inside))[:40], NO_JOINT_STATE),
+        (message(name=('arm',)), NO_CRANK),
+        (message(position=(1.0,)), NO_CRANK),
+        (message(name=()), NO_CRANK),
+        (message(position=(0.0, beyond)), OUT_OF_REACH),
+    ):
+        with pytest.raises(ValueError, match=f'^{cause}$'):
+            crank.read(data, came + 1)
     assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
 
 
@@ -150,10 +156,10 @@ def test_a_rate_is_refused_because_measurements_set_it():
 
 def test_a_robot_may_name_the_crank_otherwise():
     crank = MeasuredCrank(Simulator(configure({'drive': 'follow', 'crank_joint': 'arm/motor'})))
-    stamp, found = crank.hear(message(5, name=('base', 'arm/motor'), position=(0.0, 0.5)), 7)
+    stamp, found = crank.read(message(5, name=('base', 'arm/motor'), position=(0.0, 0.5)), 7)
     assert (stamp, found.unwrapped) == (5, 0.5)
-    assert crank.hear(message(6, name=('base', 'crank'), position=(0.0, 0.5)), 8) is None
-    assert crank.left_out[NO_CRANK] == 1
+    with pytest.raises(ValueError, match=NO_CRANK):
+        crank.read(message(6, name=('base', 'crank'), position=(0.0, 0.5)), 8)
 
 
 @pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
@@ -171,8 +177,8 @@ def test_no_measurement_ends_the_motion(lead):
              (end, 5.0), (nearest, 5.0), (nearest, 1e12), (inside, 3.0)],
         ):  # fmt: skip
             data = message((n + 1) * MS, position=(0.0, position), velocity=(0.0, velocity))
-            heard = crank.hear(data, 0)
-            if heard is not None:
+            with suppress(ValueError):
+                heard = crank.read(data, 0)
                 answers += 1
                 assert math.isfinite(simulator.snapshot_measured(*heard).state.torque)
         assert 0 < answers == 9 - crank.left_out.total()

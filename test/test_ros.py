@@ -8,11 +8,20 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 
 import pytest
-from ros_harness import Listener, command, environment, fresh_domain, node_arguments, wait_for
-from test_node import TYPES, logged
+from ros_harness import (
+    Listener,
+    command,
+    environment,
+    fresh_domain,
+    logged,
+    node_arguments,
+    wait_for,
+)
+
+STATES = '/joint_states'
 
 STUCK = """
 import rclpy
@@ -58,95 +67,81 @@ sys.exit(cli.leave({code}))
     assert (done.returncode, done.stdout) == (code, words)
 
 
+@contextmanager
+def running_node(path, words=(), **options):
+    """A node with a log, and a listener to its states, when 20 of them were heard."""
+    domain = fresh_domain()
+    with Listener(domain, {STATES: 'sensor_msgs/msg/JointState'}) as listener:
+        node = [*command('node', *node_arguments(log=path)), *words]
+        if words:
+            node = ['sh', '-c', f'exec {" ".join(node)}']
+        process = subprocess.Popen(node, env=environment(domain), **options)
+        try:
+            wait_for(lambda: len(listener.received[STATES]) > 20)
+            yield process
+            process.send_signal(signal.SIGINT)
+            assert process.wait(30) == 0
+        finally:
+            process.kill()
+            process.communicate()
+    _, messages = logged(path)
+    assert len(messages[STATES]) >= len(listener.received[STATES])
+
+
+@contextmanager
 def filled_pipe():
-    """A pipe that takes no byte more."""
+    """Both ends of a pipe that takes no byte more."""
     outlet, inlet = os.pipe()
     os.set_blocking(inlet, False)
     with suppress(BlockingIOError):
         while True:
             os.write(inlet, b'.')
     os.set_blocking(inlet, True)
-    return outlet, inlet
+    yield outlet, inlet
+    os.close(inlet)
 
 
 def read_from_now_on(outlet):
-    """Reads a pipe to its end in a thread; what was found after what filled it."""
-
-    def read():
-        with os.fdopen(outlet, 'rb') as file:
-            return file.read().lstrip(b'.').decode()
-
-    return ThreadPoolExecutor(1).submit(read)
+    """Reads a pipe to its end; what was found after what filled it."""
+    with os.fdopen(outlet, 'rb') as file:
+        return file.read().lstrip(b'.').decode()
 
 
-@pytest.mark.parametrize('read', [False, True], ids=['by nobody', 'late'])
-def test_stderr_that_is_not_read_holds_nothing_up(tmp_path, read):
-    path, domain = tmp_path / 'run.mcap', fresh_domain()
-    outlet, inlet = filled_pipe()
-    with Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener:
-        node = subprocess.Popen(
-            command('node', *node_arguments(log=path)), env=environment(domain), stderr=inlet
-        )
-        os.close(inlet)
-        try:
-            wait_for(lambda: len(listener.received['/joint_states']) > 50)
-            said = read_from_now_on(outlet) if read else None
-            node.send_signal(signal.SIGINT)
-            assert node.wait(30) == 0
-        finally:
-            node.kill()
-            node.wait()
-    _, messages = logged(path)
-    assert len(messages['/joint_states']) >= len(listener.received['/joint_states'])
-    if said is not None:
+@pytest.mark.parametrize('is_read', [False, True], ids=['by nobody', 'late'])
+def test_stderr_that_is_not_read_holds_nothing_up(tmp_path, is_read):
+    with ThreadPoolExecutor(1) as pool:
+        with (
+            filled_pipe() as (outlet, inlet),
+            running_node(tmp_path / 'run.mcap', stderr=inlet),
+        ):
+            said = pool.submit(read_from_now_on, outlet) if is_read else None
+        if said is None:
+            os.close(outlet)
+            return
         first, last = said.result(30).splitlines()
-        assert 'no mechanism given' in first
-        assert ' states published, ' in last
-    else:
-        os.close(outlet)
+    assert 'no mechanism given' in first
+    assert ' states published, ' in last
 
 
 def test_who_asks_for_the_end_many_times_gets_it_in_order(tmp_path):
-    path, domain = tmp_path / 'run.mcap', fresh_domain()
-    node = subprocess.Popen(
-        command('node', *node_arguments(log=path)),
-        env=environment(domain), stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    try:
-        assert 'no mechanism given' in node.stderr.readline()
+    with running_node(tmp_path / 'run.mcap', stderr=subprocess.PIPE, text=True) as node:
         while node.poll() is None:
             node.send_signal(signal.SIGINT)
             time.sleep(0.001)
         assert ' states published, ' in node.stderr.read()
-        assert node.returncode == 0
-    finally:
-        node.kill()
-        node.communicate()
 
 
 def test_an_error_that_nobody_reads_ends_the_program_as_well():
-    outlet, inlet = filled_pipe()
-    done = subprocess.run(
-        command('node', *node_arguments(rate_hz=-1.0)), env=environment(fresh_domain()),
-        stderr=inlet, timeout=60, check=False,
-    )  # fmt: skip
-    os.close(inlet)
+    with filled_pipe() as (outlet, inlet):
+        done = subprocess.run(
+            command('node', *node_arguments(rate_hz=-1.0)), env=environment(fresh_domain()),
+            stderr=inlet, timeout=60, check=False,
+        )  # fmt: skip
     os.close(outlet)
     assert done.returncode == 2
 
 
 @pytest.mark.parametrize('closed', ['2>&-', '>&-'])
 def test_a_program_without_stderr_or_stdout_does_its_work(tmp_path, closed):
-    path, domain = tmp_path / 'run.mcap', fresh_domain()
-    words = ' '.join(command('node', *node_arguments(log=path)))
-    with Listener(domain, {'/joint_states': TYPES['/joint_states']}) as listener:
-        node = subprocess.Popen(['sh', '-c', f'exec {words} {closed}'], env=environment(domain))
-        try:
-            wait_for(lambda: len(listener.received['/joint_states']) > 20)
-            node.send_signal(signal.SIGINT)
-            assert node.wait(30) == 0
-        finally:
-            node.kill()
-            node.wait()
-    _, messages = logged(path)
-    assert len(messages['/joint_states']) >= len(listener.received['/joint_states'])
+    with running_node(tmp_path / 'run.mcap', [closed]):
+        pass

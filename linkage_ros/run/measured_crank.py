@@ -39,7 +39,7 @@ class MeasuredCrank:
         self._last = -math.inf  # when a measurement was accepted, s
 
     def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
-        """Takes a message, as `hear` does.
+        """Takes a message.
 
         Args:
             data: CDR bytes of a JointState.
@@ -49,39 +49,35 @@ class MeasuredCrank:
             The stamp, ns, and the crank.
 
         Raises:
-            ValueError: The message was rejected and counted.
+            ValueError: The message is rejected and counted; the text is the cause.
         """
+        try:
+            heard = decode_joint_state(data)
+        except ValueError as error:
+            raise self._rejected(NO_JOINT_STATE) from error
+        names = heard.names[: len(heard.positions)]
+        if self._simulator.crank_joint not in names:
+            raise self._rejected(NO_CRANK)
+        index, stamp = names.index(self._simulator.crank_joint), heard.stamp or received
+        position = heard.positions[index]
+        velocity = heard.velocities[index] if index < len(heard.velocities) else None
+        if math.isfinite(position) and not self._has_state(position):
+            raise self._rejected(OUT_OF_REACH)
         before = self.left_out.copy()
-        heard = self.hear(data, received)
-        if heard is None:
+        found = self._motion.at(Measurement(stamp, position, velocity))
+        if found is None:
             (cause,) = self.left_out - before
             raise ValueError(cause)
-        self._last = time.monotonic()
-        return heard
-
-    def hear(self, data: bytes, received: int) -> tuple[int, Coordinates] | None:
-        """Takes a message.
-
-        Args:
-            data: CDR bytes of a JointState.
-            received: Time of receipt, ns; the stamp of a message without one.
-
-        Returns:
-            The stamp, ns, and the crank; None: the message was rejected and counted.
-        """
-        measured = self._measurement(data, received)
-        if not isinstance(measured, Measurement):
-            self.left_out[measured] += 1
-            return None
-        found = self._motion.at(measured)
-        if found is None:
-            return None
         # At a limit of the crank rates have no bound; a moment later it may be passed.
         for one in filter(None, (found, self._simulator.later(found))):
             if not self._has_state(one.q[0], one.u[0], one.a[0]):
-                self.left_out[OUT_OF_REACH] += 1
-                return None
-        return measured.stamp, found
+                raise self._rejected(OUT_OF_REACH)
+        self._last = time.monotonic()
+        return stamp, found
+
+    def _rejected(self, cause: str) -> ValueError:
+        self.left_out[cause] += 1
+        return ValueError(cause)
 
     def troubles(self, topic: str) -> list[str]:
         """A warning if no measurements arrive on their topic; else empty."""
@@ -95,22 +91,6 @@ class MeasuredCrank:
         # In one step: the thread of the ticks may be counting.
         counts = list(self.left_out.items())
         return {f'left out, {cause}': str(count) for cause, count in counts}
-
-    def _measurement(self, data: bytes, received: int) -> Measurement | str:
-        """Reads a message; returns the cause if it has no measurement within reach."""
-        try:
-            heard = decode_joint_state(data)
-        except ValueError:
-            return NO_JOINT_STATE
-        names = heard.names[: len(heard.positions)]
-        if self._simulator.crank_joint not in names:
-            return NO_CRANK
-        index = names.index(self._simulator.crank_joint)
-        position = heard.positions[index]
-        velocity = heard.velocities[index] if index < len(heard.velocities) else None
-        if math.isfinite(position) and not self._has_state(position):
-            return OUT_OF_REACH
-        return Measurement(heard.stamp or received, position, velocity)
 
     def _has_state(self, *motion: Real) -> bool:
         try:

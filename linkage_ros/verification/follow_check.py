@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections import deque
+from contextlib import suppress
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.reader import LoggedMessage
@@ -43,9 +44,8 @@ class FollowCheck:
     def hear(self, message: LoggedMessage) -> None:
         """Takes a message that is not a state, in the order of writing."""
         if message.topic == self._topic:
-            heard = self._crank.hear(message.data, message.time)
-            if heard is not None:
-                self._asked.append(heard)
+            with suppress(ValueError):  # the node rejected it as well
+                self._asked.append(self._crank.read(message.data, message.time))
 
     def add(self, rows: bytes) -> str:
         """Compares the next states.
