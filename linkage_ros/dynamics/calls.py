@@ -11,13 +11,13 @@ from typing import Any, NoReturn
 import numpy as np
 
 from linkage_ros.dynamics.compiled import compiled_arrays
-from linkage_ros.dynamics.model import Model
+from linkage_ros.dynamics.equations import Model
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.state import State
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import Opaque
-from linkage_ros.model.structure import Description, Link, Mechanism
+from linkage_ros.model.structure import Description, Mechanism, Structure
 from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
 
@@ -35,7 +35,7 @@ class Calls:
         self,
         mechanism: Mechanism,
         description: Description,
-        links: tuple[Link, ...],
+        structure: Structure,
         *,
         compiled: bool,
     ) -> None:
@@ -44,15 +44,15 @@ class Calls:
         Args:
             mechanism: The mechanism.
             description: The description.
-            links: The links.
+            structure: Structure of its links.
             compiled: Whether Numba compiles programs for arrays.
 
         Raises:
             ConfigurationError: A load does not fit the mechanism.
         """
-        self._compiled, self._links, coordinates = compiled, links, description.coordinates
-        slides = {link.name: link.slides for link in links}
-        self._moving = [[*slides].index(x) for x in coordinates]
+        self._compiled, coordinates = compiled, description.coordinates
+        slides = {link.name: link.slides for link in structure.links}
+        self._links, self._moving = len(slides), [[*slides].index(x) for x in coordinates]
         self.names: dict[str, Any] = {
             'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in coordinates),
             'u': tuple(f'{x}_speed' for x in coordinates),
@@ -62,11 +62,11 @@ class Calls:
         q, u, a, _ = self.names.values()
         self.model = Model.of(
             mechanism,
-            links,
+            structure,
             mechanism.loop_of(description),
-            Opaque(functools.partial(refuse_overflow, (*q, *u, *a))),
-            Opaque(functools.partial(refuse_overflow, (*q, *u, 'torque'))),
-            Opaque(_refuse_massless),
+            refuse=Opaque(functools.partial(refuse_overflow, (*q, *u, *a))),
+            refuse_torque=Opaque(functools.partial(refuse_overflow, (*q, *u, 'torque'))),
+            massless=Opaque(_refuse_massless),
         )
         self._programs: dict[tuple[Any, ...], Program] = {}
 
@@ -138,7 +138,7 @@ class Calls:
             ConfigurationError: It is not a state of this mechanism.
         """
         rows = state[:3] if isinstance(state, State) else ()
-        if not rows or any(type(row) is not tuple or len(row) != len(self._links) for row in rows):
+        if not rows or any(type(row) is not tuple or len(row) != self._links for row in rows):
             raise ConfigurationError(
                 f'state = {shown(state)}: must be a State of this mechanism, from its solver'
             )

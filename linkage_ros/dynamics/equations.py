@@ -2,13 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Virtual power: from pose, masses and loads to the driving torque, or to the accelerations.
 
-The sums over the bodies of document 1's power balance and document 3's virtual work, m v . a,
-J w eps and P . v, need the bodies only through the constants of `Model`. With A + i B =
-C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces through the spin of link j is
-sum_k A phi_k'' - B phi_k'^2. A link that slides adds its mass. The power of the loads is
-subtracted. Weighed with the links' velocities per rate of each coordinate (the jacobian), this
-gives the equations of motion M q'' + h - Q = driving torque, and 0 for coordinates that nothing
-drives. No pin reaction appears.
+Every centre of mass is a fixed combination of the link directions, G = sum_j rho_j e^(i phi_j)
+(+ constant). The sums over the bodies of document 1's power balance and document 3's virtual
+work, m v . a, J w eps and P . v, then need the bodies only through two kinds of constants,
+
+    C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
+
+made once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
+through the spin of link j is sum_k A phi_k'' - B phi_k'^2. A link that slides adds its mass. The
+power of the loads is subtracted. Weighed with the links' velocities per rate of each coordinate
+(the jacobian), this gives the equations of motion M q'' + h - Q = driving torque, and 0 for
+coordinates that nothing drives. No pin reaction appears.
 """
 
 from __future__ import annotations
@@ -18,12 +22,138 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from linkage_ros.dynamics.model import Model
 from linkage_ros.dynamics.state import State
-from linkage_ros.formulas import ZERO, cross, dot, is_finite, number, require, total, where
-from linkage_ros.model.pose import Pose
-from linkage_ros.model.structure import Dyad
+from linkage_ros.formulas import (
+    ZERO,
+    Opaque,
+    Vector,
+    cross,
+    dot,
+    is_finite,
+    number,
+    require,
+    total,
+    where,
+)
+from linkage_ros.model.loads import JointLoad, Load
+from linkage_ros.model.pose import LinkPose, Loop, Pose
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Structure
 from linkage_ros.numeric import Real
+
+# A refusal that refuses nothing.
+ACCEPT = Opaque(lambda *_: None)
+
+
+class Weight(NamedTuple):
+    """The weights of all bodies, as a load; see `linkage_ros.model.loads.Load`.
+
+    Attributes:
+        links: The links.
+        gravity: Acceleration of gravity, m/s^2.
+    """
+
+    links: tuple[Link, ...]
+    gravity: Vector
+
+    def _moment(self, j: int) -> Vector:
+        """Conj(W_j) g as x and y, N m; of a link that slides m g, N."""
+        if self.links[j].slides:
+            return self.gravity * self.links[j].mass
+        turning = (link for link in self.links if not link.slides)
+        arm = total(link.center.weights[j] * link.mass for link in turning)
+        return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
+
+    def forces(self, links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
+        """See `Load`: Re(conj(i W_j e^(i phi_j)) g)."""
+        return {
+            j: (dot if self.links[j].slides else cross)(link.direction, self._moment(j))
+            for j, link in enumerate(links)
+        }
+
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """See `Load`."""
+        energy = ZERO
+        for j, link in enumerate(links):
+            along = dot(link.direction, self._moment(j))
+            energy = energy - (along * link.position if self.links[j].slides else along)
+        return energy
+
+
+class Model(NamedTuple):
+    """The constants of a mechanism in motion, for formulas.
+
+    Attributes:
+        loop: Constants of the kinematics.
+        links: The links.
+        gravity: Acceleration of gravity, m/s^2.
+        loads: What acts on the links besides their weights, but for `joint_loads`.
+        joint_loads: What the forces in the joints make.
+        refuse: Refuses q, u and a that are not finite, or that make a result not finite.
+        refuse_torque: Refuses q, u and a torque, likewise.
+        massless: Refuses a mass matrix that is not positive.
+    """
+
+    loop: Loop
+    links: tuple[Link, ...]
+    gravity: Vector
+    loads: tuple[Load, ...]
+    joint_loads: tuple[JointLoad, ...]
+    refuse: Opaque = ACCEPT
+    refuse_torque: Opaque = ACCEPT
+    massless: Opaque = ACCEPT
+
+    @classmethod
+    def of(
+        cls,
+        mechanism: Mechanism,
+        structure: Structure,
+        loop: Loop | None = None,
+        **refusals: Opaque,
+    ) -> Model:
+        """Collects the constants of a mechanism.
+
+        Args:
+            mechanism: The mechanism.
+            structure: Its structure.
+            loop: Constants of the kinematics; None: the mechanism's own.
+            **refusals: The last fields; the others refuse nothing.
+
+        Returns:
+            The constants.
+
+        Raises:
+            ConfigurationError: A load does not fit the mechanism.
+        """
+        loads, joint_loads = mechanism.link_loads(), mechanism.joint_loads()
+        gravity = Vector(*mechanism.gravity)
+        loop = loop or mechanism.loop()
+        return cls(loop, structure.links, gravity, loads, joint_loads, **refusals)
+
+    def all_loads(self) -> tuple[Load, ...]:
+        """All loads on the links, weights included."""
+        return (Weight(self.links, self.gravity), *self.loads)
+
+    def coupling(self, j: int, k: int) -> Vector:
+        """C_jk as real and imaginary part, kg m^2; ZERO: no body couples the links."""
+        result = Vector(ZERO, ZERO)
+        for link in self.links:
+            if not link.slides:
+                first, second = link.center.weights[j] * link.mass, link.center.weights[k]
+                result += Vector(dot(first, second), cross(first, second))
+        return result
+
+    def inertia(self, j: int) -> Real:
+        """C_jj of a link, kg m^2; of a link that slides its mass, kg."""
+        link = self.links[j]
+        return link.mass if link.slides else self.coupling(j, j).x + link.inertia
+
+    def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
+        """C_jk e^(i (phi_k - phi_j)) as A and B."""
+        coupling, first, second = (
+            self.coupling(j, k), pose.links[j].direction, pose.links[k].direction,
+        )  # fmt: skip
+        cos, sin = dot(first, second), cross(first, second)
+        return coupling.x * cos - coupling.y * sin, coupling.x * sin + coupling.y * cos
 
 
 def velocities(pose: Pose, u: Sequence[Real]) -> list[Real]:
@@ -100,6 +230,10 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real])
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
     torque, *_ = balance(model, pose, rates, changes)
     require(is_finite(torque, *changes), model.refuse, *q, *u, *a)
+    return _state(pose, rates, changes, torque)
+
+
+def _state(pose: Pose, rates: Sequence[Real], changes: Sequence[Real], torque: Real) -> State:
     positions = tuple(link.position for link in pose.links)
     return State(positions, tuple(rates), tuple(changes), torque)
 
@@ -136,9 +270,7 @@ def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Rea
     """The motion of all links under a torque on the crank."""
     changes = forward(model, q, u, torque)
     pose = model.loop.pose(tuple(q))
-    positions = tuple(link.position for link in pose.links)
-    rates = tuple(velocities(pose, u))
-    return State(positions, rates, tuple(accelerations(pose, u, changes)), torque)
+    return _state(pose, velocities(pose, u), accelerations(pose, u, changes), torque)
 
 
 def solved(

@@ -2,8 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loads that the forces in the joints make, such as dry friction, and that change these forces.
 
-A round takes the motion under the loads of some forces, and makes a step towards the forces that
-go with their own loads; see `linkage_ros.dynamics.force_search`.
+For a given motion, the forces are linear in the loads: F_k = F0_k + sum_m R_km s_m, where s_m is
+the magnitude of the force in joint m, and R_km holds the coefficient of friction. Newton's method
+solves s_k = |F_k|. Its matrix, 1_km - F_k . R_km / |F_k|, has the determinant 1 without friction.
+Several solutions may exist; the right one is that which develops from the forces without friction
+while the coefficients grow, and on the way to it the determinant stays positive. Where the
+determinant reaches 0, forces pass all bounds or stop to exist: the mechanism locks itself.
 """
 
 from __future__ import annotations
@@ -15,19 +19,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import state, velocities
-from linkage_ros.dynamics.force_search import Search, advanced
-from linkage_ros.dynamics.model import Model
+from linkage_ros.dynamics.equations import Model, determinant, solved, state, velocities
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Joints, reactions
 from linkage_ros.dynamics.state import State
-from linkage_ros.dynamics.trees import Constants
-from linkage_ros.formulas import ZERO, Vector
+from linkage_ros.dynamics.trees import Constants, leaves
+from linkage_ros.formulas import ZERO, Vector, dot, number, sqrt, where
 from linkage_ros.model.loads import Contact
 from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
 
 _ROUNDS = 1000
+_PART = 1e-12  # of the largest force, by which a state that is solved still changes
+_ROUNDING = 1e-6  # the same where rounding errors no longer let the change shrink
+_SINGULAR = 1e-12  # a determinant whose digits are all wrong
+_STEP = 1e-9  # the smallest step of the coefficients, as a share of them
 
 
 class FoundLoad(NamedTuple):
@@ -49,6 +55,24 @@ class FoundLoad(NamedTuple):
     def resistance(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
         return dict(enumerate(self.outer))
+
+
+class Search(NamedTuple):
+    """How far the search for the forces of a state has come.
+
+    Attributes:
+        share: Share of the coefficients for which they are sought, from 0 to 1.
+        solved: Share for which they are known.
+        change: Their change in the last round, N; inf before the first round of a share.
+        sizes: Magnitudes of the forces in the joints that make loads, as far as they are found, N.
+        known: The same at the share that is solved.
+    """
+
+    share: Any
+    solved: Any
+    change: Any
+    sizes: tuple[Any, ...]
+    known: tuple[Any, ...]
 
 
 class Round(NamedTuple):
@@ -77,15 +101,16 @@ def round_program(constants: Constants, motion: Sequence[tuple[str, ...]]) -> Pr
         motion: Names of the coordinates, of their rates and of their accelerations.
 
     Returns:
-        `joint_load_round`, as a function of the motion and the fields of `Search`.
+        `joint_load_round`, as a function of the motion and the numbers of a `Search`.
     """
     model, joints = constants.tree
     contacts = _contacts(model, joints, [0.0] * len(model.links))
-    rows = (
+    rows = [
         tuple(f'{word}_{i}_{contact.joint}' for i, contact in enumerate(contacts))
         for word in ('size', 'known')
-    )
-    return Program(joint_load_round, constants, (*motion, Search._fields[:3], *rows))
+    ]
+    search: Any = Search('share', 'solved', 'change', *rows)
+    return Program(joint_load_round, constants, (*motion, search))
 
 
 def joint_load_round(
@@ -93,9 +118,7 @@ def joint_load_round(
     q: Sequence[Real],
     u: Sequence[Real],
     a: Sequence[Real],
-    begun: tuple[Real, Real, Real],
-    sizes: tuple[Real, ...],
-    known: tuple[Real, ...],
+    search: Search,
 ) -> Round:
     """The motion under the loads that some forces make, and a step of Newton's method from these.
 
@@ -104,30 +127,27 @@ def joint_load_round(
         q: Coordinates.
         u: Their rates.
         a: Their accelerations.
-        begun: The first three fields of `Search`.
-        sizes: `Search.sizes`, N.
-        known: `Search.known`, N.
+        search: The forces.
 
     Returns:
         The round.
     """
     model, joints = constants
     rates = velocities(model.loop.pose(tuple(q)), u)
-    search, contacts = Search(*begun, sizes, known), _contacts(model, joints, rates)
+    contacts = _contacts(model, joints, rates)
     exert = functools.partial(_exerted, contacts, search.share, len(rates))
-    load = exert(sizes)
+    load, everyone = exert(search.sizes), range(len(contacts))
     loaded = model._replace(loads=(*model.loads, load))
     found = reactions((loaded, joints), q, u, a)
-    forces = _forces(constants, contacts, found)
 
     # The loads alone that a force of 1 N makes in one joint after the other: R_km.
     nothing: Any = ZERO
     links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
     weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
-    units = [[1.0 if k == m else ZERO for k in range(len(sizes))] for m in range(len(sizes))]
-    alone = [weightless._replace(loads=(exert(unit),)) for unit in units]
-    slopes = [_forces(constants, contacts, reactions((x, joints), q, u, a)) for x in alone]
-    ahead, left = advanced(search, forces, slopes)
+    units = [exert([1.0 if k == m else ZERO for k in everyone]) for m in everyone]
+    alone = [(weightless._replace(loads=(unit,)), joints) for unit in units]
+    slopes = [_forces(constants, contacts, reactions(x, q, u, a)) for x in alone]
+    ahead, left = _advanced(search, _forces(constants, contacts, found), slopes)
     return Round(state(loaded, q, u, a), found, load, ahead, left)
 
 
@@ -153,44 +173,98 @@ def _forces(
 ) -> list[Vector]:
     """The forces in the joints of contacts."""
     (model, joints), (pins, guides, *_) = constants, found
-    sliding = (link.name for link in model.links if link.slides)
-    forces = dict(zip((pin.name for pin in joints.pins), pins, strict=True))
-    forces |= {name: Vector(x, ZERO) for name, x in zip(sliding, guides, strict=True)}
-    return [forces[contact.joint] for contact in contacts]
+    names = [*(pin.name for pin in joints.pins), *(x.name for x in model.links if x.slides)]
+    forces = [*pins, *(Vector(guide, ZERO) for guide in guides)]
+    return [forces[names.index(contact.joint)] for contact in contacts]
 
 
-def settle(
-    run: Callable[..., Round],
-    count: int,
-    shape: tuple[int, ...],
-    refuse: Callable[[Any], object],
-) -> Round:
-    """Repeats rounds until the forces are solved.
+def _advanced(
+    search: Search, forces: Sequence[Vector], slopes: Sequence[Sequence[Vector]]
+) -> tuple[Search, Real]:
+    """The search after a step of Newton's method.
+
+    Args:
+        search: The search before it.
+        forces: F_k.
+        slopes: R_km in the order [m][k].
+
+    Returns:
+        The search, and `Round.left`.
+    """
+    sizes = [sqrt(dot(force, force)) for force in forces]
+    matrix = [
+        [
+            (1.0 if k == m else ZERO) - dot(forces[k], row[k]) / where(sizes[k] > 0, sizes[k], 1.0)
+            for m, row in enumerate(slopes)
+        ]
+        for k in range(len(forces))
+    ]
+    lacking = [found - size for found, size in zip(sizes, search.sizes, strict=True)]
+    whole = number(determinant(matrix))
+    steps = solved(matrix, lacking, where(whole > _SINGULAR, whole, 1.0))
+    return _next(search, steps, whole, _largest(sizes))
+
+
+def _next(
+    search: Search, steps: Sequence[Real], whole: Real, largest: Real
+) -> tuple[Search, Real]:
+    """The search with which the next round begins, and `Round.left`.
+
+    Args:
+        search: What this round began with.
+        steps: Newton's steps, N.
+        whole: The determinant.
+        largest: The largest force, N.
+    """
+    share, change = search.share, _largest([abs(step) for step in steps])
+    shrinks = change < 0.5 * search.change
+    close = change <= where(shrinks, _PART, _ROUNDING) * largest
+
+    def case(is_close: Real, shrinks_only: Real, fails: Real) -> Real:
+        otherwise = where(shrinks, shrinks_only, fails)
+        return where(whole > _SINGULAR, where(close, is_close, otherwise), fails)
+
+    grown = share - search.solved
+    further = share + 2.0 * grown
+    known, sizes = [], []
+    for size, step, before in zip(search.sizes, steps, search.known, strict=True):
+        moved = size + step
+        known.append(case(moved, before, before))
+        sizes.append(case(where(share < 1, moved, size), moved, before))
+    ahead = Search(
+        case(where(further < 1, further, 1.0), share, share - 0.5 * grown),
+        case(share, search.solved, search.solved),
+        case(where(share < 1, math.inf, search.change), change, math.inf),
+        tuple(sizes),
+        tuple(known),
+    )
+    left = case(where(share < 1, 1.0, 0.0), 1.0, where(grown > _STEP, 1.0, -1.0))
+    return ahead, left
+
+
+def _largest(values: Sequence[Real]) -> Real:
+    return functools.reduce(lambda x, y: where(x > y, x, y), values)
+
+
+def settle(run: Callable[..., Round], count: int, shape: tuple[int, ...]) -> Round:
+    """Repeats rounds until the forces are solved, or do not exist.
 
     Args:
         run: `joint_load_round` of one motion, or of an array of them: a function of the numbers of
             a `Search`.
         count: How many these are.
         shape: Shape of an array of motions; empty: it is one.
-        refuse: Called with where the mechanism locks itself, True or an array; raises an error.
 
     Returns:
-        The last round. What is solved stays, so that arrays have the bits of their states.
-
-    Raises:
-        AssertionError: `refuse` has not raised an error.
+        The last round; `left` is not 0 where the mechanism locks itself. What is solved stays, so
+        that arrays have the bits of their states.
     """
     search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (count - 3)]
     if shape:  # one program for all rounds
         search = [np.full(shape, value) for value in search]
     for _ in range(_ROUNDS):
         found = run(*search)
-        left = np.asarray(found.left)
-        if not left.any():
-            return found
-        if (left < 0).any():
+        if not np.any(found.left) or np.any(np.less(found.left, 0)):
             break
-        *begun, sizes, known = found.search
-        search = [*begun, *sizes, *known]
-    refuse(left != 0)
-    raise AssertionError('refuse must raise an error')
+        search = leaves(found.search)
+    return found

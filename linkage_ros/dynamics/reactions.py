@@ -12,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from linkage_ros.dynamics.equations import accelerations, velocities
-from linkage_ros.dynamics.model import Model
+from linkage_ros.dynamics.equations import ACCEPT, Model, accelerations, velocities
 from linkage_ros.formulas import ZERO, Opaque, Vector, cross, dot, is_finite, require
 from linkage_ros.model.pose import Pose
 from linkage_ros.model.structure import Dyad, Pin, Point, Structure
@@ -60,7 +59,7 @@ class Joints(NamedTuple):
     refuse: Opaque
 
     @classmethod
-    def of(cls, structure: Structure, refuse: Opaque) -> Joints:
+    def of(cls, structure: Structure, refuse: Opaque = ACCEPT) -> Joints:
         """The constants of a structure."""
         places = tuple(structure.points[pin.name] for pin in structure.pins)
         return cls(structure.pins, places, structure.dyads, refuse)

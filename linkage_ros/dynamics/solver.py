@@ -8,7 +8,7 @@ import functools
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 
@@ -91,7 +91,7 @@ class Solver:
         self.links = tuple(link.name for link in structure.links)
         self.coordinates = self.description.coordinates
         self._compiled = compiled
-        self._calls = Calls(mechanism, self.description, structure.links, compiled=compiled)
+        self._calls = Calls(mechanism, self.description, structure, compiled=compiled)
         self._points: dict[str, Program] = {}
         self._has_joint_loads = bool(self._calls.model.joint_loads)
         if len(self.coordinates) == 1 and not self._has_joint_loads:
@@ -165,12 +165,9 @@ class Solver:
         if self._has_joint_loads:
             row = (*self._calls.row('q', q), *self._calls.row('u', u), *changes)
             return self._settle(*row, by_math=by_math).state
-        state: State
         if all(type(change) is float and not change for change in changes):
-            state = self._calls.run(equations.steady, q=q, u=u, by_math=by_math)
-        else:
-            state = self._calls.run(equations.state, q=q, u=u, a=a, by_math=by_math)
-        return state
+            return cast('State', self._calls.run(equations.steady, q=q, u=u, by_math=by_math))
+        return cast('State', self._calls.run(equations.state, q=q, u=u, a=a, by_math=by_math))
 
     def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
         """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
@@ -213,10 +210,8 @@ class Solver:
         Raises:
             LinkageError: As for `accelerations`.
         """
-        state: State = self._calls.run(
-            equations.driven_state, q=q, u=u, torque=torque, by_math=by_math
-        )
-        return state
+        given = {'q': q, 'u': u, 'torque': torque}
+        return cast('State', self._calls.run(equations.driven_state, by_math=by_math, **given))
 
     def forward(self, y: Sequence[float], torque: float) -> tuple[float, ...]:
         """The accelerations under a torque, for integrators: floats without checks.
@@ -231,8 +226,7 @@ class Solver:
         Raises:
             LinkageError: As for `accelerations`.
         """
-        found: tuple[float, ...] = self._forward(*y, torque)
-        return found
+        return self._forward(*y, torque)
 
     @functools.cached_property
     def _forward(self) -> Callable[..., tuple[float, ...]]:
@@ -250,8 +244,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        found: tuple[Meeting, ...] = self._meetings.scalar(*y)
-        return found
+        return cast('tuple[Meeting, ...]', self._meetings.scalar(*y))
 
     def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
         """The mechanical energy of all bodies.
@@ -266,8 +259,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        kinetic, potential = self._calls.run(equations.energy, q=q, u=u)
-        return kinetic, potential
+        return cast('tuple[Real, Real]', self._calls.run(equations.energy, q=q, u=u))
 
     def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
         """The mass matrix M.
@@ -281,8 +273,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        rows: tuple[tuple[Real, ...], ...] = self._calls.run(equations.matrix, q=q)
-        return rows
+        return cast('tuple[tuple[Real, ...], ...]', self._calls.run(equations.matrix, q=q))
 
     def point(self, state: State, name: str, *, by_math: bool = False) -> PointMotion:
         """Computes the motion of a point of the mechanism.
@@ -310,8 +301,8 @@ class Solver:
             point = Constants((points[name], refuse))
             self._points[name] = Program(_point_motion, point, names)
         row = itertools.chain(*self._calls.rows(state))
-        motion: PointMotion = self._calls.run_program(self._points[name], *row, by_math=by_math)
-        return motion
+        motion = self._calls.run_program(self._points[name], *row, by_math=by_math)
+        return cast('PointMotion', motion)
 
     def reactions(self, state: State) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
@@ -397,7 +388,11 @@ class Solver:
     @functools.cached_property
     def _reactions(self) -> Program:
         """The program of joint forces; if these make loads, that of a round."""
-        joints = Joints.of(self.structure, Opaque(self._refuse_change_point))
+        words = (
+            'all links lie in one line: the forces in the joints have no finite value at a change '
+            'point; ask for angles beside it'
+        )
+        joints = Joints.of(self.structure, Opaque(functools.partial(self._refuse, words)))
         constants = Constants((self._calls.model, joints))
         *motion, _ = self._calls.names.values()
         if self._has_joint_loads:
@@ -405,35 +400,33 @@ class Solver:
         return Program(reactions, constants, tuple(motion))
 
     def _settle(self, *given: Any, by_math: bool = False) -> Round:
-        """The motion under loads that the forces in the joints make."""
+        """The motion under loads that the forces in the joints make.
 
-        def refuse(where_not: Any) -> NoReturn:
-            q, where_not = np.broadcast_arrays(given[0], where_not)
-            crank = float(q[where_not][0])
-            raise UnreachableError(
-                f'at {math.degrees(crank):.9g} deg friction locks the mechanism: no forces in its '
-                'joints balance; lower the coefficients or the pin radius',
-                crank_angle=crank,
-                arcs=self.mobility.arcs if self.mobility else (),
-            )
-
+        Raises:
+            UnreachableError: Friction locks the mechanism.
+        """
         program = self._reactions
         motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
         run = functools.partial(self._calls.run_program, program, *motion, by_math=by_math)
-        return settle(run, len(program.names) - len(given), shape, refuse)
+        found = settle(run, len(program.names) - len(given), shape)
+        crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
+        if locked.any():
+            self._refuse(
+                'friction locks the mechanism: no forces in its joints balance; lower the '
+                'coefficients or the pin radius',
+                crank[locked].item(0),
+            )
+        return found
 
-    def _refuse_change_point(self, *q: float) -> NoReturn:
-        """Rejects the coordinates of a change point.
+    def _refuse(self, reason: str, crank: float, *_: float) -> NoReturn:
+        """Rejects a crank angle.
 
         Raises:
             UnreachableError: Always.
         """
-        raise UnreachableError(
-            f'at {math.degrees(q[0]):.9g} deg all links lie in one line: the forces in the '
-            'joints have no finite value at a change point; ask for angles beside it',
-            crank_angle=q[0],
-            arcs=self.mobility.arcs if self.mobility else (),
-        )
+        arcs = self.mobility.arcs if self.mobility else ()
+        message = f'at {math.degrees(crank):.9g} deg {reason}'
+        raise UnreachableError(message, crank_angle=crank, arcs=arcs)
 
 
 def _point_motion(

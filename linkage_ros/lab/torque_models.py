@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.equations import accelerations, balance, velocities
-from linkage_ros.dynamics.model import Model
+from linkage_ros.dynamics.equations import Model, accelerations, balance, velocities
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.trees import Constants
@@ -24,7 +23,7 @@ from linkage_ros.formulas import ZERO, Opaque, Vector, total
 from linkage_ros.model.load_kinds import LOADS
 from linkage_ros.model.parts import Body
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.numeric import Array, Real, require_finite
+from linkage_ros.numeric import Array, Real
 from linkage_ros.quantities import build, flatten
 
 STATIC = 'inertia'  # without it the masses resist no motion; weights and loads remain
@@ -162,8 +161,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
         solver = Solver(build(type(mechanism), values | damped))
         return TorqueProgram(lambda q, u: (solver.state(q, pace * u).torque,), solver.source)
-    refuse = Opaque(require_finite)
-    model = Model.of(mechanism, mechanism.structure().links, mechanism.loop(), *(refuse,) * 3)
+    model = Model.of(mechanism, mechanism.structure())
     return _program(_static_torque if static else driving_torque, model)
 
 

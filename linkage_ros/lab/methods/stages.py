@@ -23,14 +23,13 @@ import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
-from linkage_ros.dynamics.equations import balance
-from linkage_ros.dynamics.model import Model
+from linkage_ros.dynamics.equations import Model, balance
 from linkage_ros.dynamics.trees import leaves
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, cross, dot, sin, sqrt
 from linkage_ros.lab.reference.states import Linkage, lengths
 from linkage_ros.model.parts import OPEN
 from linkage_ros.model.pose import LinkPose, Pose
-from linkage_ros.numeric import Real, require_finite
+from linkage_ros.numeric import Real
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
 STATE, POSITION, RATES = 'state', 'position', 'rates'
@@ -74,8 +73,7 @@ class Links(NamedTuple):
         """The constants of a linkage, with a number or a function of the crank angle as tool."""
         r, b, *rocker, d = lengths(mechanism)
         side = 1.0 if mechanism.assembly == OPEN else -1.0
-        refusals, links = (Opaque(require_finite),) * 3, mechanism.structure().links
-        model = Model.of(mechanism, links, mechanism.loop(), *refusals)
+        model = Model.of(mechanism, mechanism.structure())
         if callable(tool):
             tool = tuple(map(Opaque, (tool, operator.itemgetter(0), operator.itemgetter(1))))
         return cls(

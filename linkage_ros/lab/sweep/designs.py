@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.dynamics.model import Model
+from linkage_ros.dynamics.equations import Model
 from linkage_ros.dynamics.reactions import Joints
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import LinkageError
-from linkage_ros.formulas import Opaque
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 
@@ -80,9 +79,9 @@ def _constants(
     for name, column in columns.items():
         value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(Designs)
         mechanism = with_value(mechanism, name, value)
-    structure, ignore = mechanism.structure(), Opaque(lambda *_: None)
-    model = Model.of(mechanism, structure.links, mechanism.loop(), *(ignore,) * 3)
-    return model, Constants((model, structure.points.get('C'), Joints.of(structure, ignore)))
+    structure = mechanism.structure()
+    model, joints = Model.of(mechanism, structure), Joints.of(structure)
+    return model, Constants((model, structure.points.get('C'), joints))
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:
