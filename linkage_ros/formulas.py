@@ -5,8 +5,6 @@
 A term that a mechanism does not have is `ZERO`: sums and products drop it.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import operator
@@ -35,22 +33,22 @@ class _Zero:
     def __float__(self) -> float:
         return 0.0
 
-    def __neg__(self) -> _Zero:
+    def __neg__(self) -> '_Zero':
         return self
 
     def __sub__(self, other: Real) -> Real:
         return -other
 
-    def __mul__(self, other: Real) -> _Zero:
+    def __mul__(self, other: Real) -> '_Zero':
         return self
 
     def __add__(self, other: Real) -> Real:
         return other
 
-    def __abs__(self) -> _Zero:
+    def __abs__(self) -> '_Zero':
         return self
 
-    def __truediv__(self, other: Real) -> _Zero:
+    def __truediv__(self, other: Real) -> '_Zero':
         return other.__rtruediv__(self) if other is self else self
 
     def __rtruediv__(self, other: Real) -> NoReturn:
@@ -176,24 +174,24 @@ class Vector(NamedTuple):
     x: Real
     y: Real
 
-    def __add__(self, other: Vector) -> Vector:  # type: ignore[override]
+    def __add__(self, other: 'Vector') -> 'Vector':  # type: ignore[override]
         return Vector(self.x + other.x, self.y + other.y)
 
-    def __sub__(self, other: Vector) -> Vector:
+    def __sub__(self, other: 'Vector') -> 'Vector':
         return Vector(self.x - other.x, self.y - other.y)
 
-    def __neg__(self) -> Vector:
+    def __neg__(self) -> 'Vector':
         return Vector(-self.x, -self.y)
 
-    def __mul__(self, factor: Real) -> Vector:
+    def __mul__(self, factor: Real) -> 'Vector':
         return Vector(self.x * factor, self.y * factor)
 
     @classmethod
-    def at(cls, angle: Real) -> Vector:
+    def at(cls, angle: Real) -> 'Vector':
         """The unit vector in a direction, rad."""
         return cls(cos(angle), sin(angle))
 
-    def left(self) -> Vector:
+    def left(self) -> 'Vector':
         """The vector turned by 90 degrees, counter-clockwise."""
         return Vector(-self.y, self.x)
 

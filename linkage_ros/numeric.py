@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arithmetic for floats and arrays: exact sums of lengths, angles of many turns, finite values."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -27,11 +27,11 @@ from linkage_ros import (
     Solver,
     chart_tool,
 )
-from linkage_ros.dynamics.period import SpeedDrivenPeriod, extent
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.lab.charts import linkage, movie
 from linkage_ros.lab.charts.motion import DESIGN_COLORS
 from linkage_ros.lab.commands.motion import settled_turn
+from linkage_ros.lab.period import SpeedDrivenPeriod, extent
 from linkage_ros.lab.pump.settling import settle
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path

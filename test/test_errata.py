@@ -18,7 +18,7 @@ from linkage_ros import (
     SliderCrank,
     Solver,
 )
-from linkage_ros.dynamics.period import SpeedDrivenPeriod
+from linkage_ros.lab.period import SpeedDrivenPeriod
 from linkage_ros.parameters.configuration import load
 from linkage_ros.units import radians_per_second
 

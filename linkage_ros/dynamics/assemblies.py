@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The positions in which a linkage can be assembled at a crank angle: none, one or two."""
 
-from __future__ import annotations
-
 import cmath
 import math
 from dataclasses import replace

@@ -6,8 +6,6 @@ Numba is the extra `fast`. It is loaded only for a `Solver` with `compiled=True`
 each program takes about a second.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import itertools

@@ -15,8 +15,6 @@ power of the loads is subtracted. Weighed with the links' velocities per rate of
 coordinates that nothing drives. No pin reaction appears.
 """
 
-from __future__ import annotations
-
 import itertools
 import operator
 from collections.abc import Iterable, Sequence
@@ -109,7 +107,7 @@ class Model(NamedTuple):
         structure: Structure,
         loop: Loop | None = None,
         **refusals: Opaque,
-    ) -> Model:
+    ) -> 'Model':
         """Collects the constants of a mechanism.
 
         Args:

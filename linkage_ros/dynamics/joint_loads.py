@@ -10,8 +10,6 @@ while the coefficients grow, and on the way to it the determinant stays positive
 determinant reaches 0, forces pass all bounds or stop to exist: the mechanism locks itself.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Sequence

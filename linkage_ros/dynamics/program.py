@@ -10,8 +10,6 @@ tuples. None, booleans, whole numbers, text and 0.0 among them belong to the str
 formula may branch; terms that 0.0 makes vanish are not computed.
 """
 
-from __future__ import annotations
-
 import collections
 import functools
 import itertools

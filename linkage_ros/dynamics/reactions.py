@@ -7,8 +7,6 @@ moments of a dyad's two links about their outer pins give the force in their com
 with one unknown pin force gives that one; and last the crank gives the driving torque once more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -59,7 +57,7 @@ class Joints(NamedTuple):
     refuse: Opaque
 
     @classmethod
-    def of(cls, structure: Structure, refuse: Opaque = ACCEPT) -> Joints:
+    def of(cls, structure: Structure, refuse: Opaque = ACCEPT) -> 'Joints':
         """The constants of a structure."""
         places = tuple(structure.points[pin.name] for pin in structure.pins)
         return cls(structure.pins, places, structure.dyads, refuse)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The exact mechanics of one mechanism: states, torque, accelerations, energy and forces."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state of a mechanism, and the motion of its points that follows from it."""
 
-from __future__ import annotations
-
 import cmath
 from typing import NamedTuple
 

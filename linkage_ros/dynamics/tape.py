@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records the operations of a formula on symbolic numbers, on a tape."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterable
 from types import FrameType
@@ -35,10 +33,10 @@ class Recorder:
     __array_ufunc__ = None
     __hash__ = None  # type: ignore[assignment]
 
-    def __init__(self, tape: Tape, line: int) -> None:
+    def __init__(self, tape: 'Tape', line: int) -> None:
         self.tape, self.line = tape, line
 
-    def apply(self, operation: str, *values: Real) -> Recorder:
+    def apply(self, operation: str, *values: Real) -> 'Recorder':
         """Records an operation on values."""
         return self.tape.record(operation, *values)
 
@@ -48,7 +46,7 @@ class Recorder:
             return NotImplemented
         return self.tape.record(sign, a, b)
 
-    def __call__(self, *values: Real) -> Recorder:
+    def __call__(self, *values: Real) -> 'Recorder':
         """Records a call of an opaque function."""
         return self.tape.record('call', self, *values)
 

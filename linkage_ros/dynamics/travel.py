@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motion of the output link over a period: stroke or swing, time ratio, transmission."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nested tuples, as the constants and results of formulas."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from typing import Any
@@ -73,7 +71,7 @@ class Constants:
                 structure.append(ZERO)
         self.known = _known.setdefault(tuple(structure), {})
 
-    def part(self, rows: slice) -> Constants:
+    def part(self, rows: slice) -> 'Constants':
         """The constants of some designs, where numbers are arrays of a row for each."""
         chosen = copy.copy(self)
         chosen.numbers = [x[rows] if isinstance(x, np.ndarray) else x for x in self.numbers]

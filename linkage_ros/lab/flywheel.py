@@ -24,9 +24,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from linkage_ros.dynamics.period import extent, mean
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, LinkageError, MechanismError
+from linkage_ros.lab.period import extent, mean
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array

@@ -18,8 +18,6 @@ All sums of lengths that decide the mobility are `short_sum`s, so that equalitie
 lengths typed in decimals.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

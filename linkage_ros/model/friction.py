@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dry friction in the pins and on the guide (Coulomb)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -47,7 +45,7 @@ class Friction(AppliedLoad):
                 'give both above 0, or leave both out'
             )
 
-    def in_joints(self, mechanism: Mechanism) -> Rubbing | None:
+    def in_joints(self, mechanism: Mechanism) -> 'Rubbing | None':
         """See `AppliedLoad`.
 
         Raises:

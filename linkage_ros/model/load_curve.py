@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A load curve, measured or assumed: force or torque over the crank angle or a position."""
 
-from __future__ import annotations
-
 import bisect
 import csv
 import itertools
@@ -124,7 +122,7 @@ class LoadCurve(AppliedLoad):
                 f'{value[-1]:g}: they must be equal, or leave the last point out'
             )
 
-    def on(self, mechanism: Mechanism) -> CurveForce:
+    def on(self, mechanism: Mechanism) -> 'CurveForce':
         """See `AppliedLoad`.
 
         Raises:

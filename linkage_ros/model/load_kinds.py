@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The kinds of load."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from linkage_ros.model.friction import Friction

@@ -7,8 +7,6 @@ a torque about its own axis, and a link that slides a force along its guide. Loa
 of floats; in formulas a term that is not there is ZERO.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -92,7 +90,7 @@ class AppliedLoad(Checked):
     group: ClassVar[str] = ''
     has_corners: ClassVar[bool] = False
 
-    def join(self, _mechanism: Any) -> tuple[AppliedLoad, ...]:
+    def join(self, _mechanism: Any) -> 'tuple[AppliedLoad, ...]':
         """Joins a mechanism that is being made.
 
         Returns:

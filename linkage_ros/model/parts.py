@@ -6,8 +6,6 @@ Lengths in m, masses in kg, inertias in kg m^2 about each body's own centre of m
 rad counter-clockwise from the x axis of base_link.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The positions of a mechanism's links at given coordinates, the input of all formulas."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 from linkage_ros.formulas import Vector

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reach of a crank: where it turns, what limits it, and where motion is fast."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple, NoReturn, TypeAlias
 

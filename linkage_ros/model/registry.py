@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mechanisms, by their names in parameter files."""
 
-from __future__ import annotations
-
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.model.structure import Mechanism

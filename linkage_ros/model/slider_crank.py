@@ -16,8 +16,6 @@ map that a four-bar has too (`transmission`),
 and beta = pi/2 -+ mu, x = r cos alpha + b cos beta follow without any division.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The structure of a mechanism, and the base class of all mechanisms."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence
@@ -33,11 +31,11 @@ class Point(NamedTuple):
     fixed: Any = 0j
 
     @classmethod
-    def at(cls, place: complex, links: int) -> Point:
+    def at(cls, place: complex, links: int) -> 'Point':
         """Makes a fixed point x + iy, m, of a mechanism with a number of links."""
         return cls((0j,) * links, place)
 
-    def along(self, link: int, place: complex) -> Point:
+    def along(self, link: int, place: complex) -> 'Point':
         """Makes the point along + i across, m, on a turning link whose first pin is this point."""
         weights = list(self.weights)
         weights[link] += place
@@ -98,7 +96,7 @@ class Link(NamedTuple):
     slides: bool = False
 
     @classmethod
-    def turning(cls, name: str, body: Body, index: int, pin: Point) -> Link:
+    def turning(cls, name: str, body: Body, index: int, pin: Point) -> 'Link':
         """Makes a link that turns about its first pin.
 
         Args:

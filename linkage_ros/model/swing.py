@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The swing of a four-bar's rocker, from the lengths."""
 
-from __future__ import annotations
-
 import math
 
 from linkage_ros.numeric import short_sum, wrap

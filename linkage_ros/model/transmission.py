@@ -17,8 +17,6 @@ smoothly through the point. With u = kappa cos h / cos m and v = kappa sin h / s
 and no division by the sine of the transmission angle is left. The formulas are this project's.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -45,7 +43,7 @@ class Square(NamedTuple):
     from_most: bool
 
     @classmethod
-    def of(cls, least: float, most: float) -> Square:
+    def of(cls, least: float, most: float) -> 'Square':
         """Makes the square from its smallest and largest values."""
         most = largest(most, 0.0)  # of a loop that just closes, rounding could make it negative
         limits = bool(least < 0)

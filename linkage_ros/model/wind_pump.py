@@ -17,8 +17,6 @@ print); the squared-rate terms of the accelerations, which it lacks, follow by d
 loop twice.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, NoReturn

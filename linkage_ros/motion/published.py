@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The moments of a motion under a torque, as a run publishes them and a log holds them."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable

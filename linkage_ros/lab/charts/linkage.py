@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
-from linkage_ros.dynamics.period import Period
 from linkage_ros.lab.charts.sizes import SMALL
+from linkage_ros.lab.period import Period
 from linkage_ros.numeric import Array
 from linkage_ros.palette import DARK, GREY, Color, color_of, fractions
 from linkage_ros.view.drawing import Drawing

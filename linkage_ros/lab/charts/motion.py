@@ -16,10 +16,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from linkage_ros.dynamics.period import Period, extent
 from linkage_ros.lab.charts.axes import chart, over_crank
 from linkage_ros.lab.charts.linkage import LinkagePicture
 from linkage_ros.lab.charts.sizes import NUMBERS, TEXT, WIDTH
+from linkage_ros.lab.period import Period, extent
 from linkage_ros.numeric import Array
 from linkage_ros.palette import (
     BLACK,

@@ -14,11 +14,11 @@ from matplotlib import rc_context
 from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
 
-from linkage_ros.dynamics.period import Period
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.charts.axes import STYLE, over_crank
 from linkage_ros.lab.charts.linkage import LinkagePicture
 from linkage_ros.lab.charts.sizes import TEXT
+from linkage_ros.lab.period import Period
 from linkage_ros.palette import COLORS, DARK, fractions
 
 SECONDS = 3.0  # of the moving picture, for each turn of the crank

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from linkage_ros.dynamics.period import Period, extent
 from linkage_ros.errors import LinkageError
 from linkage_ros.lab.charts.axes import chart, over_crank
 from linkage_ros.lab.flywheel import Crank, Cycle
+from linkage_ros.lab.period import Period, extent
 from linkage_ros.motion.drives import Drive, Motor, TorqueDrive
 from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, fractions
 from linkage_ros.parameters.descriptions import motor_line

@@ -10,7 +10,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from linkage_ros.dynamics.period import Period, SpeedDrivenPeriod, extent, mean
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError
@@ -18,6 +17,7 @@ from linkage_ros.lab.charts.motion import DESIGN_COLORS, DRAWN_AT, draw_motion
 from linkage_ros.lab.charts.movie import SECONDS, draw_movie
 from linkage_ros.lab.commands.flywheel import size_flywheel
 from linkage_ros.lab.commands.output import folder, progress, save_csv
+from linkage_ros.lab.period import Period, SpeedDrivenPeriod, extent, mean
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import settle
 from linkage_ros.model.wind_pump import WindPump
