@@ -11,13 +11,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from linkage_ros.dynamics.equations import ACCEPT, Model, accelerations, velocities
-from linkage_ros.formulas import ZERO, Opaque, Vector, cross, dot, is_finite, require
+from linkage_ros.formulas import ZERO, Opaque, Vector, cross, dot, is_finite, require, total
 from linkage_ros.model.pose import Pose
 from linkage_ros.model.structure import Dyad, Pin, Point, Structure
 from linkage_ros.numeric import Real
 
 # Relative to the coordinate: no double lies on a change point, and k * math.pi misses by 2 ulp.
 _ROUNDING = 2.0**-51
+_ORIGIN = Vector(ZERO, ZERO)
+_FRAME = -1  # the last body
 
 
 class Reactions(NamedTuple):
@@ -83,14 +85,13 @@ def reactions(
         balance.solve(dyad, sine)
     for j in reversed(range(len(pose.links))):
         balance.complete(j)
-    forces = tuple(balance.forces[pin.name] for pin in joints.pins)
-    torque = balance.moment(0, Vector(ZERO, ZERO))
-    guides, shaking, moment = balance.on_frame()
-    return forces, guides, shaking, moment - torque, torque
+    guides = tuple(balance.lean(j) for j, link in enumerate(model.links) if link.slides)
+    torque, forces = balance.moment(0), tuple(balance.forces[pin.name] for pin in joints.pins)
+    return forces, guides, -balance.force(_FRAME), -balance.moment(_FRAME) - torque, torque
 
 
 class _Balance:
-    """Newton's and Euler's equations of all links, solved pin by pin.
+    """Newton's and Euler's equations of all links and, behind them, the frame.
 
     Attributes:
         forces: Forces in the solved pins by name, of the first link on the second.
@@ -104,52 +105,55 @@ class _Balance:
         rates: Sequence[Real],
         changes: Sequence[Real],
     ) -> None:
-        self._links, self._pins = model.links, joints.pins
+        self.forces: dict[str, Vector] = {}
+        self._links, self._pins = model.links, {pin.name: pin for pin in joints.pins}
         self._directions = [link.direction for link in pose.links]
         self._place = {
             pin.name: place.follow(self._directions, rates, changes)[0]
             for pin, place in zip(joints.pins, joints.places, strict=True)
         }
-        pushes = [ZERO] * len(model.links)
-        self._resistance = [ZERO] * len(model.links)
+        # The known forces on each body, with their places, and its known couple; those of inertia
+        # are reversed (d'Alembert).
+        self._known: list[list[tuple[Vector, Vector]]] = [[] for _ in (*model.links, 'frame')]
+        self._couples = [ZERO] * len(self._known)
+        self._centers = []
+        for j, (body, change) in enumerate(zip(model.links, changes, strict=True)):
+            center, _, acceleration = body.center.follow(self._directions, rates, changes)
+            self._centers.append(center)
+            self._known[j].append((center, (model.gravity - acceleration) * body.mass))
+            if not body.slides:
+                self._couples[j] -= body.inertia * change
         for load in model.loads:
             for j, force in load.forces(pose.links, rates).items():
-                pushes[j] += force
+                self._push(j, j, force)
             held = load.resistance(pose.links, rates) if hasattr(load, 'resistance') else {}
             for j, force in held.items():
-                self._resistance[j] += force
-        self._centers, self._needed, self._couples = [], [], []
-        for body, direction, push, change in zip(
-            model.links, self._directions, pushes, changes, strict=True
-        ):
-            center, _, acceleration = body.center.follow(self._directions, rates, changes)
-            force = (acceleration - model.gravity) * body.mass
-            self._centers.append(center)
-            self._needed.append(force - direction * push if body.slides else force)
-            self._couples.append(ZERO if body.slides else body.inertia * change - push)
-        self.forces: dict[str, Vector] = {}
+                self._push(_FRAME, j, -force)
 
-    def _known(self, j: int) -> list[tuple[Vector, Vector]]:
-        """Places and values of the known pin forces on a link."""
-        return [
-            (self._place[pin.name], force if pin.second == j else -force)
-            for pin in self._pins
-            if j in (pin.first, pin.second) and (force := self.forces.get(pin.name))
-        ]
+    def _push(self, body: int, j: int, force: Real) -> None:
+        """Adds a generalised force on a link, or its reaction on the frame."""
+        if self._links[j].slides:
+            self._known[body].append((self._centers[j], self._directions[j] * force))
+        else:
+            self._couples[body] += force
 
-    def _rest(self, j: int) -> Vector:
-        """The force that must still act on a link."""
-        rest = self._needed[j]
-        for _, force in self._known(j):
-            rest = rest - force
-        return rest
+    def force(self, j: int) -> Vector:
+        """The force that must still act on a body."""
+        return -Vector(*map(total, zip(*(force for _, force in self._known[j]), strict=True)))
 
-    def moment(self, j: int, about: Vector) -> Real:
-        """The moment that must still act on a link, about a point."""
-        moment = self._couples[j] + cross(self._centers[j] - about, self._needed[j])
-        for place, force in self._known(j):
-            moment = moment - cross(place - about, force)
-        return moment
+    def moment(self, j: int, about: Vector = _ORIGIN) -> Real:
+        """The moment that must still act on a body, about a point."""
+        return -(
+            self._couples[j]
+            + total(cross(place - about, force) for place, force in self._known[j])
+        )
+
+    def _act(self, pin: Pin, force: Vector) -> None:
+        """Adds the force in a pin."""
+        self.forces[pin.name] = force
+        self._known[pin.second].append((self._place[pin.name], force))
+        first = _FRAME if pin.first is None else pin.first
+        self._known[first].append((self._place[pin.name], -force))
 
     def solve(self, dyad: Dyad, sine: Real) -> None:
         """Finds the force in the inner pin from the moments about the outer pins."""
@@ -158,36 +162,25 @@ class _Balance:
         outer = self._place[dyad.outer[0]]
         across_first = -self.moment(dyad.first, outer) / dot(inner - outer, first)
         if self._links[dyad.second].slides:
-            across_second = -dot(self._rest(dyad.second), second)
+            across_second = -dot(self.force(dyad.second), second)
             second = second.left()
         else:
             outer = self._place[dyad.outer[1]]
             across_second = self.moment(dyad.second, outer) / dot(inner - outer, second)
-        self.forces[dyad.pin] = (second * across_first - first * across_second) * (1.0 / sine)
+        force = (second * across_first - first * across_second) * (1.0 / sine)
+        self._act(self._pins[dyad.pin], force)
 
     def complete(self, j: int) -> None:
         """Finds the force in the one pin of a link that is not solved yet."""
-        pins = [pin for pin in self._pins if j in (pin.first, pin.second)]
+        pins = [pin for pin in self._pins.values() if j in (pin.first, pin.second)]
         unknown = [pin for pin in pins if pin.name not in self.forces]
         if unknown and not self._links[j].slides:
-            (pin,), rest = unknown, self._rest(j)
-            self.forces[pin.name] = rest if pin.second == j else -rest
+            (pin,), force = unknown, self.force(j)
+            self._act(pin, force if pin.second == j else -force)
 
-    def on_frame(self) -> tuple[tuple[Real, ...], Vector, Real]:
-        """The forces of the guides on their sliders; force and moment about A0 on the frame."""
-        guides, shaking, moment = [], Vector(ZERO, ZERO), ZERO
-        for j, body in enumerate(self._links):
-            resistance = self._resistance[j]
-            if body.slides:
-                guide = self._directions[j]
-                guides.append(dot(guide.left(), self._rest(j)))
-                force = -(guide * resistance + guide.left() * guides[-1])
-                shaking += force
-                moment += cross(self._centers[j], force)
-            else:
-                moment -= resistance
-        for pin in self._pins:
-            if pin.first is None:
-                force = self.forces[pin.name]
-                shaking, moment = shaking - force, moment - cross(self._place[pin.name], force)
-        return tuple(guides), shaking, moment
+    def lean(self, j: int) -> Real:
+        """Finds the force of a guide on its slider, to its left."""
+        across = self._directions[j].left()
+        force = dot(across, self.force(j))
+        self._known[_FRAME].append((self._centers[j], across * -force))
+        return force
