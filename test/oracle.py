@@ -409,7 +409,7 @@ class Oracle:
     @functools.cached_property
     def middle(self):
         """The middle of the swing of a rocker, by the package; test_loads.py judges it."""
-        return mp.mpf(self.mechanism.swing_middle(2, ''))
+        return mp.mpf(self.mechanism.swing_middle(''))
 
     def reduced(self, at):
         """The places of a curve, of a rocker less whole turns."""

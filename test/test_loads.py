@@ -273,7 +273,7 @@ def test_the_middle_of_the_swing_is_between_its_ends(lengths, angle, assembly):
     inside = 1e-6 * (end - start)
     cranks = np.linspace(start + inside, end - inside, 20_001)
     swung = np.unwrap(solver.state(cranks).position[2])
-    middle = mechanism.swing_middle(2, '')
+    middle = mechanism.swing_middle('')
     assert abs(middle) <= math.pi
     low, high = swung.min(), swung.max()
     if solver.reach.turns_fully:

@@ -34,20 +34,15 @@ class Travel(NamedTuple):
 
     def words(self) -> list[str]:
         """Describes stroke or swing, transmission angle and time ratio; angles in degrees."""
-        words = [self._motion()]
+        words = [f'{self.output} turns fully']
+        if self.extremes is not None:
+            name, unit = ('stroke', 'm') if self.slides else ('swing', 'deg')
+            low, high = self.extremes if self.slides else map(math.degrees, self.extremes)
+            words = [f'{name} {high - low:.6g} {unit} ({low:.6g} to {high:.6g} {unit})']
         if self.transmission:
             low, high = (math.degrees(angle) for angle in self.transmission)
             words.append(f'transmission angle {low:.4g} to {high:.4g} deg')
         return words if self.time_ratio is None else [*words, f'time ratio {self.time_ratio:.4g}']
-
-    def _motion(self) -> str:
-        if self.extremes is None:
-            return f'{self.output} turns fully'
-        low, high = self.extremes
-        if self.slides:
-            return f'stroke {high - low:.6g} m ({low:.6g} to {high:.6g} m)'
-        low, high = math.degrees(low), math.degrees(high)
-        return f'swing {high - low:.6g} deg ({low:.6g} to {high:.6g} deg)'
 
 
 def travel(solver: Solver) -> Travel:
@@ -75,8 +70,8 @@ def travel(solver: Solver) -> Travel:
     if not slides:
         position = np.unwrap(position)
     before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
-    at = [_reversal(solver, crank[i], crank[i + 1]) for i in before]
-    places = [float(solver.state(angle).position[-1]) for angle in at]
+    at = [_reversal(solver, *crank[i : i + 2].tolist()) for i in before]
+    places = [solver.state(angle).position[-1] for angle in at]
     if not slides:
         # Each in the turn that the samples around it are in.
         places = [p + _whole_turns(position[i] - p) for i, p in zip(before, places, strict=True)]
@@ -97,7 +92,6 @@ def travel(solver: Solver) -> Travel:
 
 def _reversal(solver: Solver, low: float, high: float) -> float:
     """Finds the crank angle at which the output's rate changes sign, by bisection."""
-    low, high = float(low), float(high)
     falling = solver.state(low, 1.0).velocity[-1] > 0
     while low < (middle := 0.5 * (low + high)) < high:
         if (solver.state(middle, 1.0).velocity[-1] > 0) == falling:

@@ -331,14 +331,16 @@ class FourBar(Mechanism):
             refuse=Opaque(lambda crank: self.reach().refuse(crank)),
         )
 
-    def other_loop(self, assembly: str) -> ByRocker:
+    def other_loop(self) -> ByRocker:
         """The constants of the pose at a rocker angle."""
         r, b, c, d = self._lengths()
         # Half a turn on, towards 0; the nearest float and its error.
         way = math.copysign(2.0, -self.frame.angle)
         high, error = two_sum(self.frame.angle, way * HALF_PI[0])
         reference = high, error + way * HALF_PI[1]
-        loop = FourBar(Frame(d, reference[0]), Body(c), Coupler(b), Rocker(r), assembly).loop()
+        loop = FourBar(
+            Frame(d, reference[0]), Body(c), Coupler(b), Rocker(r), self.assembly
+        ).loop()
         transmission = loop.transmission._replace(reference=reference)
         axis = -math.cos(self.frame.angle), -math.sin(self.frame.angle)
         return ByRocker(loop._replace(transmission=transmission, axis=axis))
@@ -387,13 +389,12 @@ class FourBar(Mechanism):
             equal = rounded((d + r) / 2, up=True)
             yield f'make coupler and rocker equal, at least {equal} m each'
 
-    def swing_middle(self, link: int, what: str) -> float:
+    def swing_middle(self, what: str) -> float:
         """The middle of the rocker's swing; see `Mechanism.swing_middle`.
 
         Raises:
             ConfigurationError: The rocker turns fully.
         """
-        del link
         spread, arcs = swing(*self._lengths()), self.reach().arcs
         if spread == (0.0, math.pi):
             raise ConfigurationError(

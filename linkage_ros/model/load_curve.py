@@ -132,7 +132,7 @@ class LoadCurve(AppliedLoad):
         link, at, value = mechanism.output(self.link, 'load.link'), self.at or (), self.value or ()
         if self.over == 'crank_angle':
             return CurveForce(link, 0, None, Opaque(Table(at, value, turns=True)))
-        middle = mechanism.swing_middle(link, "load.over = 'position'")
+        middle = mechanism.swing_middle("load.over = 'position'")
         if middle is not None:
             turns = round((0.5 * (at[0] + at[-1]) - middle) / _TURN)
             at = tuple(place - turns * _TURN for place in at)

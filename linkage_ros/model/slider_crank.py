@@ -251,12 +251,10 @@ class SliderCrank(Mechanism):
             self.coupler.length,
         )
 
-    def other_loop(self, assembly: str) -> BySlider:
+    def other_loop(self) -> BySlider:
         """The constants of the pose at a position of the slider."""
-        return BySlider(
-            1 if assembly == OPEN else -1, self.loop().guide, *self._lengths(),
-            Opaque(self._refuse_slide),
-        )  # fmt: skip
+        own, refuse = self.loop(), Opaque(self._refuse_slide)
+        return BySlider(own.side, own.guide, *self._lengths(), refuse)
 
     def _refuse_slide(self, slide: float) -> NoReturn:
         raise UnreachableError(

@@ -269,35 +269,31 @@ class Mechanism(Checked):
         """The constants of the kinematics in a description."""
         if description == self.description:
             return self.loop()
-        if description.coordinates == self.other_coordinates:
-            return self.other_loop(description.assembly)
         reassembled: Mechanism = replace(cast('Any', self), assembly=description.assembly)
+        if description.coordinates == self.other_coordinates:
+            return reassembled.other_loop()
         return reassembled.loop()
 
-    def other_loop(self, assembly: str) -> Loop:
-        """The constants of the kinematics in the other coordinates.
-
-        Args:
-            assembly: 'open' or 'crossed': one of the two ways to close the loop in them.
-
-        Returns:
-            The constants.
-        """
+    def other_loop(self) -> Loop:
+        """The constants of the kinematics in the other coordinates."""
         raise NotImplementedError
 
     def link_loads(self) -> tuple[Load, ...]:
         """What acts on the links, besides weights and what the forces in joints make."""
-        own = (self._own_load(name) for name, part in vars(self).items() if _is_loaded(part))
-        return (*own, *(found for load in self.loads if (found := load.on(self)) is not None))
+        parts = ((name, x) for name, x in vars(self).items() if hasattr(x, 'load_fields'))
+        own = (self._own_load(name, part) for name, part in parts)
+        found = (*own, *(load.on(self) for load in self.loads))
+        return tuple(load for load in found if load is not None)
 
-    def _own_load(self, name: str) -> Load:
-        """What the part of the output link says that it works against."""
-        part, link, middle = getattr(self, name), self.output(name, 'a load on link'), None
+    def _own_load(self, name: str, part: Any) -> Load | None:
+        """The load on the output link in the values of its part; None: there is none."""
         force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
-        if stiffness:
-            middle = self.swing_middle(link, f'{name}.stiffness')
+        if not (force or damping or stiffness):
+            return None
+        middle = self.swing_middle(f'{name}.stiffness') if stiffness else None
         if middle is not None:
             rest -= round((rest - middle) / (2 * math.pi)) * 2 * math.pi
+        link = self.output(name, 'a load on link')
         return LinkForce(link, force, damping, stiffness, rest, middle)
 
     def joint_loads(self) -> tuple[JointLoad, ...]:
@@ -324,12 +320,11 @@ class Mechanism(Checked):
             )
         return names.index(name)
 
-    def swing_middle(self, link: int, what: str) -> float | None:
+    def swing_middle(self, _what: str) -> float | None:
         """The middle of the output link's swing, the origin of its position.
 
         Args:
-            link: Index of the link.
-            what: The setting that needs it, for the error.
+            _what: The setting that needs it, for the error.
 
         Returns:
             Direction in [-pi, pi], rad; None for a sliding link.
@@ -337,7 +332,6 @@ class Mechanism(Checked):
         Raises:
             ConfigurationError: The link turns fully.
         """
-        del link, what
         return None
 
     def reach(self) -> Reach | None:
@@ -347,8 +341,3 @@ class Mechanism(Checked):
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Other coordinates than the crank angle at t = 0, and their rates."""
         return (), ()
-
-
-def _is_loaded(part: Any) -> bool:
-    """Whether a part has a force, a resistance or a spring on its link."""
-    return hasattr(part, 'load_fields') and any(getattr(part, x) for x in part.load_fields[:3])

@@ -228,10 +228,9 @@ class WindPump(Mechanism):
             Opaque(self._refuse),
         )
 
-    def other_loop(self, assembly: str) -> ByCoupler:
+    def other_loop(self) -> ByCoupler:
         """The constants of the pose at the angles of crank and coupler."""
-        lengths = self.crank.length, self.coupler.length, self.rod.length
-        return ByCoupler(*lengths, 1 if assembly == OPEN else -1, Opaque(self._refuse_rod))
+        return ByCoupler(*self.loop()[:-1], Opaque(self._refuse_rod))
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The slider's position, m, and velocity, m/s, at t = 0."""
