@@ -337,7 +337,7 @@ def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
 @pytest.mark.parametrize(
     ('changes', 'torque', 'speeds', 'error', 'message'),
     [
-        ({'position': 3.0}, 8.4, (2.0,), UnreachableError, 'do not reach .* within'),
+        ({'position': 3.0}, 8.4, (2.0,), UnreachableError, 'do not close .* within'),
         ({}, -8.4, (2.0,), ConfigurationError, 'motor.torque = -8.4: must be a number from 1e-09'),
         ({}, 8.4, (2.0, 0.0), ConfigurationError, 'start speed = 0.0: must be .* 1e.06 rad/s'),
         ({}, 8.4, (math.inf,), ConfigurationError, 'start speed = inf: must be'),

@@ -118,7 +118,7 @@ class FourBarLoop(NamedTuple):
         """
         (crank,) = q
         halves = self.transmission.place(crank)
-        S, C, sin_m, cos_m = halves
+        S, C, sin_m, cos_m, *_ = halves
         # Unit vectors: half_way = e^(i (delta + theta/2)), the crank is half_way e^(i theta/2).
         ax, ay = self.axis
         half_way = Vector(ax * C - ay * S, ax * S + ay * C)
@@ -169,11 +169,10 @@ class FourBarLoop(NamedTuple):
         There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' are alike. But
         (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
         """
-        (S, C, sin_m, cos_m), (turn, bend) = halves, slopes
+        (S, C, sin_m, cos_m, u, v), (turn, bend) = halves, slopes
         kappa = self.transmission.kappa
         p, q = self.transmission.cos.least, self.transmission.sin.least
         (diff_dr, sum_dr), (diff_bc, _) = self.ground, self.dyad
-        u, v = self.transmission.ratios(halves)
         # 1 - u^2 and 1 - v^2, and half the derivatives of u^2 and v^2.
         lack_u, lack_v = p / (cos_m * cos_m), q / (sin_m * sin_m)
         half_u, half_v = (

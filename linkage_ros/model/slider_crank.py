@@ -88,7 +88,7 @@ class SliderCrankLoop(NamedTuple):
         (angle,) = q
         r, b, guide = self.crank, self.coupler, self.guide
         halves = self.transmission.place(angle)
-        S, C, sin_m, cos_m = halves
+        S, C, sin_m, cos_m, *_ = halves
         # Half of sin mu, and cos mu.
         sine, cosine = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
         two_b = 2 * self.side * b

@@ -77,12 +77,16 @@ class Halves(NamedTuple):
         cos_h: Cosine of half the crank angle.
         sin_m: Sine of half the transmission angle.
         cos_m: Cosine of half the transmission angle.
+        u: kappa cos h / cos m.
+        v: kappa sin h / sin m.
     """
 
     sin_h: Real
     cos_h: Real
     sin_m: Real
     cos_m: Real
+    u: Real
+    v: Real
 
 
 class Transmission(NamedTuple):
@@ -122,13 +126,9 @@ class Transmission(NamedTuple):
         x, y = self.kappa * sin_h, self.kappa * cos_h
         cos_m = self.cos.root(y, x, self.refuse, crank)
         sin_m = self.sin.root(x, y, self.refuse, crank)
-        return Halves(sin_h, cos_h, sin_m, cos_m)
-
-    def ratios(self, at: Halves) -> tuple[Real, Real]:
-        """The ratios u and v."""
-        u = 1.0 if self.cos.least is ZERO else self.kappa * at.cos_h / at.cos_m
-        v = 1.0 if self.sin.least is ZERO else self.kappa * at.sin_h / at.sin_m
-        return u, v
+        u = 1.0 if self.cos.least is ZERO else y / cos_m
+        v = 1.0 if self.sin.least is ZERO else x / sin_m
+        return Halves(sin_h, cos_h, sin_m, cos_m, u, v)
 
     def slopes(self, at: Halves, factor: float = 1.0) -> tuple[Real, Real]:
         """How the transmission angle changes with the crank.
@@ -140,8 +140,7 @@ class Transmission(NamedTuple):
         Returns:
             d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
         """
-        p, q, sin_m, cos_m = self.cos.least, self.sin.least, at.sin_m, at.cos_m
-        u, v = self.ratios(at)
+        p, q, (_, _, sin_m, cos_m, u, v) = self.cos.least, self.sin.least, at
         # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
         second: Real = ZERO
         if q is not ZERO:

@@ -237,15 +237,10 @@ class WindPump(Mechanism):
         return (self.slider.position,), (self.slider.velocity,)
 
     def _refuse(self, angle: float, slide: float) -> NoReturn:
-        b, c = self.coupler.length, self.rod.length
-        apart = math.hypot(
-            slide - self.crank.length * math.cos(angle), self.crank.length * math.sin(angle)
-        )
-        is_far = abs(apart - (b + c)) < abs(apart - abs(b - c)) or apart > b + c
-        words = 'do not reach or are stretched' if is_far else 'do not fit in or are folded'
         raise UnreachableError(
-            f'coupler and rod {words} at crank angle {math.degrees(angle):.9g} deg and slider '
-            f'position {slide:.9g} m; {self._slider_range(angle)}',
+            'coupler and rod do not close the loop, or are in line, at crank angle '
+            f'{math.degrees(angle):.9g} deg and slider position {slide:.9g} m; '
+            f'{self._slider_range(angle)}',
             crank_angle=angle,
             arcs=(),
         )
