@@ -12,28 +12,27 @@ import struct
 import subprocess
 import sys
 import traceback
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from mechanisms import DOCUMENT_1, PUMPS, four_bar, slider_crank
 
-import linkage_ros.dynamics.solver as solver_module
 from linkage_ros import (
     Body,
     ConfigurationError,
     Coupler,
-    FourBar,
     Friction,
     LinkageError,
     LinkLoad,
+    LoadCurve,
     MechanismError,
     SliderCrank,
     Solver,
     UnreachableError,
     WindPump,
 )
-from linkage_ros.dynamics import calls, equations
+from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.trees import Constants, leaves
 from linkage_ros.formulas import Opaque, cos, is_finite, require, sin, sqrt, total, where
@@ -70,30 +69,17 @@ each = pytest.mark.parametrize('name', MECHANISMS)
 
 @functools.cache
 def programs_of(name):
-    """Every program that a solver asks for, by its formula and a number."""
-    mechanism, kept = MECHANISMS[name], {}
-
-    class Kept(Program):
-        def __init__(self, formula, constants, arguments):
-            super().__init__(formula, constants, arguments)
-            kept[formula.__name__] = self
-
-    with pytest.MonkeyPatch.context() as patch:
-        for module in (calls, solver_module):
-            patch.setattr(module, 'Program', Kept)
-        solver = Solver(mechanism)
-        q, count = inside(mechanism), len(solver.coordinates)
-        u, a = (1.0, 0.5)[:count], (0.2, -0.3)[:count]
-        state = solver.state(q, u)
-        solver.state(q, u, a)
-        solver.accelerations(q, u, 1.0)
-        solver.driven_state(q, u, 1.0)
-        solver.energy(q, u)
-        solver.matrix(q)
-        solver.meetings((*q, *u))
-        solver.reactions(state)
-        solver.point(state, 'A')
-    return kept
+    """Every program of a solver, by its formula."""
+    solver = Solver(MECHANISMS[name])
+    q, program = inside(solver.mechanism), solver._calls.program
+    solver.point(solver.state(q), 'A')
+    found = [
+        program(equations.steady, 'q', 'u'), program(equations.state, 'q', 'u', 'a'),
+        program(equations.forward, 'q', 'u', 'torque'), program(equations.matrix, 'q'),
+        program(equations.driven_state, 'q', 'u', 'torque'), program(equations.energy, 'q', 'u'),
+        solver._meetings, solver._reactions, solver._points['A'],
+    ]  # fmt: skip
+    return {program.formula.__name__: program for program in found}
 
 
 def inside(mechanism):
@@ -611,19 +597,8 @@ def test_pickled_solver_stays_compiled(monkeypatch):
 
 
 def test_function_that_numba_cannot_compile_runs_without_it():
-    table = Opaque(lambda angle: 3.0 * angle)
-
-    class Pull(tuple):
-        def forces(self, links, rates):
-            return {2: self[0](links[2].position)}
-
-    @dataclass(frozen=True)
-    class Pulled(FourBar):
-        def link_loads(self):
-            return (Pull((table,)),)
-
     preset = load('quadrilateral').mechanism
-    pulled = Pulled(preset.frame, preset.crank, preset.coupler, preset.rocker)
+    pulled = replace(preset, loads=(LoadCurve('crank', at=(0.0, 1.0), value=(5.0, 9.0)),))
     fast, plain = (Solver(pulled, compiled=x).state(np.ones(2), 2.0).torque for x in (True, False))
     assert np.array_equal(fast, plain)
     assert not np.array_equal(fast, Solver(preset).state(np.ones(2), 2.0).torque)
