@@ -4,6 +4,7 @@
 
 import random
 import re
+import resource
 import struct
 from itertools import accumulate
 from pathlib import Path
@@ -251,6 +252,17 @@ def test_existing_files_are_kept(tmp_path, whole):
             (itself.symlink_to if itself.name == 'link' else itself.hardlink_to)(whole.path)
         refused(whole.path, itself, 'is the broken log itself', overwrite=True)
     assert whole.path.read_bytes() == whole.data
+
+
+def test_full_disk_ends_a_recovery(tmp_path, whole):
+    """As a full disk would: no file may grow beyond this."""
+    most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for size in (100, 5000, len(whole.data) - 100):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, most[1]))
+        try:
+            refused(whole.path, tmp_path / 'out', r'out cannot be written: File', overwrite=True)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, most)
 
 
 def test_what_is_no_log_of_ours_is_refused(tmp_path, whole):

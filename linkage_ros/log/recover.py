@@ -71,7 +71,7 @@ def recover(
         new = LogFile(target, overwrite=overwrite)
         with closing(new):
             try:
-                return _Copy(McapFile(stream), Chunks(new)).run(progress)
+                return _Copy(McapFile(stream), new).run(progress)
             except LogError as error:
                 raise LogError(f'{source} cannot be recovered: {error}') from error
 
@@ -79,15 +79,15 @@ def recover(
 class _Copy:
     """Copies the intact records of a log into a new one, with the chunks as they were."""
 
-    def __init__(self, file: McapFile, chunks: Chunks) -> None:
+    def __init__(self, file: McapFile, new: LogFile) -> None:
         """Begins a copy.
 
         Args:
             file: The broken log.
-            chunks: The new log.
+            new: The new log.
         """
-        self._file, self._chunks, self._done = file, chunks, Recovered()
-        self._is_configured = False
+        self._file, self._new, self._chunks = file, new, Chunks(new)
+        self._done, self._is_configured = Recovered(), False
         # Where the first chunk is lost, the summary still names the topics.
         self._spare: list[Schema | Channel] = []
         with suppress(Exception):  # of a file that is not complete, or damaged there
@@ -101,8 +101,8 @@ class _Copy:
             progress: As for `recover`.
 
         Raises:
-            LogError: It unpacks to too much, or has no configuration.
-            OSError: The new file cannot be written.
+            LogError: It unpacks to too much or has no configuration, or the new log cannot be
+                written.
         """
         file, done, opcode, at = self._file, self._done, 0, MAGIC_SIZE
         while at < file.size and opcode != Opcode.DATA_END:
@@ -110,10 +110,8 @@ class _Copy:
             try:
                 opcode, content, at = file.part(before)
                 self._take(content)
-            except OSError:
-                raise
             except Exception:  # nothing bounds what damage makes a parser raise
-                if file.left < 0:
+                if file.left < 0 or self._new.stream.closed:
                     raise
                 at = file.next_place(before + 1)
                 done.places += 1
