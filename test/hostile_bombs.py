@@ -19,7 +19,7 @@ from mcap.records import (
     Statistics,
 )
 
-from linkage_ros.log.metadata import _seal, encode_configuration, encode_motion
+from linkage_ros.log.metadata import encode_configuration, encode_motion, seal
 from linkage_ros.parameters.configuration import load
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.topics import JOINT_STATES
@@ -146,7 +146,7 @@ def bombs():
     motions = [
         ('linkage_ros/motion', encode_motion(Simulator(load('quadrilateral')).begin(0).segment))
     ]
-    endless = ('linkage_ros/motion', _seal({
+    endless = ('linkage_ros/motion', seal({
         'stamp': '0', 'phase': '1e999999999', 'speed': '0', 'rpm': '1', 'acceleration': '0',
     }))  # fmt: skip
     return (

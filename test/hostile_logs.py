@@ -12,7 +12,7 @@ from mcap.records import Channel, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from linkage_ros.log.metadata import _seal
+from linkage_ros.log.metadata import seal
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
@@ -129,7 +129,7 @@ def _forge(rng, record):
             (*TEXTS, *map(json.dumps, NUMBERS), *map(str, WHOLE), *map(json.dumps, TEXTS))
         )
         fields[plain(name)] = plain(value)
-        record.metadata = _seal(fields)
+        record.metadata = seal(fields)
     elif isinstance(record, Channel):
         field = rng.choice(('topic', 'message_encoding', 'schema_id'))
         value = rng.choice(WHOLE) % 2**16 if field == 'schema_id' else plain(rng.choice(TEXTS))

@@ -24,7 +24,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_harness import fresh_domain
 
-from linkage_ros.log.metadata import _seal, encode_motion
+from linkage_ros.log.metadata import encode_motion, seal
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.run.simulator import Simulator
@@ -175,7 +175,7 @@ def test_any_words_as_a_motion_record(tmp_path_factory, fields):
     path = tmp_path_factory.getbasetemp() / 'motion.mcap'
     record = (
         'linkage_ros/motion',
-        _seal({name: hostile_logs.plain(text) for name, text in {**good, **fields}.items()}),
+        seal({name: hostile_logs.plain(text) for name, text in {**good, **fields}.items()}),
     )
     path.write_bytes(hostile_bombs.whole(metadata=[record]))
     hostile_outcomes.log_file(path)

@@ -34,9 +34,9 @@ from linkage_ros.log.mcap_file import LARGEST, parsed, unpack
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
-    _seal,
     encode_configuration,
     encode_motion,
+    seal,
 )
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
@@ -206,7 +206,7 @@ def test_what_a_log_says_neither_steers_nor_floods_the_terminal(stored, called):
 )  # fmt: skip
 def test_a_motion_record_that_cannot_be_one_is_damaged(stored, out, field):
     fields = {name: text for name, text in MOTION.items() if name != 'crc32'}
-    sealed = _seal({**fields, **field})
+    sealed = seal({**fields, **field})
     with at_most(5):
         path = stored(whole(metadata=[(MOTION_RECORD, sealed)]))
         with pytest.raises(LogError, match='is damaged or not complete'):

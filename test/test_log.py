@@ -31,7 +31,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability
 
 from linkage_ros import LogError, __version__, log_tool
-from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD, _seal
+from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD, seal
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
@@ -371,14 +371,14 @@ def test_a_full_disk_is_one_clear_error(tmp_path):
     log = LogWriter(tmp_path / 'run.mcap', CONFIGURATION, overwrite=False)
     channel = log.add_topic(DRIVING_TORQUE, TORQUE)
     full = os.open('/dev/full', os.O_WRONLY)
-    os.dup2(full, log._file.stream.fileno())
+    os.dup2(full, log.file.stream.fileno())
     os.close(full)
     log.write(channel, 0, encode_float64(1.0))
     with pytest.raises(LogError, match=r'run\.mcap.*No space left') as caught:
         log.flush()
     assert_one_line(caught)
     log.close()
-    assert log._file.stream.closed
+    assert log.file.stream.closed
 
 
 # ---------------------------------------------------------------- damage
@@ -482,24 +482,24 @@ OTHER_FILES = {
     'foreign, no statistics': (
         foreign(use_statistics=False, use_summary_offsets=False), 'no log|not complete',
     ),
-    'version alone': (explained(_seal({'version': '0.1.0'})), '.'),
+    'version alone': (explained(seal({'version': '0.1.0'})), '.'),
     # With a right checksum: whatever wrote it, meant it.
-    'setting of the future': (explained(_seal({**SETTINGS, 'crank.colour': '"red"'})), 'colour'),
-    'setting without JSON': (explained(_seal({**SETTINGS, 'rpm': '150 rpm'})), 'is not JSON'),
-    'impossible linkage': (explained(_seal({**SETTINGS, 'crank.length': '9.0'})), 'longest link'),
+    'setting of the future': (explained(seal({**SETTINGS, 'crank.colour': '"red"'})), 'colour'),
+    'setting without JSON': (explained(seal({**SETTINGS, 'rpm': '150 rpm'})), 'is not JSON'),
+    'impossible linkage': (explained(seal({**SETTINGS, 'crank.length': '9.0'})), 'longest link'),
     'nested deeper than Python goes': (
-        explained(_seal({**SETTINGS, 'rpm': '[' * 10**5})), 'not JSON',
+        explained(seal({**SETTINGS, 'rpm': '[' * 10**5})), 'not JSON',
     ),
     'motion with a zero divisor': (
         foreign(
-            (CONFIGURATION_RECORD, _seal(SETTINGS)),
-            (MOTION_RECORD, _seal({'stamp': '0', 'phase': '1/0', 'speed': '0', 'rpm': '1'})),
+            (CONFIGURATION_RECORD, seal(SETTINGS)),
+            (MOTION_RECORD, seal({'stamp': '0', 'phase': '1/0', 'speed': '0', 'rpm': '1'})),
         ),
         'is damaged or not complete: .*ZeroDivisionError',
     ),
     'settings without a checksum': (explained(SETTINGS), 'checksum is wrong'),
     'settings with another checksum': (
-        explained({**_seal(SETTINGS), 'rpm': '151.0'}), 'checksum is wrong',
+        explained({**seal(SETTINGS), 'rpm': '151.0'}), 'checksum is wrong',
     ),
     'empty': (b'', f"{BEGINS} b''{OTHER}"),
     'magic alone': (MCAP0_MAGIC, 'is damaged or not complete: linkage_log recover'),

@@ -18,7 +18,7 @@ from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
     MOTION_RECORD,
-    _seal,
+    seal,
 )
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
@@ -502,7 +502,7 @@ def resealed(name, change, number=0):
 
     def edit(records):
         item = named(records, name)[number]
-        item.metadata = _seal(change({k: v for k, v in item.metadata.items() if k != 'crc32'}))
+        item.metadata = seal(change({k: v for k, v in item.metadata.items() if k != 'crc32'}))
 
     return edit
 

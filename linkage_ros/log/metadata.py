@@ -22,7 +22,7 @@ from linkage_ros.parameters.configuration import Configuration, from_strings, to
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
-END_RECORD = 'linkage_ros/end'
+END_RECORD = 'linkage_ros/end'  # its field: messages, the number that was logged
 
 _CHECKSUM = 'crc32'
 
@@ -31,7 +31,7 @@ def _checksum(fields: Mapping[str, str]) -> str:
     return f'{zlib.crc32(json.dumps(sorted(fields.items())).encode()):08x}'
 
 
-def _seal(fields: dict[str, str]) -> dict[str, str]:
+def seal(fields: dict[str, str]) -> dict[str, str]:
     """Adds a checksum to the fields of a record."""
     return {**fields, _CHECKSUM: _checksum(fields)}
 
@@ -40,7 +40,7 @@ def unseal(record: Mapping[str, str]) -> dict[str, str]:
     """The fields of a record.
 
     Args:
-        record: From `_seal`.
+        record: From `seal`.
 
     Returns:
         The fields without the checksum.
@@ -56,7 +56,7 @@ def unseal(record: Mapping[str, str]) -> dict[str, str]:
 
 def encode_configuration(configuration: Configuration) -> dict[str, str]:
     """The record of a configuration, with the version that writes it."""
-    return _seal({'version': __version__, **to_strings(configuration)})
+    return seal({'version': __version__, **to_strings(configuration)})
 
 
 def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
@@ -110,7 +110,7 @@ _READERS = {
 def encode_motion(segment: Segment) -> dict[str, str]:
     """The record of a segment: exact fractions of turns and of turns per minute, or a torque."""
     fields = {_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None}
-    return _seal(fields)
+    return seal(fields)
 
 
 def decode_motion(record: Mapping[str, str]) -> Segment:
@@ -130,17 +130,3 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
     kind = TorqueSegment if 'torque' in fields else SpeedSegment
     given = {n: fields[key] for n in _READERS if (key := _NAMES.get(n, n)) in fields}
     return kind(**{name: _READERS[name](text) for name, text in given.items()})
-
-
-def encode_end(messages: int) -> dict[str, str]:
-    """The last record of a log: how many messages were logged."""
-    return _seal({'messages': str(messages)})
-
-
-def decode_end(record: Mapping[str, str]) -> int:
-    """The number of messages in a record from `encode_end`.
-
-    Raises:
-        LogError: The record is damaged.
-    """
-    return int(unseal(record)['messages'])

@@ -20,8 +20,8 @@ from linkage_ros.log.metadata import (
     END_RECORD,
     MOTION_RECORD,
     decode_configuration,
-    decode_end,
     decode_motion,
+    unseal,
 )
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.units import TIME_END
@@ -123,7 +123,7 @@ class LogReader(AbstractContextManager['LogReader']):
         self.version, self.configuration = decode_configuration(about[0])
         self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
-        ends = [decode_end(r.metadata) for r in records if r.name == END_RECORD]
+        ends = [int(unseal(r.metadata)['messages']) for r in records if r.name == END_RECORD]
         self.lost = ends[0] - statistics.message_count if ends else 0
         schemas = {schema.id: schema for schema in summary[Schema]}
         channels = {channel.id: channel for channel in summary[Channel]}
@@ -297,9 +297,8 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
     Returns:
         A channel for each topic found.
     """
-    free, pairs = list(log.topics), []
-    if isinstance(log.configuration.drive, FollowDrive):
-        free = [channel for channel in free if channel != measured_channel(log)]
+    measured, pairs = measured_channel(log), []
+    free = [channel for channel in log.topics if channel != measured]
     for topic in topics:
         fitting = [channel for channel in free if channel.type == topic.interface.name]
         fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
@@ -310,7 +309,8 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
 
 
 def measured_channel(log: LogReader) -> LoggedTopic | None:
-    """The channel with the measurements of a crank, which a run declares after its own topics."""
+    """The channel with measurements of the crank, which a run declares after its own topics."""
     kind = MEASURED_JOINT_STATES.interface.name
     channels = [channel for channel in log.topics if channel.type == kind]
-    return max(channels, key=lambda channel: channel.number) if len(channels) > 1 else None
+    follows = isinstance(log.configuration.drive, FollowDrive) and len(channels) > 1
+    return max(channels, key=lambda channel: channel.number) if follows else None

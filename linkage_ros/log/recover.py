@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,10 +16,9 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from linkage_ros.errors import LogError
 from linkage_ros.files import is_same_file
-from linkage_ros.log.log_file import LogFile
 from linkage_ros.log.mcap_file import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
 from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, unseal
-from linkage_ros.log.writer import Chunks
+from linkage_ros.log.writer import LogWriter
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.rows import MESSAGE_HEAD
 
@@ -68,8 +67,7 @@ def recover(
     with open_mcap(Path(source)) as stream:
         if is_same_file(str(source), str(target)):
             raise LogError(f'{target} is the broken log itself: choose another name')
-        new = LogFile(target, overwrite=overwrite)
-        with closing(new):
+        with LogWriter(target, None, overwrite=overwrite) as new:
             try:
                 return _Copy(McapFile(stream), new).run(progress)
             except LogError as error:
@@ -79,14 +77,14 @@ def recover(
 class _Copy:
     """Copies the intact records of a log into a new one, with the chunks as they were."""
 
-    def __init__(self, file: McapFile, new: LogFile) -> None:
+    def __init__(self, file: McapFile, new: LogWriter) -> None:
         """Begins a copy.
 
         Args:
             file: The broken log.
             new: The new log.
         """
-        self._file, self._new, self._chunks = file, new, Chunks(new)
+        self._file, self._new = file, new
         self._done, self._is_configured = Recovered(), False
         # Where the first chunk is lost, the summary still names the topics.
         self._spare: list[Schema | Channel] = []
@@ -111,7 +109,7 @@ class _Copy:
                 opcode, content, at = file.part(before)
                 self._take(content)
             except Exception:  # nothing bounds what damage makes a parser raise
-                if file.left < 0 or self._new.stream.closed:
+                if file.left < 0 or self._new.file.stream.closed:
                     raise
                 at = file.next_place(before + 1)
                 done.places += 1
@@ -119,9 +117,7 @@ class _Copy:
             progress(at - before)
         if not self._is_configured:
             raise LogError('it has no configuration record')
-        self._chunks.library.finish()
-        self._chunks.library.flush()
-        found = self._chunks.statistics
+        found = self._new.statistics
         done.messages = found.message_count
         done.duration = (found.message_end_time - found.message_start_time) / NS_PER_S
         return done
@@ -137,30 +133,29 @@ class _Copy:
         elif isinstance(content, Metadata):
             self._take_metadata(content)
         elif isinstance(content, Attachment):
-            self._chunks.library.add_attachment(**vars(content))
+            self._new.library.add_attachment(**vars(content))
 
     def _take_chunk(self, data: bytes) -> None:
-        chunks, kept = self._chunks, bytearray()
+        new, kept = self._new, bytearray()
         index: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
         for opcode, start, end in self._file.records(data):
             if opcode != Opcode.MESSAGE:
-                chunks.declare(parsed(opcode, data[start + HEAD.size : end]))
+                new.declare(parsed(opcode, data[start + HEAD.size : end]))
                 continue
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(data, start)
-            while self._spare and channel not in chunks.channels:
-                chunks.declare(self._spare.pop(0))
-            if channel in chunks.channels:
+            while self._spare and channel not in new.channels:
+                new.declare(self._spare.pop(0))
+            if channel in new.channels:
                 index[channel].append((time, len(kept)))
                 kept += data[start:end]
             else:
                 self._done.unknown += 1
-        chunks.add_records(kept, {n: np.array(e, np.uint64) for n, e in index.items()})
-        chunks.library.flush()
+        new.add_records(kept, {n: np.array(e, np.uint64) for n, e in index.items()})
+        new.flush()
 
     def _take_metadata(self, record: Metadata) -> None:
         if record.name.startswith(CONFIGURATION_RECORD):
             unseal(record.metadata)
-        if record.name == END_RECORD and (self._done.places or self._done.unknown):
-            return  # the log that is saved is not the one that was ended
-        self._is_configured |= record.name == CONFIGURATION_RECORD
-        self._chunks.library.add_metadata(record.name, record.metadata)
+        if record.name != END_RECORD:  # the new log has one of its own
+            self._is_configured |= record.name == CONFIGURATION_RECORD
+            self._new.library.add_metadata(record.name, record.metadata)

@@ -24,8 +24,8 @@ from linkage_ros.log.metadata import (
     END_RECORD,
     MOTION_RECORD,
     encode_configuration,
-    encode_end,
     encode_motion,
+    seal,
 )
 from linkage_ros.motion.segments import Segment
 from linkage_ros.parameters.configuration import Configuration
@@ -53,23 +53,47 @@ class _Index(MessageIndex):
         stream.write(entries)
 
 
-class Chunks:
-    """A file of the library's writer, which has no public function to add packed records.
+def _qos(topic: Topic) -> str:
+    """A publisher's quality of service in rosbag2's format, which requires every key."""
+    durability = 'transient_local' if topic.latched else 'volatile'
+    return (
+        f'- history: keep_last\n  depth: {topic.depth}\n'
+        f'  reliability: reliable\n  durability: {durability}\n'
+        f'  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n'
+        f'  liveliness: automatic\n  liveliness_lease_duration: {_FOREVER}\n'
+        '  avoid_ros_namespace_conventions: false\n'
+    )
+
+
+class LogWriter(AbstractContextManager['LogWriter']):
+    """Writes one log; not thread-safe.
+
+    The library has no public function to add packed records.
 
     Attributes:
-        library: The writer.
+        file: The file.
+        library: The library's writer.
         statistics: Counts and times so far.
         channels: Channels so far, by number.
     """
 
-    def __init__(self, file: LogFile) -> None:
-        """Writes the beginning of a log.
+    def __init__(
+        self, path: Path | str, configuration: Configuration | None, *, overwrite: bool
+    ) -> None:
+        """Creates the file and writes the configuration of the run.
 
         Args:
-            file: The new file.
+            path: The file.
+            configuration: Configuration of the run; None: its record is added later.
+            overwrite: Whether to replace an existing log.
+
+        Raises:
+            LogError: The file exists and is not to be replaced, or is no log; it is being written
+                by another run, or cannot be created.
         """
+        self.file = LogFile(path, overwrite=overwrite)
         self.library = Writer(
-            cast('Any', file), chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD
+            cast('Any', self.file), chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD
         )
         self.library.start(profile='ros2', library='linkage_ros')
         private = vars(self.library)
@@ -77,6 +101,72 @@ class Chunks:
         self.statistics: Statistics = private['_Writer__statistics']
         self._schemas: dict[int, Schema] = private['_Writer__schemas']
         self.channels: dict[int, Channel] = private['_Writer__channels']
+        if configuration is not None:
+            record = encode_configuration(configuration)
+            self.library.add_metadata(CONFIGURATION_RECORD, record)
+        self.flush()
+
+    def add_topic(self, topic: Topic, name: str) -> int:
+        """Declares a channel.
+
+        Args:
+            topic: The topic.
+            name: Its fully qualified name.
+
+        Returns:
+            The channel, for `write`.
+        """
+        interface = topic.interface
+        schemas = {schema.name: number for number, schema in self._schemas.items()}
+        if interface.name not in schemas:
+            schemas[interface.name] = self.library.register_schema(
+                interface.name, 'ros2msg', interface.definition.encode()
+            )
+        metadata = {'offered_qos_profiles': _qos(topic), 'topic_type_hash': interface.hash}
+        return self.library.register_channel(name, 'cdr', schemas[interface.name], metadata)
+
+    def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
+        """Declares the channels of rows, which come first in a log.
+
+        Args:
+            layout: Layout of the rows.
+            topics: Topics and their fully qualified names.
+        """
+        self._layout = layout
+        for topic, name in topics:
+            self.add_topic(topic, name)
+
+    def write(self, channel: int, stamp: int, data: bytes) -> None:
+        """Appends a message.
+
+        Args:
+            channel: From `add_topic`.
+            stamp: Log and publish time, ns.
+            data: CDR bytes.
+
+        Raises:
+            LogError: The file cannot be written.
+        """
+        record = message_record(channel, (stamp, stamp), data)
+        self.add_records(record, {channel: np.array([[stamp, 0]], np.uint64)})
+
+    def write_rows(self, rows: bytes | bytearray) -> None:
+        """Appends the messages of states; a chunk ends with a whole row.
+
+        Args:
+            rows: In the layout of `add_states`.
+
+        Raises:
+            LogError: The file cannot be written.
+        """
+        layout = self._layout
+        while rows:
+            room = max(0, CHUNK_SIZE - self._builder.count) // layout.size + 1
+            some, rows = rows[: room * layout.size], rows[room * layout.size :]
+            times = layout.column(some, layout.times)
+            places = np.arange(0, len(some), layout.size, dtype=np.uint64)
+            heads = zip(layout.channels, layout.starts, strict=True)
+            self.add_records(some, {n: np.column_stack([times, places + s]) for n, s in heads})
 
     def declare(self, record: Schema | Channel) -> None:
         """Appends a schema or channel, unless its number is taken."""
@@ -86,21 +176,6 @@ class Chunks:
             record.write(self._builder.record_writer)
         self.statistics.schema_count = len(self._schemas)
         self.statistics.channel_count = len(self.channels)
-
-    def add_rows(self, layout: RowLayout, rows: bytes | bytearray) -> None:
-        """Appends rows; a chunk ends with a whole row.
-
-        Args:
-            layout: Layout of the rows.
-            rows: Bytes of the rows.
-        """
-        while rows:
-            room = max(0, CHUNK_SIZE - self._builder.count) // layout.size + 1
-            some, rows = rows[: room * layout.size], rows[room * layout.size :]
-            times = layout.column(some, layout.times)
-            places = np.arange(0, len(some), layout.size, dtype=np.uint64)
-            heads = zip(layout.channels, layout.starts, strict=True)
-            self.add_records(some, {n: np.column_stack([times, places + s]) for n, s in heads})
 
     def add_records(
         self, data: bytes | bytearray, index: dict[int, npt.NDArray[np.uint64]]
@@ -130,99 +205,9 @@ class Chunks:
         if builder.count > CHUNK_SIZE:
             self.library.flush()
 
-
-def _qos(topic: Topic) -> str:
-    """A publisher's quality of service in rosbag2's format, which requires every key."""
-    durability = 'transient_local' if topic.latched else 'volatile'
-    return (
-        f'- history: keep_last\n  depth: {topic.depth}\n'
-        f'  reliability: reliable\n  durability: {durability}\n'
-        f'  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n'
-        f'  liveliness: automatic\n  liveliness_lease_duration: {_FOREVER}\n'
-        '  avoid_ros_namespace_conventions: false\n'
-    )
-
-
-class LogWriter(AbstractContextManager['LogWriter']):
-    """Writes one log; not thread-safe."""
-
-    def __init__(self, path: Path | str, configuration: Configuration, *, overwrite: bool) -> None:
-        """Creates the file and writes the configuration of the run.
-
-        Args:
-            path: The file.
-            configuration: Configuration of the run.
-            overwrite: Whether to replace an existing log.
-
-        Raises:
-            LogError: The file exists and is not to be replaced, or is no log; it is being written
-                by another run, or cannot be created.
-        """
-        self._file = LogFile(path, overwrite=overwrite)
-        self._chunks = Chunks(self._file)
-        self._library = self._chunks.library
-        self._schemas: dict[str, int] = {}
-        self._library.add_metadata(CONFIGURATION_RECORD, encode_configuration(configuration))
-        self._library.flush()
-
-    def add_topic(self, topic: Topic, name: str) -> int:
-        """Declares a channel.
-
-        Args:
-            topic: The topic.
-            name: Its fully qualified name.
-
-        Returns:
-            The channel, for `write`.
-        """
-        interface = topic.interface
-        if interface.name not in self._schemas:
-            self._schemas[interface.name] = self._library.register_schema(
-                interface.name, 'ros2msg', interface.definition.encode()
-            )
-        metadata = {'offered_qos_profiles': _qos(topic), 'topic_type_hash': interface.hash}
-        schema = self._schemas[interface.name]
-        return self._library.register_channel(name, 'cdr', schema, metadata)
-
-    def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
-        """Declares the channels of rows, which come first in a log.
-
-        Args:
-            layout: Layout of the rows.
-            topics: Topics and their fully qualified names.
-        """
-        self._layout = layout
-        for topic, name in topics:
-            self.add_topic(topic, name)
-
-    def write(self, channel: int, stamp: int, data: bytes) -> None:
-        """Appends a message.
-
-        Args:
-            channel: From `add_topic`.
-            stamp: Log and publish time, ns.
-            data: CDR bytes.
-
-        Raises:
-            LogError: The file cannot be written.
-        """
-        record = message_record(channel, (stamp, stamp), data)
-        self._chunks.add_records(record, {channel: np.array([[stamp, 0]], np.uint64)})
-
-    def write_rows(self, rows: bytes | bytearray) -> None:
-        """Appends the messages of states.
-
-        Args:
-            rows: In the layout of `add_states`.
-
-        Raises:
-            LogError: The file cannot be written.
-        """
-        self._chunks.add_rows(self._layout, rows)
-
     def write_motion(self, segment: Segment) -> None:
         """Appends a segment of motion."""
-        self._library.add_metadata(MOTION_RECORD, encode_motion(segment))
+        self.library.add_metadata(MOTION_RECORD, encode_motion(segment))
 
     def consume(self, items: Sequence[Any]) -> None:
         """Appends items, and flushes them.
@@ -248,7 +233,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written, was removed or truncated; the log ends.
         """
-        self._library.flush()
+        self.library.flush()
 
     def close(self) -> None:
         """Completes the file.
@@ -256,18 +241,18 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written, was removed or truncated.
         """
-        if self._file.stream.closed:
+        if self.file.stream.closed:
             return
         self.flush()  # or the last chunk would lie behind the record
-        count = self._chunks.statistics.message_count
-        self._library.add_metadata(END_RECORD, encode_end(count))
-        self._library.finish()
-        self._library.flush()
-        self._file.close()
+        end = seal({'messages': str(self.statistics.message_count)})
+        self.library.add_metadata(END_RECORD, end)
+        self.library.finish()
+        self.library.flush()
+        self.file.close()
 
     def disk_sync(self) -> DiskSync:
         """The object that syncs the file to the disk, for a separate worker."""
-        return DiskSync(self._file)
+        return DiskSync(self.file)
 
     def __exit__(self, *error: object) -> None:
         self.close()
