@@ -22,7 +22,7 @@ from linkage_ros.parameters.configuration import parameter_leaves
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.progress import progress_bar
 from linkage_ros.units import NS_PER_S
-from linkage_ros.verification.verify import Report, verify
+from linkage_ros.verification.verify import Verification, verify
 
 _NAME = 'linkage_log'
 # Stamps below are times since the start of a record, not dates (s).
@@ -80,7 +80,7 @@ def _time(stamp: int) -> str:
     return f'{date:%Y-%m-%d %H:%M:%S}.{stamp % NS_PER_S // 1000:06d} UTC'
 
 
-def verdict(log: LogReader, report: Report) -> Iterator[str]:
+def verdict(log: LogReader, report: Verification) -> Iterator[str]:
     """Describes the outcome of a verification.
 
     Args:

@@ -297,4 +297,4 @@ def test_the_log_is_verified_by_following_its_measurements_again(answered, monke
     begin, other = FollowMotion.__init__, FollowDrive(21.0)
     monkeypatch.setattr(FollowMotion, '__init__', lambda motion, _: begin(motion, other))
     with LogReader(path) as log:
-        assert re.search(' answer of .*recomputed: off by', verify(log).difference)
+        assert re.search('^state .*recomputed: off by', verify(log).difference)

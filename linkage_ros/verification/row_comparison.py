@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares logged rows with recomputed ones, and names the first value that differs."""
 
-from __future__ import annotations
-
-from collections import defaultdict
+import math
+import struct
 
 import numpy as np
 
 from linkage_ros.numeric import Array
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout
-from linkage_ros.wire.template import Place
 
 # The sine of another machine's library may differ in its last bit, and with it all that follows.
 TOLERANCE = 4  # ulp of the largest value of a field
@@ -24,82 +22,55 @@ class RowComparison:
     """
 
     def __init__(self, layout: RowLayout, names: list[str]) -> None:
-        """Prepares a comparison.
+        self._names, self.ulp, self._layout = names, 0.0, layout
+        self._doubles = [place for place in layout.places if place.code == 'd']
+        self._largest = np.zeros((len(self._doubles), 1))
 
-        Args:
-            layout: Layout of the rows.
-            names: Names of the topics, one for each message of a row.
-        """
-        self.ulp = 0.0
-        self._layout, self._names = layout, names
-        self._largest: defaultdict[int, float] = defaultdict(float)  # by offset
-
-    def equal(self, logged: bytes, recomputed: bytearray) -> int:
-        """The number of rows at the beginning that are equal.
+    def compare(self, logged: bytes, recomputed: bytearray) -> tuple[int, str]:
+        """Compares rows.
 
         Args:
             logged: Some rows.
             recomputed: The same number of recomputed rows.
 
         Returns:
-            The number of rows that are equal to the bit, or within the tolerance; 0.0 equals -0.0.
+            The number of rows at the beginning that are equal to the bit, or within the
+            tolerance, where 0.0 equals -0.0; and the difference of the next row.
         """
-        wrong = np.zeros(len(logged) // self._layout.size, bool)
+        due, size = self._values(recomputed), self._layout.size
+        number = len(logged) // size
+        self._largest = np.maximum(self._largest, abs(due).max(axis=1, keepdims=True))
         if logged == recomputed:  # as they are but for a machine with other sines
-            for place in self._layout.places:
-                if place.code == 'd':
-                    self._largest_of(place, self._layout.column(recomputed, place))
-            return len(wrong)
-        differences = []
-        for place in self._layout.places:
-            found, due = (self._layout.column(rows, place) for rows in (logged, recomputed))
-            if place.code == 'd':
-                difference = self._in_ulp(place, found, due)
-                differences.append(difference)
-                wrong |= ~(difference <= TOLERANCE)
-            else:
-                wrong |= found != due
-        wrong |= self._layout.differs(logged)
-        count = int(wrong.argmax()) if wrong.any() else len(wrong)
-        largest = (difference[:count].max(initial=0.0) for difference in differences)
-        self.ulp = max(self.ulp, *map(float, largest))
-        return count
-
-    def _in_ulp(self, place: Place, found: Array, due: Array) -> Array:
-        """Differences of values, in ulp of the field's largest value so far."""
-        largest = self._largest_of(place, due)
+            return number, ''
         with np.errstate(all='ignore'):  # what is logged may be anything
-            difference: Array = np.abs(found - due) / np.spacing(largest)
-        return difference
+            ulp = abs(self._values(logged) - due) / np.spacing(self._largest)
+        found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
+        differs = np.not_equal(found, made).reshape(-1, size)
+        for place, near in zip(self._doubles, ulp <= TOLERANCE, strict=True):
+            differs[near, place.offset : place.offset + 8] = False
+        wrong = differs.any(axis=1)
+        count = int(wrong.argmax()) if wrong.any() else number
+        self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=0.0)))
+        if count == number:
+            return count, ''
+        at, row = int(differs[count].argmax()), slice(count * size, (count + 1) * size)
+        return count, self._describe(at, logged[row], recomputed[row])
 
-    def _largest_of(self, place: Place, due: Array) -> float:
-        largest = max(self._largest[place.offset], float(due.max()), -float(due.min()))
-        self._largest[place.offset] = largest
-        return largest
+    def _values(self, rows: bytes | bytearray) -> Array:
+        """The doubles of rows, one row of the array for each field."""
+        return np.array([self._layout.column(rows, place) for place in self._doubles])
 
-    def difference(self, logged: bytes, recomputed: bytearray) -> str:
-        """Names the first value that differs in the first of some rows.
-
-        Args:
-            logged: Logged rows.
-            recomputed: Recomputed rows.
-
-        Returns:
-            The topic, the value, and the size of the difference.
-        """
-        logged, recomputed = logged[: self._layout.size], recomputed[: self._layout.size]
+    def _describe(self, at: int, logged: bytes, recomputed: bytearray) -> str:
+        """Describes the difference of two rows, of which a byte is the first that differs."""
+        message = self._layout.message_of(at)
+        byte = at - self._layout.starts[message] - MESSAGE_HEAD.size
+        words = f'byte {byte} = {logged[at]:#04x} logged, {recomputed[at]:#04x} recomputed'
         for place in self._layout.places:
-            found, due = (self._layout.column(rows, place) for rows in (logged, recomputed))
-            size = self._in_ulp(place, found, due)[0] if place.code == 'd' else 0.0
-            if not size <= TOLERANCE or (place.code != 'd' and found != due):
-                off = f'off by {abs(found[0].item() - due[0].item()):.3g}'
-                ulp = f', {size:.6g} ulp' if place.code == 'd' else ''
-                values = f'{found[0].item()!r} logged, {due[0].item()!r} recomputed'
-                return f'{self._topic(place.offset)}: {place.name} = {values}: {off}{ulp}'
-        at = next(i for i in self._layout.constant if logged[i] != recomputed[i])
-        start = self._layout.starts[self._layout.message_of(at)] + MESSAGE_HEAD.size
-        values = f'{logged[at]:#04x} logged, {recomputed[at]:#04x} recomputed'
-        return f'{self._topic(at)}: byte {at - start} = {values}'
-
-    def _topic(self, offset: int) -> str:
-        return self._names[self._layout.message_of(offset)]
+            if place.offset <= at < place.offset + struct.calcsize(place.code):
+                found, due = (self._layout.column(x, place).item() for x in (logged, recomputed))
+                words = f'{place.name} = {found!r} logged, {due!r} recomputed: off by '
+                words += f'{abs(found - due):.3g}'
+                if place in self._doubles:
+                    (largest,) = self._largest[self._doubles.index(place)].tolist()
+                    words += f', {abs(found - due) / math.ulp(largest):.6g} ulp'
+        return f'{self._names[message]}: {words}'

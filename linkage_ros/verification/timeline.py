@@ -1,73 +1,86 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the segment of motion of each logged stamp, and stamps that cannot be right."""
+"""Finds the segments of motion, or the measurements, that the stamps of a log belong to.
 
-from __future__ import annotations
+A step of the clock begins a segment, but does not change the count of ticks.
+"""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from itertools import accumulate, takewhile
 
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.motion.segments import Segment
+from linkage_ros.log.reader import LoggedMessage, LoggedTopic
+from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.segments import Segment, SpeedSegment
+from linkage_ros.motion.speed_driven import SpeedMotion
+from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.units import NS_PER_S, TIME_END
+from linkage_ros.units import TIME_END
 
 
-def seconds(stamp: int) -> str:
-    """A stamp to the nanosecond, in seconds."""
-    whole, rest = divmod(stamp, NS_PER_S)
-    return f'{whole}.{rest:09d} s'
-
-
-def moment(segment: Segment) -> int:
+def _moment(segment: Segment) -> int:
     """The start of a segment on the clock of the one before it."""
     return segment.stamp if segment.old_stamp is None else segment.old_stamp
 
 
-@dataclass(frozen=True)
-class MotionPiece:
-    """A segment on the grid of ticks; a step of the clock does not change the count of ticks.
+def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
+    """Compares each segment with the one computed from the configuration and its predecessor.
 
-    Attributes:
-        segment: The segment.
-        number: Number of the piece, from 1.
-        anchor: Stamp of tick 0 on the clock of the piece, ns.
-        end: First stamp of the next piece, on this piece's clock.
+    The time of a change, and the new rpm, torque or clock, are taken from the log.
+
+    Args:
+        simulator: Simulator of the configuration.
+        motions: The logged segments.
+
+    Returns:
+        The first difference; empty if there is none.
     """
+    past: Segment | None = None
+    for number, logged in enumerate(motions, 1):
+        due = _next(past, logged) if past else simulator.begin(logged.stamp).segment
+        if past and _moment(logged) < past.stamp:
+            return f'motion record {number} begins before the one before it'
+        for name, value in reversed(vars(due).items()):  # what users set comes last
+            if (found := vars(logged).get(name)) != value:
+                return f'motion record {number} has {name} = {found}, recomputed {value}'
+        past = logged
+    return ''
 
-    segment: Segment
-    number: int
-    anchor: int
-    end: int
+
+def _next(past: Segment, logged: Segment) -> Segment:
+    """Computes a segment from its predecessor and the time, rpm or torque of the logged one."""
+    if isinstance(past, SpeedSegment) and isinstance(logged, SpeedSegment):
+        restamp = None if logged.old_stamp is None else logged.stamp
+        return SpeedMotion(past).change(_moment(logged), logged.rpm, restamp).segment
+    return logged if type(past) is type(logged) else past
 
 
 class Timeline:
-    """Follows the stamps of a log in the order in which they were written.
+    """The segments of a log, in the order of writing.
 
     Attributes:
-        piece: The piece that the last stamp lies in.
         missed: Ticks so far that have no state.
-        tick: Number of its tick; -1: there was none.
     """
 
-    def __init__(self, simulator: Simulator, motions: tuple[Segment, ...]) -> None:
-        """Begins with the first piece.
+    def __init__(self, simulator: Simulator, motions: tuple[Segment, ...], recorded: bool) -> None:
+        """Begins with the first segment.
 
         Args:
             simulator: Knows the ticks.
             motions: All segments, in order; at least one.
+            recorded: Whether every tick has a state.
         """
-        self._simulator, self._pieces = simulator, list[MotionPiece]()
-        anchor, ends = motions[0].stamp, [*map(moment, motions[1:]), TIME_END]
-        for number, (motion, end) in enumerate(zip(motions, ends, strict=True), 1):
-            anchor += motion.stamp - moment(motion)
-            self._pieces.append(MotionPiece(motion, number, anchor, end))
-        self.piece, self.missed, self.tick = self._pieces[0], 0, -1
+        self.missed, self._tick, self._number = 0, -1, 0
+        self._simulator, self._motions, self._recorded = simulator, motions, recorded
+        steps = accumulate(motion.stamp - _moment(motion) for motion in motions)
+        self._anchors = [motions[0].stamp + step for step in steps]  # stamps of tick 0
+        self._ends = [*map(_moment, motions[1:]), TIME_END]
 
-    def pieces_at(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[MotionPiece, list[int]]]:
-        """The pieces that may contain the next stamps, the likeliest first.
+    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
+        """The segments that may contain the next stamps, the likeliest first.
 
         Where clocks overlap because one was set back, only the values of the states decide.
 
@@ -75,30 +88,58 @@ class Timeline:
             stamps: The next ones, ns; at least one.
 
         Yields:
-            A piece, and the increasing ticks of all leading stamps that fit it.
+            Index of a segment, and the ticks of all leading stamps that fit it.
         """
-        for piece in self._pieces[self.piece.number - 1 :]:
-            if piece.segment.stamp <= stamps[0] < piece.end:
-                elapsed = stamps.astype(object) - piece.anchor
-                ticks = self._simulator.tick_at(elapsed)
-                off = self._simulator.elapsed(ticks) != elapsed
-                back = np.diff(ticks, prepend=self.tick) <= 0
-                wrong = off | back | (stamps < piece.segment.stamp) | (stamps >= piece.end)
-                count = int(wrong.argmax()) if wrong.any() else len(stamps)
-                if count:
-                    yield piece, ticks[:count].tolist()
+        for number in range(self._number, len(self._motions)):
+            start, end = self._motions[number].stamp, self._ends[number]
+            if not start <= stamps[0] < end:
+                continue
+            elapsed = stamps.astype(object) - self._anchors[number]
+            ticks = self._simulator.tick_at(elapsed)
+            steps = np.diff(ticks, prepend=self._tick)
+            fits = (start <= stamps) & (stamps < end)
+            fits &= self._simulator.elapsed(ticks) == elapsed
+            fits &= steps == 1 if self._recorded else steps > 0
+            if count := len(fits) if fits.all() else int(fits.argmin()):
+                yield number, ticks[:count].tolist()
 
-    def take(self, piece: MotionPiece, ticks: list[int]) -> None:
-        """Advances by some states.
+    def take(self, number: int, ticks: list[int]) -> None:
+        """Advances by states at ticks of a segment."""
+        self.missed += ticks[-1] - self._tick - len(ticks)
+        self._number, self._tick = number, ticks[-1]
+
+
+class Measurements:
+    """The measurements of a crank that states answer, in place of segments.
+
+    Attributes:
+        next: Stamps, ns, and coordinates of those without an answer so far.
+    """
+
+    missed = 0  # ticks: there are none
+
+    def __init__(self, simulator: Simulator, channel: LoggedTopic | None) -> None:
+        """Begins without a measurement.
 
         Args:
-            piece: From `pieces_at`.
-            ticks: Their ticks.
+            simulator: Simulator of the configuration.
+            channel: The channel with the measurements, if the log has one.
         """
-        self.missed += ticks[-1] - self.tick - len(ticks)
-        self.piece, self.tick = piece, ticks[-1]
+        self._crank, self._topic = MeasuredCrank(simulator), channel and channel.name
+        self.next: list[tuple[int, Coordinates]] = []
 
-    def why_none(self) -> str:
-        """Describes the error of a stamp outside all pieces."""
-        rate = self._simulator.configuration.session.rate_hz
-        return f'is no tick of rate_hz = {rate:g} that is later than the one before it'
+    def hear(self, message: LoggedMessage) -> None:
+        """Takes a message that is not a state, in the order of writing."""
+        if message.topic == self._topic:
+            with suppress(ValueError):  # a rejected one has no answer
+                self.next.append(self._crank.read(message.data, message.time))
+
+    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
+        """The leading stamps that are those of the next measurements; see `Timeline.fitting`."""
+        pairs = zip(stamps.tolist(), self.next, strict=False)
+        if fit := [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]:
+            yield 0, fit
+
+    def take(self, _: int, ticks: list[int]) -> None:
+        """Advances by some measurements."""
+        del self.next[: len(ticks)]

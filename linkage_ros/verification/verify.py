@@ -7,51 +7,37 @@ one, because sines differ between machines. Topics are identified by their types
 names may be remapped. Other topics of the log are named, not compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any
 
-from linkage_ros.log.reader import LoggedMessage, LogReader, Pairing, measured_channel, paired
-from linkage_ros.motion.drives import FollowDrive
+import numpy as np
+
+from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.log.reader import LoggedMessage, LogReader, measured_channel, paired
+from linkage_ros.motion.coordinates import Coordinates, stacked
+from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.follow_check import FollowCheck
-from linkage_ros.verification.motion_check import check_motions
+from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.row_comparison import RowComparison
-from linkage_ros.verification.state_check import StateCheck
-from linkage_ros.verification.timeline import seconds
-from linkage_ros.verification.topic_check import check_topics
-from linkage_ros.wire.topics import ROBOT_DESCRIPTION
+from linkage_ros.verification.timeline import Measurements, Timeline, check_motions
+from linkage_ros.verification.torque_states import TorqueStates
+from linkage_ros.wire.topics import (
+    COUPLER_POINT,
+    DIAGNOSTICS,
+    DRIVING_TORQUE,
+    JOINT_STATES,
+    MECHANISM_STATE,
+    ROBOT_DESCRIPTION,
+    TOPICS,
+)
 
 _BATCH = 1024  # states that are compared at a time
-_CONTEXT = 12  # bytes shown on either side of the first that differs
+# Types of which a log has no other topics than those of its states.
+_OF_STATES = (DRIVING_TORQUE.interface.name, COUPLER_POINT.interface.name)
 
 
-class Report(NamedTuple):
-    """The outcome of a verification.
-
-    Attributes:
-        states: Number of equal states.
-        compared: Names of the topics that were compared.
-        others: Names of the topics that cannot be recomputed.
-        absent: Relative names of the mechanism's topics that the log does not have.
-        missed: Ticks without a state.
-        cut: Names of the topics missing from the last state, which was cut off while written.
-        ulp: Largest difference, in ulp of the largest value of its field; 0: all bits are equal.
-        difference: The first difference; empty if there is none.
-    """
-
-    states: int = 0
-    compared: tuple[str, ...] = ()
-    others: tuple[str, ...] = ()
-    absent: tuple[str, ...] = ()
-    missed: int = 0
-    cut: tuple[str, ...] = ()
-    ulp: float = 0.0
-    difference: str = ''
-
-
-def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> Report:
+def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> 'Verification':
     """Recomputes and compares the messages of a log, up to the first difference.
 
     Args:
@@ -62,115 +48,175 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         The outcome.
 
     Raises:
-        LogError: The file is damaged, or lacks the configuration or segments of its states.
+        LogError: The file is damaged, or lacks the topics or the segments of its states.
     """
-    simulator = Simulator(log.configuration)
-    pairings = paired(log, simulator.topics)
-    descriptions = [t.name for t in log.topics if t.type == ROBOT_DESCRIPTION.interface.name]
-    difference = check_topics(log, pairings, simulator) or check_motions(simulator, log.motions)
-    comparable = descriptions if log.has_same_urdf else []
-    found = Report(difference=difference)
-    if not difference and any(channel.messages for channel, _ in pairings):
-        others = _Others(comparable, simulator.description)
-        found = _compare(log, simulator, pairings, others, progress)
-    if log.lost > 0 and not found.difference:
-        lost = f'{log.lost} messages that were logged are not there: the end is cut off'
-        found = found._replace(difference=lost)
-    names = [topic.name for topic in log.topics]
-    known = {*(channel.name for channel, _ in pairings), *comparable}
-    carried = [*(topic for _, topic in pairings), *[ROBOT_DESCRIPTION][: len(descriptions)]]
-    return found._replace(
-        compared=tuple(name for name in names if name in known),
-        others=tuple(name for name in names if name not in known),
-        absent=tuple(t.name for t in (*simulator.topics, ROBOT_DESCRIPTION) if t not in carried),
-    )
+    done = Verification(log)
+    if not done.difference and done.has_states:
+        done.run(progress)
+    if log.lost > 0 and not done.difference:
+        done.difference = f'{log.lost} logged messages are not there: the end is cut off'
+    return done
 
 
-def _compare(
-    log: LogReader,
-    simulator: Simulator,
-    pairings: list[Pairing],
-    others: _Others,
-    progress: Callable[[int], object],
-) -> Report:
-    """Compares the messages of a log.
-
-    Raises:
-        LogError: The file is damaged, or lacks the configuration or segments of its states.
-    """
-    layout = simulator.layout_of((channel.number, topic) for channel, topic in pairings)
-    names = [channel.name for channel, _ in pairings]
-    comparison, measured = RowComparison(layout, names), measured_channel(log)
-    check: StateCheck | FollowCheck
-    if measured is not None and isinstance(simulator.configuration.drive, FollowDrive):
-        check = FollowCheck(simulator, layout, comparison, measured.name)
-    else:
-        check = StateCheck(log, simulator, layout, comparison)
-    waiting, tail, stray, difference = bytearray(), b'', None, ''
-
-    def hear(message: LoggedMessage) -> None:
-        others.check(message)
-        check.hear(message)
-
-    def compare() -> str:
-        before, wrong = check.states, check.add(bytes(waiting))
-        progress(check.states - before)
-        waiting.clear()
-        return wrong
-
-    for rows, stray in log.rows(layout, hear):
-        if stray or len(rows) % layout.size:
-            tail = rows
-            break
-        waiting += rows
-        if len(waiting) >= _BATCH * layout.size:
-            difference = compare()
-        if difference or others.wrong:
-            break
-    difference = others.wrong or difference or compare() or check.end()
-    if stray and not difference:
-        difference = (
-            f'{stray.topic}: the message logged at {seconds(stray.time)} is not the next one of '
-            f'state {check.states + 1}: one is lost, altered, there twice or out of order'
-        )
-    there = len([start for start in layout.starts if start < len(tail)])
-    return Report(
-        states=check.states,
-        missed=check.missed,
-        cut=tuple(names[there:]) if tail and not stray else (),
-        ulp=comparison.ulp,
-        difference=difference,
-    )
-
-
-class _Others:
-    """Checks the messages that are not part of a state.
+class Verification:
+    """A comparison of the messages of a log with recomputed ones, up to the first difference.
 
     Attributes:
-        wrong: The first error found; empty: none so far.
+        states: Number of equal states.
+        compared: Names of the topics that are compared.
+        others: Names of the topics that cannot be recomputed.
+        absent: Relative names of the mechanism's topics that the log does not have.
+        missed: Ticks without a state.
+        cut: Names of the topics missing from the last state, which was cut off while written.
+        ulp: Largest difference, in ulp of the largest value of its field; 0: all bits are equal.
+        difference: The first difference; empty if there is none.
+        has_states: Whether the log has messages of states.
     """
 
-    def __init__(self, descriptions: list[str], description: bytes) -> None:
-        self.wrong = ''
-        self._descriptions, self._description = descriptions, description
+    def __init__(self, log: LogReader) -> None:
+        """Compares topics and segments of motion with those of a run.
 
-    def check(self, message: LoggedMessage) -> None:
-        """Checks the publish time of a message, and the robot description."""
-        wrong = ''
-        if message.published != message.time:
-            published, time = seconds(message.published), seconds(message.time)
-            wrong = f'{message.topic}: publish time {published}, log time {time}'
-        elif message.topic in self._descriptions and message.data != self._description:
-            wrong = f'{message.topic}: data = {_texts(message.data, self._description)}'
-        self.wrong = self.wrong or wrong
+        Args:
+            log: The log.
+        """
+        self._log, self._rows = log, bytearray()
+        self._simulator = simulator = Simulator(log.configuration)
+        self.states, self.missed, self.ulp = 0, 0, 0.0
+        self.cut: tuple[str, ...] = ()
+        own, pairs = simulator.topics, paired(log, (*simulator.topics, ROBOT_DESCRIPTION))
+        self._pairs = [pair for pair in pairs if pair[1] in own]
+        self.compared = tuple(c.name for c, topic in pairs if topic in own or log.has_same_urdf)
+        self.others = tuple(c.name for c in log.topics if c.name not in self.compared)
+        carried = [topic for _, topic in pairs]
+        self.absent = tuple(t.name for t in (*own, ROBOT_DESCRIPTION) if t not in carried)
+        self.difference = check_motions(simulator, log.motions)
+        layouts = {t.interface.name: ('cdr', 'ros2msg', t.interface.definition) for t in TOPICS}
+        for channel in log.topics:
+            foreign = channel.name in self.others and channel.type in _OF_STATES
+            if foreign or layouts.get(channel.type, channel.layout) != channel.layout:
+                words = 'no run of this configuration has such a topic or schema'
+                self.difference = f'{channel.name}: {words}'
+        self.has_states = any(channel.messages for channel, _ in self._pairs)
 
+    def _prepare(self) -> None:
+        """Prepares the comparison of states.
 
-def _texts(logged: bytes, recomputed: bytes) -> str:
-    """Describes where two texts differ."""
-    pairs = enumerate(zip(logged, recomputed, strict=False))
-    at = next((i for i, (a, b) in pairs if a != b), min(len(logged), len(recomputed)))
-    a, b = (
-        text[max(8, at - _CONTEXT) : at + _CONTEXT].decode(errors='backslashreplace')
-        for text in (logged, recomputed)
-    )
-    return f'{a!r} logged, {b!r} recomputed, at byte {at}'
+        Raises:
+            LogError: The log lacks the topics or the segments of its states.
+        """
+        log, simulator = self._log, self._simulator
+        drive, topics = simulator.configuration.drive, {topic for _, topic in self._pairs}
+        driven, follows = isinstance(drive, TorqueDrive), isinstance(drive, FollowDrive)
+        needed = [MECHANISM_STATE] if driven else [MECHANISM_STATE, JOINT_STATES, COUPLER_POINT]
+        if not topics & {*needed} or not (log.motions or follows):
+            words = ' or '.join(topic.name for topic in needed)
+            raise LogError(
+                f'{log.path} cannot be verified: it has no motion record, or no {words}'
+            )
+        self._layout = layout = simulator.layout_of((c.number, topic) for c, topic in self._pairs)
+        self._names = [channel.name for channel, _ in self._pairs]
+        self._comparison = RowComparison(layout, self._names)
+        places = {place.name: place for place in layout.places}
+        self._stamp = [places[f'header.stamp.{unit}'] for unit in ('sec', 'nanosec')]
+        # A run on simulated time may begin at 0 as well, but a record has no diagnostics.
+        live = any(channel.type == DIAGNOSTICS.interface.name for channel in log.topics)
+        self._recorded = not live and not follows and log.motions[0].stamp == 0
+        self._motions: tuple[Any, ...] = log.motions
+        self._torque = TorqueStates(simulator, layout, self._recorded) if driven else None
+        self._pieces = (
+            Measurements(simulator, measured_channel(log))
+            if follows
+            else Timeline(simulator, log.motions, self._recorded)
+        )
+
+    def run(self, progress: Callable[[int], object]) -> None:
+        """Compares the messages, up to the first difference; see `verify`.
+
+        Raises:
+            LogError: The file is damaged, or lacks the topics or the segments of its states.
+        """
+        self._prepare()
+        size, stray = self._layout.size, None
+        for rows, stray in self._log.rows(self._layout, self._hear):  # noqa: B007
+            self._rows += rows
+            if len(self._rows) >= _BATCH * size:
+                progress(self._compare_rows())
+            if self.difference:
+                break
+        progress(self._compare_rows())
+        if stray and not self.difference:
+            words = f'the message logged at {stray.time} ns is not the next one of state'
+            self.difference = f'{stray.topic}: {words} {self.states + 1}'
+        if self._rows and not self.difference:
+            starts = zip(self._layout.starts, self._names, strict=True)
+            self.cut = tuple(name for start, name in starts if start >= len(self._rows))
+        self.missed, self.ulp = self._pieces.missed, self._comparison.ulp
+
+    def _hear(self, message: LoggedMessage) -> None:
+        """Takes a message that is not part of a state, in the order of writing."""
+        if isinstance(self._pieces, Measurements):
+            self._pieces.hear(message)
+        if message.topic in self.compared and message.data != self._simulator.description:
+            words = f'data at {message.time} ns is not the URDF of the configuration'
+            self.difference = f'{message.topic}: {words}'
+
+    def _compare_rows(self) -> int:
+        """Compares all whole rows that were read; returns the number of equal ones."""
+        before, size = self.states, self._layout.size
+        while len(self._rows) >= size and not self.difference:
+            whole = len(self._rows) // size * size
+            count, self.difference = self._compare(bytes(self._rows[:whole]))
+            del self._rows[: count * size]
+            self.states += count
+        return self.states - before
+
+    def _compare(self, rows: bytes) -> tuple[int, str]:
+        """Compares states at the beginning of rows.
+
+        Returns:
+            The number of equal states, and the error of the next one, if that was compared.
+        """
+        whole, rest = (self._layout.column(rows, place).astype(np.int64) for place in self._stamp)
+        stamps, count, wrong = whole * NS_PER_S + rest, 0, ''
+        for number, ticks in self._pieces.fitting(stamps):
+            logged = rows[: len(ticks) * self._layout.size]
+            try:
+                made = self._again(number, stamps[: len(ticks)].tolist(), logged)
+            except LinkageError as error:
+                if len(ticks) > 1:  # which of them?
+                    return self._compare(rows[: len(ticks) // 2 * self._layout.size])
+                wrong = wrong or str(error)
+                continue
+            count, difference = self._comparison.compare(logged, made)
+            wrong = wrong or difference
+            if count:
+                self._pieces.take(number, ticks[:count])
+                wrong = ''
+                if self._torque:
+                    rows = rows[: count * self._layout.size]
+                    count, wrong = self._torque.follow(self._motions[number], ticks[:count], rows)
+                break
+        else:
+            wrong = wrong or 'no tick and no measurement after the last one has that stamp'
+        if wrong:
+            wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'
+        return count, wrong
+
+    def _again(self, number: int, stamps: list[int], rows: bytes) -> bytearray:
+        """Recomputes rows at stamps in a piece.
+
+        Raises:
+            LinkageError: A logged row does not describe a state.
+        """
+        ahead: Coordinates | None = None
+        if isinstance(self._pieces, Measurements):
+            found = [coordinates for _, coordinates in self._pieces.next[: len(stamps)]]
+            later = [x for one in found if (x := self._simulator.later(one))]
+            coordinates, ahead = stacked(found), stacked(later) if later else None
+        elif self._torque:
+            coordinates = self._torque.coordinates(self._motions[number], rows)
+        else:
+            motion = SpeedMotion(self._motions[number])
+            coordinates, ahead = motion.at_all(stamps), self._simulator.ahead(motion, stamps)
+        times = None if self._recorded else self._layout.column(rows, self._layout.times)
+        return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)

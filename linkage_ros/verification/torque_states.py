@@ -1,0 +1,261 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recomputes the states of a torque-driven log from its accelerations and commands.
+
+The coordinates with their rates and accelerations are taken from mechanism_state: the motion of
+all links and the torque, tau = M q'' + h - Q, must be theirs to the bit, and each state must
+follow from the one before it under the torque that was logged there.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.model.parts import CROSSED, OPEN
+from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.motion.driven_mechanism import DrivenMechanism, turns_between
+from linkage_ros.motion.fixed_step_integrator import leap
+from linkage_ros.motion.integrators import live_method
+from linkage_ros.motion.published import own_coordinates
+from linkage_ros.motion.segments import TorqueSegment
+from linkage_ros.motion.torque_driven import CATCH_UP, start
+from linkage_ros.numeric import Array, with_turns, within_two_turns, wrap
+from linkage_ros.run.simulator import Simulator
+from linkage_ros.units import NS_PER_S
+from linkage_ros.wire.rows import RowLayout
+
+# How far a state may be from where the one before leads: rad and crank lengths, and of rates the
+# same per second or the rate itself. Records and live runs integrate in different ways.
+_APART = 1e-7
+# Longest time, s, over which that is asked: to follow a motion takes time too.
+_LONGEST = 10.0
+# Of the steps with which a state that is off is followed again.
+_TOLERANCE, _TRIALS = 1e-11, 10_000
+# In rad and crank lengths, and per second: no fault is what a start so far away makes.
+_NUDGE = 1e-9
+_NOWHERE = 1e300  # where a motion leads that cannot be followed
+_LEAPS = (1, 4)  # steps between two states that are tried for all states at a time
+
+
+class TorqueStates:
+    """Recomputes the states of one torque-driven log.
+
+    A state is a column here: the positions of all links, of the crank the whole angle, then their
+    rates, then the torque beyond the motor's, N m.
+    """
+
+    def __init__(self, simulator: Simulator, layout: RowLayout, recorded: bool) -> None:
+        """Prepares the check.
+
+        Args:
+            simulator: Simulator of the logged configuration, whose drive is a torque.
+            layout: Layout of the logged rows, with mechanism_state.
+            recorded: Whether it is a record, in which only the motor drove the mechanism.
+        """
+        drive: Any = simulator.configuration.drive
+        self._simulator, self._motor, self._recorded = simulator, drive.motor, recorded
+        solver = simulator.solver
+        self._layout, self._links = layout, solver.structure.links
+        self._places = [place for place in layout.places if place.name.startswith('points[0]')]
+        self._own = self._last = DrivenMechanism(solver, drive.motor.at)
+        length = solver.mechanism.crank.length
+        self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
+        # The state before; the first one follows from the start.
+        begin, self._tick = start(solver.mechanism, drive), 0
+        state = solver.state(begin.q, begin.u)
+        before = [begin.unwrapped, *state.position[1:], *state.velocity, 0.0]
+        self._before = np.array(before)[:, None]
+
+    def coordinates(self, segment: TorqueSegment, rows: bytes) -> Coordinates:
+        """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
+
+        Args:
+            segment: In which the states lie.
+            rows: Their bytes.
+
+        Returns:
+            The coordinates.
+
+        Raises:
+            LogError: One is not a finite number, or the mechanism has no such coordinates.
+        """
+        driven, (table, crank) = self._driven(segment), self._read(rows)
+        solver, moving = driven.solver, self._rows(driven)[: len(driven.links)]
+        q, u, a, _ = (tuple(row[moving]) for row in table)
+        if solver.coordinates == self._own.solver.coordinates:
+            return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True))
+        state = solver.driven_state(q, u, table[3, 0], by_math=True)
+        if not driven.has_crank:
+            pairs = zip(state.position[0].tolist(), crank.tolist(), strict=True)
+            crank = np.array([with_turns(x, turns_between(x, y)) for x, y in pairs])
+        return own_coordinates(solver, state, crank)
+
+    def _driven(self, segment: TorqueSegment) -> DrivenMechanism:
+        """What moves, as a segment describes it.
+
+        Raises:
+            LogError: The mechanism has no such coordinates or assembly.
+        """
+        mechanism = self._own.solver.mechanism
+        description = segment.description or mechanism.description
+        (links, side), known = description, (mechanism.coordinates, mechanism.other_coordinates)
+        if description.coordinates not in known or side not in {OPEN, CROSSED}:
+            raise LogError(f'described by {", ".join([*links, side])}: the mechanism is not')
+        return self._own.described(description)
+
+    def _rows(self, driven: DrivenMechanism) -> list[int]:
+        """Where a state has the coordinates and rates of a description."""
+        moving = [driven.solver.links.index(name) for name in driven.solver.coordinates]
+        return [*moving, *(len(self._links) + i for i in moving)]
+
+    def _read(self, rows: bytes) -> tuple[Array, Array]:
+        """Reads mechanism_state.
+
+        Returns:
+            Positions, rates, accelerations and efforts of all links, the crank within two turns;
+            and its whole angle.
+
+        Raises:
+            LogError: A value is not a finite number.
+        """
+        table = np.array([self._layout.column(rows, place) for place in self._places])
+        table = table.reshape(4, len(self._links), -1)
+        if not np.isfinite(table).all():
+            raise LogError('mechanism_state is not finite')
+        crank = table[0, 0].copy()
+        table[0, 0] = [within_two_turns(angle)[0] for angle in crank.tolist()]
+        for i, link in enumerate(self._links):
+            if link.parent is not None:  # a joint counts from the link that it hangs on
+                table[:3, i] += table[:3, link.parent]
+        return table, crank
+
+    def follow(self, segment: TorqueSegment, ticks: list[int], rows: bytes) -> tuple[int, str]:
+        """Checks states whose messages are right, and advances.
+
+        Args:
+            segment: In which they lie.
+            ticks: Their numbers.
+            rows: Their bytes.
+
+        Returns:
+            The number of states that follow from their predecessors, and the error of the next.
+        """
+        driven, (table, crank) = self._driven(segment), self._read(rows)
+        torques, lines = table[3, 0], self._motor.at(table[1, 0])
+        found = np.array([crank, *table[0, 1:], *table[1], torques - lines])
+        origin = np.concatenate([self._before, found[:, :-1]], axis=1)
+        late = np.diff([self._simulator.elapsed(tick) for tick in (self._tick, *ticks)])
+        if not self._recorded:  # for that time the plant stood still
+            late[late > self._simulator.elapsed(1) + CATCH_UP] = 0
+        spans = late / NS_PER_S
+        foreign = abs(found[-1]) > _APART * np.maximum(abs(torques), 1e-3)
+        foreign &= self._recorded
+        follows = self._many_follow(driven, origin, found, spans) | (spans > _LONGEST)
+        for i in map(int, np.flatnonzero(foreign | ~follows)):
+            if foreign[i]:
+                return i, f'the torque is {torques[i]:.9g} N m, the motor gives {lines[i]:.9g}'
+            before = driven if i else self._last
+            if wrong := self._difference(before, origin[:, i], found[:, i], float(spans[i])):
+                return i, f'it does not follow from the one before: {wrong}'
+        self._tick, self._before, self._last = ticks[-1], found[:, -1:], driven
+        return len(ticks), ''
+
+    def _many_follow(
+        self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array
+    ) -> npt.NDArray[np.bool_]:
+        """Finds states that certainly follow from their predecessors, with few steps for all."""
+        follows, half = np.zeros(len(spans), bool), len(driven.links)
+        if driven.solver.coordinates != self._own.solver.coordinates:
+            return follows
+        rows, units = self._rows(driven), np.array(driven.units)[:, None]
+
+        def slope(y: tuple[Array, ...]) -> tuple[Array, ...]:
+            torque = self._motor.at(y[half]) + origin[-1, left]
+            return *y[half:], *driven.solver.accelerations(y[:half], y[half:], torque)
+
+        for steps in _LEAPS:
+            left = np.flatnonzero(~follows)
+            phase, near = tuple(origin[rows][:, left]), np.ones(len(left), bool)
+            try:
+                with np.errstate(all='ignore'):  # where the steps are too long
+                    for _ in range(steps):
+                        phase, errors = leap(slope, driven.units, phase, spans[left] / steps)
+                        near &= np.max(errors, axis=0) <= _APART / 10
+            except LinkageError:  # of one of them; they are looked at one by one
+                break
+            values = found[:, left]
+            near &= _near(units, np.array(phase), values[rows], values[0]).all(axis=0)
+            follows[left] = near
+        follows[0] &= self._last.solver is driven.solver
+        return follows
+
+    def _difference(
+        self, before: DrivenMechanism, origin: Array, found: Array, span: float
+    ) -> str:
+        """Describes the difference of a state from the one that its predecessor leads to.
+
+        Args:
+            before: What moves, as the state before is described.
+            origin: The state before.
+            found: The state.
+            span: Time between them, s.
+
+        Returns:
+            Words; empty if it is not far, or if a start next to the state before leads as far.
+        """
+        values = found[:-1]
+        due = self._led(before, origin, values, span)
+        wrong = ~_near(self._units, due, values, found[0])
+        if wrong.any():
+            nudged = origin + _NUDGE * np.array([*self._units, 0.0])
+            spread = abs(self._led(before, nudged, values, span) - due)
+            wrong &= ~(abs(values - due) <= spread)
+        names = [f'{link.name} {word}' for word in ('position', 'speed') for link in self._links]
+        i = int(wrong.argmax())
+        return f'{names[i]} {values[i]:.9g}, that one leads to {due[i]:.9g}' if wrong[i] else ''
+
+    def _led(self, before: DrivenMechanism, origin: Array, values: Array, span: float) -> Array:
+        """Where a state leads, as positions and rates; angles within half a turn of those found.
+
+        The arguments are those of `_difference`.
+        """
+        driven = replace(
+            before,
+            torque=lambda speed: self._motor.at(speed) + float(origin[-1]),
+            middle=before.arc_middle(float(origin[0])),
+        )
+        phase = tuple(origin[self._rows(driven)].tolist())
+        try:
+            steps = live_method(self._own)(driven, phase, tolerance=_TOLERANCE, trials=_TRIALS)
+            steps.advance(span)
+            driven, half = steps.driven, len(phase) // 2
+            state = driven.solver.state(steps.phase[:half], steps.phase[half:])
+            crank = driven.crank(steps.phase, steps.pairs)
+        except LinkageError:
+            return np.full(len(values), _NOWHERE)
+        due = np.array([crank, *state.position[1:], *state.velocity])
+        turning = [i for i, link in enumerate(self._links) if i and not link.slides]
+        apart = values[turning] - due[turning]
+        due[turning] += apart - wrap(apart, np.rint)
+        return due
+
+
+def _near(units: Array, due: Array, values: Array, crank: Array) -> npt.NDArray[np.bool_]:
+    """Whether positions, then rates, are those that are due.
+
+    Args:
+        units: Their units.
+        due: Positions and rates to which the states before lead.
+        values: Those that are logged.
+        crank: The logged whole angle.
+
+    Returns:
+        Of the shape of both.
+    """
+    sizes, count = np.maximum(units, abs(due)), len(due) // 2
+    sizes[:count] = units[:count]
+    near: npt.NDArray[np.bool_] = abs(values - due) <= _APART * sizes + 4 * np.spacing(abs(crank))
+    return near
