@@ -34,8 +34,8 @@ from linkage_ros.progress import progress_bar
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import radians_per_second
 from linkage_ros.verification.verify import verify
+from linkage_ros.wire.cdr import decode_joint_state
 from linkage_ros.wire.codecs import JointStateCodec
-from linkage_ros.wire.untrusted_command import decode_joint_state
 
 RATE, SECONDS = 1000.0, 6.0
 TICK = 1 / RATE

@@ -40,7 +40,7 @@ from linkage_ros.run.simulator import Simulator, Snapshot
 from linkage_ros.run.ticker import MeasurementTicker, RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.units import NS_PER_MS, NS_PER_S
-from linkage_ros.wire.diagnostics import WARN, encode_diagnostics
+from linkage_ros.wire.cdr import WARN, encode_diagnostics
 from linkage_ros.wire.topics import (
     DIAGNOSTICS,
     JOINT_COMMANDS,

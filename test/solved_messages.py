@@ -10,7 +10,7 @@ import struct
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.wire.codecs import joint_rows
-from linkage_ros.wire.interfaces import (
+from linkage_ros.wire.topics import (
     FLOAT64,
     JOINT_STATE,
     JOINT_TRAJECTORY,

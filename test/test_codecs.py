@@ -14,16 +14,18 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from linkage_ros.ros.topics import message_class
-from linkage_ros.wire.codecs import (
-    JointStateCodec,
-    TrajectoryCodec,
+from linkage_ros.wire.cdr import (
+    ERROR,
+    OK,
+    WARN,
+    Status,
+    encode_diagnostics,
     encode_float64,
     encode_string,
-    float64_array,
-    point,
 )
-from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status, encode_diagnostics
-from linkage_ros.wire.interfaces import (
+from linkage_ros.wire.codecs import JointStateCodec, float64_array, point, trajectory
+from linkage_ros.wire.rows import Template
+from linkage_ros.wire.topics import (
     CLOCK,
     DIAGNOSTIC_ARRAY,
     FLOAT64,
@@ -32,9 +34,8 @@ from linkage_ros.wire.interfaces import (
     JOINT_TRAJECTORY,
     POINT_STAMPED,
     STRING,
+    TOPICS,
 )
-from linkage_ros.wire.template import Template
-from linkage_ros.wire.topics import TOPICS
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('crank', 'coupler', 'rocker')
@@ -112,7 +113,8 @@ def joint_states(names, stamp=0):
 
 @pytest.mark.parametrize('names', NAMES, ids='-'.join)
 def test_both_decoders_read_back_every_joint_state_and_trajectory(names, decodings):
-    codec, rows = TrajectoryCodec(names), [numbers(len(names), offset) for offset in (0, 2, 5, 7)]
+    codec = JointStateCodec(names, parts=trajectory)
+    rows = [numbers(len(names), offset) for offset in (0, 2, 5, 7)]
     for stamp in STAMPS:
         data, states = joint_states(names, stamp)
         for message in decodings(data, JOINT_STATE):
@@ -120,9 +122,9 @@ def test_both_decoders_read_back_every_joint_state_and_trajectory(names, decodin
             assert list(message.name) == list(names)
             got = message.position, message.velocity, message.effort
             assert all(map(same_bits, got, states))
-        trajectory = codec.encode(stamp, *rows)
-        assert codec.decode(trajectory) == (stamp, tuple(x for row in rows for x in row))
-        for message in decodings(trajectory, JOINT_TRAJECTORY):
+        data = codec.encode(stamp, *rows)
+        assert codec.decode(data) == (stamp, tuple(x for row in rows for x in row))
+        for message in decodings(data, JOINT_TRAJECTORY):
             assert_header(message, stamp)
             assert list(message.joint_names) == list(names)
             (point,) = message.points
@@ -130,7 +132,7 @@ def test_both_decoders_read_back_every_joint_state_and_trajectory(names, decodin
             assert all(map(same_bits, got, rows))
             assert (point.time_from_start.sec, point.time_from_start.nanosec) == (0, 0)
         with pytest.raises(ValueError, match='no message of the joints'):
-            codec.decode(data)
+            codec.decode(joint_states(names, stamp)[0])
 
 
 DATA, ROWS = joint_states(JOINTS)

@@ -23,8 +23,8 @@ from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.verification.verify import verify
+from linkage_ros.wire.cdr import decode_joint_state
 from linkage_ros.wire.codecs import JointStateCodec
-from linkage_ros.wire.untrusted_command import decode_joint_state
 
 pytest.importorskip('rclpy')
 import rclpy

@@ -26,8 +26,7 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.codecs import encode_float64
-from linkage_ros.wire.diagnostics import ERROR, OK, WARN
+from linkage_ros.wire.cdr import ERROR, OK, WARN, encode_float64
 from linkage_ros.wire.topics import DRIVING_TORQUE
 
 STATES, HEARD = '/joint_states', ('/joint_states', '/diagnostics')

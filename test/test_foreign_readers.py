@@ -27,7 +27,7 @@ from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import JointStateCodec
-from linkage_ros.wire.interfaces import DIAGNOSTIC_ARRAY
+from linkage_ros.wire.topics import DIAGNOSTIC_ARRAY
 
 DOCUMENT = read('docs/mcap.md')
 DIAGNOSTICS = {'/diagnostics': DIAGNOSTIC_ARRAY.name}

@@ -11,7 +11,7 @@ import pytest
 from linkage_ros.run import health
 from linkage_ros.run.health import Health, HealthMonitor
 from linkage_ros.run.ticker import TickCounts
-from linkage_ros.wire.diagnostics import ERROR, OK, WARN
+from linkage_ros.wire.cdr import ERROR, OK, WARN
 
 TICKS = 200  # a second
 BUSY = (

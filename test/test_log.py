@@ -39,7 +39,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.codecs import encode_float64, encode_string
+from linkage_ros.wire.cdr import encode_float64, encode_string
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
 
 START = 1_795_000_000_000_000_000

@@ -32,8 +32,8 @@ from linkage_ros.run.ticker import TickCounts
 from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_sender, rerun_view
 from linkage_ros.view.rerun_view import View
+from linkage_ros.wire.cdr import ERROR
 from linkage_ros.wire.codecs import JointStateCodec
-from linkage_ros.wire.diagnostics import ERROR
 from linkage_ros.wire.topics import JOINT_STATES
 
 rerun_chunk = pytest.importorskip('rerun.chunk')

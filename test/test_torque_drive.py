@@ -25,7 +25,7 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.codecs import JointStateCodec, TrajectoryCodec
+from linkage_ros.wire.codecs import JointStateCodec, trajectory
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 
 START = 1_780_000_000_000_000_000
@@ -45,7 +45,7 @@ def changed(configuration=PUMP, **parts):
 def states(path):
     """Times, s, and rows of crank and, of a pump, slider: positions, rates, accelerations."""
     with LogReader(path) as log:
-        codec = TrajectoryCodec(Simulator(log.configuration).joints)
+        codec = JointStateCodec(Simulator(log.configuration).joints, parts=trajectory)
         found = [
             codec.decode(message.data)
             for message in log.messages()
@@ -377,13 +377,14 @@ def moved(joint, row, by):
     """Changes one number of joint_states and mechanism_state alike."""
 
     def alter(simulator, snapshot):
-        stamp, numbers = TrajectoryCodec(simulator.joints).decode(snapshot.messages[2])
+        codec = JointStateCodec(simulator.joints, parts=trajectory)
+        stamp, numbers = codec.decode(snapshot.messages[2])
         rows = np.array(numbers).reshape(4, -1)
         rows[row, joint] += by
         return (
             JointStateCodec(simulator.joints).encode(stamp, rows[0], rows[1], rows[3]),
             snapshot.messages[1],
-            TrajectoryCodec(simulator.joints).encode(stamp, *rows),
+            codec.encode(stamp, *rows),
             *snapshot.messages[3:],
         )
 
@@ -395,7 +396,7 @@ def elsewhere(shift, simulator, snapshot):
     q, u, a = ((row[0], row[3]) for row in snapshot.state[:3])  # of crank and slider
     moved_to = snapshot.numbers[0] + shift
     state = Coordinates((within_two_turns(moved_to)[0], *q[1:]), u, a, moved_to)
-    stamp = TrajectoryCodec(simulator.joints).decode(snapshot.messages[2])[0]
+    stamp = JointStateCodec(simulator.joints, parts=trajectory).decode(snapshot.messages[2])[0]
     return simulator.layout.messages(bytes(simulator.rows([stamp], stacked([state]))))
 
 

@@ -38,7 +38,7 @@ from harness import (
 )
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.wire.diagnostics import ERROR
+from linkage_ros.wire.cdr import ERROR
 
 RATE = 1000.0
 SIZE = '3m'

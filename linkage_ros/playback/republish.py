@@ -23,7 +23,7 @@ from linkage_ros.quantities import shown
 from linkage_ros.ros.parameters import given_values
 from linkage_ros.ros.process import USER_ERRORS, reported_as_configuration, ros_context, spinning
 from linkage_ros.ros.topics import create_publisher, wait_for_subscribers
-from linkage_ros.wire.codecs import encode_clock
+from linkage_ros.wire.cdr import encode_clock
 from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
 
 # s: to find a subscriber, because messages without one are lost; for subscribers to find the

@@ -17,9 +17,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.units import NS_PER_S, TIME_END
-from linkage_ros.wire.cdr import stamp_of
+from linkage_ros.wire.cdr import LARGEST_COMMAND, stamp_of
 from linkage_ros.wire.topics import Topic
-from linkage_ros.wire.untrusted_command import LARGEST_COMMAND
 
 # s given to subscribers to find a node, and to be matched with it.
 _DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2

@@ -10,7 +10,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.drives import SpeedFeedForward
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
-from linkage_ros.wire.codecs import CrankTrajectoryCodec, TrajectoryPoint
+from linkage_ros.wire.codecs import TrajectoryPoint, crank_trajectory
 from linkage_ros.wire.topics import trajectory_commands
 
 # Between points, ns: the controller interpolates the effort in a straight line.
@@ -36,8 +36,7 @@ class CrankTrajectory:
             drive: Names the topic, and has the horizon.
         """
         self.topic = trajectory_commands(drive.trajectory_command_topic)
-        frame_id = simulator.configuration.session.frame_id
-        self._codec = CrankTrajectoryCodec(simulator.crank_joint, frame_id)
+        self._names = simulator.crank_joint, simulator.configuration.session.frame_id
         self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
         self._motion: SpeedMotion | None = None
         self._points: deque[tuple[int, TrajectoryPoint]] = deque()
@@ -67,4 +66,4 @@ class CrankTrajectory:
         if stamp < self._due:
             return None
         self._due = stamp + self._horizon // 2
-        return self._codec.encode(self._points)
+        return crank_trajectory(*self._names, self._points)

@@ -14,7 +14,7 @@ import numpy as np
 
 from linkage_ros.run.ticker import TickCounts
 from linkage_ros.units import NS_PER_MS
-from linkage_ros.wire.diagnostics import ERROR, OK, WARN, Status
+from linkage_ros.wire.cdr import ERROR, OK, WARN, Status
 
 # s, and reports, over which a run is judged.
 WINDOW = 10

@@ -14,7 +14,7 @@ from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import FollowMotion, Measurement
 from linkage_ros.numeric import Real
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.untrusted_command import decode_joint_state
+from linkage_ros.wire.cdr import decode_joint_state
 
 _SILENCE = 2.0  # s without a measurement after which it is said
 NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'

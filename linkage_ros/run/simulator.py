@@ -31,10 +31,10 @@ from linkage_ros.numeric import Real
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.drives import FeedForward
 from linkage_ros.units import NS_PER_MS, NS_PER_S
+from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.codecs import (
     STAMP_SOURCES,
     JointStateCodec,
-    encode_string,
     float64,
     float64_array,
     joint_rows,

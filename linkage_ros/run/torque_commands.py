@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.run.health import WINDOW
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.untrusted_command import decode_joint_state
+from linkage_ros.wire.cdr import decode_joint_state
 
 
 class TorqueCommands:

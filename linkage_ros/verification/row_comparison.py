@@ -4,6 +4,7 @@
 
 import math
 import struct
+from bisect import bisect_right
 
 import numpy as np
 
@@ -62,7 +63,7 @@ class RowComparison:
 
     def _describe(self, at: int, logged: bytes, recomputed: bytearray) -> str:
         """Describes the difference of two rows, of which a byte is the first that differs."""
-        message = self._layout.message_of(at)
+        message = bisect_right(self._layout.starts, at) - 1
         byte = at - self._layout.starts[message] - MESSAGE_HEAD.size
         words = f'byte {byte} = {logged[at]:#04x} logged, {recomputed[at]:#04x} recomputed'
         for place in self._layout.places:

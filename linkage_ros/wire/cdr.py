@@ -2,18 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes and reads CDR, the encoding of ROS messages: little endian, padding bytes zero.
 
-Values are aligned to their size, counted from the end of the encapsulation header.
+Values are aligned to their size, counted from the end of the encapsulation header. JointState
+messages of others, commands and measurements, are read here: rclpy could do this, but it prints a
+line on stderr, from C, for each invalid message.
 """
 
-from __future__ import annotations
-
 import struct
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from linkage_ros.units import NS_PER_S
 
 ENCAPSULATION = b'\x00\x01\x00\x00'
 STAMP = struct.Struct('<iI')  # s and ns
 _COUNT = struct.Struct('<I')
+LARGEST_COMMAND = 65536  # bytes
+OK, WARN, ERROR = 0, 1, 2  # levels of a status
 
 
 def stamp_of(data: bytes) -> int:
@@ -28,27 +32,7 @@ def stamp_of(data: bytes) -> int:
     if len(data) < len(ENCAPSULATION) + STAMP.size:
         return -1
     whole, rest = STAMP.unpack_from(data, len(ENCAPSULATION))
-    stamp: int = whole * NS_PER_S + rest
-    return stamp
-
-
-def header(frame_id: str, stamp: int = 0) -> bytes:
-    """A std_msgs/Header as CDR bytes, without padding behind it.
-
-    Args:
-        frame_id: Frame of the message.
-        stamp: ns.
-
-    Returns:
-        The bytes.
-    """
-    return string(STAMP.pack(*divmod(stamp, NS_PER_S)), frame_id)
-
-
-def string(body: bytes, text: str) -> bytes:
-    """Appends a string to CDR bytes that end on a multiple of 4."""
-    data = text.encode() + b'\0'
-    return body + _COUNT.pack(len(data)) + data
+    return int(whole * NS_PER_S + rest)
 
 
 def align(body: bytes, size: int) -> bytes:
@@ -56,45 +40,131 @@ def align(body: bytes, size: int) -> bytes:
     return body + b'\0' * (-len(body) % size)
 
 
-class CdrReader:
-    """Reads a message value by value.
+def count(body: bytes, number: int) -> bytes:
+    """Appends the length of a sequence or text to CDR bytes."""
+    return align(body, 4) + _COUNT.pack(number)
 
-    Reading raises struct.error or ValueError if bytes are missing or are not text.
+
+def string(body: bytes, text: str) -> bytes:
+    """Appends a text to CDR bytes."""
+    data = text.encode() + b'\0'
+    return count(body, len(data)) + data
+
+
+def header(frame_id: str, stamp: int = 0) -> bytes:
+    """A std_msgs/Header as CDR bytes; the stamp in ns."""
+    return string(STAMP.pack(*divmod(stamp, NS_PER_S)), frame_id)
+
+
+def encode_float64(value: float) -> bytes:
+    """A std_msgs/Float64 message as CDR bytes."""
+    return ENCAPSULATION + struct.pack('<d', value + 0.0)
+
+
+def encode_string(text: str) -> bytes:
+    """A std_msgs/String message as CDR bytes.
+
+    It is padded to a multiple of 4 bytes, as DDS does, so that subscribers get the logged bytes.
+    """
+    return align(ENCAPSULATION + string(b'', text), 4)
+
+
+def encode_clock(stamp: int) -> bytes:
+    """A rosgraph_msgs/Clock message as CDR bytes; the stamp in ns."""
+    return ENCAPSULATION + STAMP.pack(*divmod(stamp, NS_PER_S))
+
+
+class Status(NamedTuple):
+    """The health of one part, as in a DiagnosticStatus.
+
+    Attributes:
+        level: OK, WARN or ERROR.
+        name: Name of the part.
+        message: Short description.
+        values: Figures as text, by name.
     """
 
-    def __init__(self, data: bytes, at: int = 0) -> None:
-        """Begins at the first value.
+    level: int
+    name: str
+    message: str
+    values: dict[str, str]
 
-        Args:
-            data: CDR bytes of a message.
-            at: Number of bytes to skip after the encapsulation.
-        """
-        self._data, self._at = data[len(ENCAPSULATION) :], at
 
-    def count(self) -> int:
-        """Reads a length.
+def encode_diagnostics(stamp: int, hardware: str, statuses: Sequence[Status]) -> bytes:
+    """A diagnostic_msgs/DiagnosticArray message as CDR bytes.
 
-        Raises:
-            ValueError: The length exceeds the remaining bytes.
-        """
-        self._at += -self._at % 4
-        count: int = _COUNT.unpack_from(self._data, self._at)[0]
-        self._at += 4
-        if count > len(self._data):
-            raise ValueError(f'{count} elements in {len(self._data)} bytes')
-        return count
+    Args:
+        stamp: ns.
+        hardware: The hardware_id of every status.
+        statuses: One for each part.
 
-    def text(self) -> str:
-        """Reads a string; its terminating zero may be missing, as in Fast DDS."""
-        (data,) = struct.unpack_from(f'{self.count()}s', self._data, self._at)
-        self._at += len(data)
-        return bytes(data).removesuffix(b'\0').decode()
+    Returns:
+        The bytes, padded to a multiple of 4 as in `encode_string`.
+    """
+    body = count(header('', stamp), len(statuses))
+    for level, name, message, values in statuses:
+        body += bytes([level])
+        for text in (name, message, hardware):
+            body = string(body, text)
+        body = count(body, len(values))
+        for text in (text for pair in values.items() for text in pair):
+            body = string(body, text)
+    return align(ENCAPSULATION + body, 4)
 
-    def numbers(self) -> tuple[float, ...]:
-        """Reads a sequence of doubles."""
-        count = self.count()
-        if count:
-            self._at += -self._at % 8
-        found = struct.unpack_from(f'<{count}d', self._data, self._at)
-        self._at += 8 * count
-        return found
+
+class JointStateData(NamedTuple):
+    """The contents of a JointState; its lists may differ in length.
+
+    Attributes:
+        stamp: ns.
+        names: Names of the joints.
+        positions: rad or m.
+        velocities: rad/s or m/s.
+        efforts: N m or N.
+    """
+
+    stamp: int
+    names: list[str]
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+    efforts: tuple[float, ...]
+
+
+def decode_joint_state(data: bytes) -> JointStateData:
+    """Decodes an untrusted JointState.
+
+    Args:
+        data: Its CDR bytes, little endian.
+
+    Returns:
+        Its contents.
+
+    Raises:
+        ValueError: The bytes are not a JointState, or are too many for a command.
+    """
+    if len(data) > LARGEST_COMMAND:
+        raise ValueError(f'it has {len(data)} bytes: must be at most {LARGEST_COMMAND}')
+    if data[:4] != ENCAPSULATION:
+        raise ValueError('its bytes are no JointState')
+    body, names, rows = data[len(ENCAPSULATION) :], list[str](), list[tuple[float, ...]]()
+    try:
+        _, at = _sequence(body, STAMP.size, 's')  # the frame
+        at += -at % 4 + _COUNT.size
+        for _ in range(*_COUNT.unpack_from(body, at - _COUNT.size)):
+            (text,), at = _sequence(body, at, 's')
+            names.append(text.removesuffix(b'\0').decode())  # Fast DDS may leave the zero out
+        for _ in range(3):
+            row, at = _sequence(body, at, 'd')
+            rows.append(row)
+    except (struct.error, ValueError) as error:
+        raise ValueError('its bytes are no JointState') from error
+    return JointStateData(stamp_of(data), names, *rows)
+
+
+def _sequence(body: bytes, at: int, code: str) -> tuple[tuple[Any, ...], int]:
+    """Reads a sequence of characters or doubles at a place; returns it and its end."""
+    at += -at % 4 + _COUNT.size
+    (number,) = _COUNT.unpack_from(body, at - _COUNT.size)
+    form = f'<{number}{code}'
+    at += -at % struct.calcsize(f'<{code}') if number else 0
+    return struct.unpack_from(form, body, at), at + struct.calcsize(form)

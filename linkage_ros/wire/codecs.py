@@ -5,8 +5,6 @@
 The same bytes are published, logged and replayed.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -20,16 +18,17 @@ from linkage_ros.formulas import where
 from linkage_ros.model.structure import Link
 from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, header, string
-from linkage_ros.wire.template import Field, Part, Template
+from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, count, header, string
+from linkage_ros.wire.rows import Field, Part, Template
 
 ROOT_FRAME = 'base_link'
 STAMP_SOURCES = ('sec', 'nanosec')
 QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
 
-_SECONDS, _REST = (
-    Field(f'header.stamp.{unit}', code, unit) for unit, code in (('sec', 'i'), ('nanosec', 'I'))
-)
+_STAMP = Field('header.stamp.sec', 'i', 'sec'), Field('header.stamp.nanosec', 'I', 'nanosec')
+# A point of a trajectory: four sequences of one number, each number on a multiple of 8, and a
+# duration.
+_POINT = struct.Struct('<' + 4 * 'I4xd' + 'iI')
 
 
 def joint_rows(
@@ -62,59 +61,59 @@ def joint_rows(
     return [*rows, [state.torque, *(0.0 for _ in links[1:])]]
 
 
-def joint_sources(names: Sequence[str], quantities: Iterable[str] = QUANTITIES) -> list[str]:
+def joint_sources(names: Sequence[str]) -> list[str]:
     """Names of the numbers in joint messages, such as 'velocity coupler'."""
-    return [f'{quantity} {name}' for quantity in quantities for name in names]
+    return [f'{quantity} {name}' for quantity in QUANTITIES for name in names]
 
 
-def _joint_arrays(
+def _named(names: Sequence[str], frame_id: str) -> bytes:
+    """A header and the names of joints, on a multiple of 4, without encapsulation."""
+    body = count(header(frame_id), len(names))
+    for name in names:
+        body = string(body, name)
+    return align(body, 4)
+
+
+def _sequences(
     body: bytes, names: Sequence[str], arrays: Iterable[tuple[str, str]]
 ) -> Iterable[Part]:
-    """The part of a message after its stamp: constant bytes, then a sequence per quantity.
+    """The parts of a message of joints: constant bytes, then a sequence for each quantity.
 
     Args:
-        body: Its bytes so far, without encapsulation, on a multiple of 4.
+        body: Its bytes before the sequences, without encapsulation, on a multiple of 4.
         names: The joints.
         arrays: Names of the sequences, and the quantities in them.
 
     Yields:
         Parts of a template.
     """
-    start: list[Part] = [ENCAPSULATION, _SECONDS, _REST, body[STAMP.size :]]
-    yield from start
+    constant = body[STAMP.size :]
+    yield from (ENCAPSULATION, *_STAMP)
     gap = -(len(body) + 4) % 8
     for array, quantity in arrays:
-        yield struct.pack('<I', len(names)) + bytes(gap)
+        yield constant + count(b'', len(names)) + bytes(gap)
         yield from (Field(f'{array}[{name}]', 'd', f'{quantity} {name}') for name in names)
-        gap = 4  # behind doubles and a length
-
-
-def _names(field: bytes, names: Sequence[str]) -> bytes:
-    body = align(field, 4) + struct.pack('<I', len(names))
-    for name in names:
-        body = align(string(body, name), 4)
-    return body
+        constant, gap = b'', 4  # behind doubles and a length
 
 
 def joint_state(names: Sequence[str], frame_id: str) -> list[Part]:
     """A JointState message of joints."""
     arrays = [(quantity, quantity) for quantity in QUANTITIES if quantity != 'acceleration']
-    return list(_joint_arrays(_names(header(frame_id), names), names, arrays))
+    return list(_sequences(_named(names, frame_id), names, arrays))
 
 
 def trajectory(names: Sequence[str], frame_id: str) -> list[Part]:
     """A JointTrajectory message of joints and one point, whose time_from_start is 0."""
     words = ('positions', 'velocities', 'accelerations', 'effort')
     arrays = [(f'points[0].{word}', q) for word, q in zip(words, QUANTITIES, strict=True)]
-    body = _names(header(frame_id), names) + struct.pack('<I', 1)
-    return [*_joint_arrays(body, names, arrays), bytes(8)]
+    return [*_sequences(count(_named(names, frame_id), 1), names, arrays), bytes(8)]
 
 
 def point(frame_id: str) -> list[Part]:
     """A PointStamped message; its z is 0."""
     body = align(header(frame_id), 8)[STAMP.size :]
     fields = Field('point.x', 'd', 'x'), Field('point.y', 'd', 'y')
-    return [ENCAPSULATION, _SECONDS, _REST, body, *fields, bytes(8)]
+    return [ENCAPSULATION, *_STAMP, body, *fields, bytes(8)]
 
 
 def float64(source: str) -> list[Part]:
@@ -134,13 +133,22 @@ class JointStateCodec:
         names: The joints.
     """
 
-    quantities: Sequence[str] = ('position', 'velocity', 'effort')
-    parts = staticmethod(joint_state)
+    def __init__(
+        self,
+        names: Sequence[str],
+        frame_id: str = ROOT_FRAME,
+        parts: Callable[[Sequence[str], str], list[Part]] = joint_state,
+    ) -> None:
+        """Prepares the messages.
 
-    def __init__(self, names: Sequence[str], frame_id: str = ROOT_FRAME) -> None:
-        self.names = tuple(names)
-        sources = (*STAMP_SOURCES, *joint_sources(names, self.quantities))
-        self._template = Template(self.parts(names, frame_id), sources)
+        Args:
+            names: The joints.
+            frame_id: Frame of the messages.
+            parts: Makes their template: `trajectory` for JointTrajectory messages.
+        """
+        self.names, message = tuple(names), parts(names, frame_id)
+        sources = [part.source for part in message if isinstance(part, Field)]
+        self._template = Template(message, sources)
 
     def encode(self, stamp: int, *rows: Sequence[float]) -> bytes:
         """Encodes one message.
@@ -173,43 +181,11 @@ class JointStateCodec:
         Raises:
             ValueError: The bytes are no such messages.
         """
-        template = self._template
-        if not data or len(data) % template.size or template.differs(data).any():
+        columns = [self._template.column(data, place) for place in self._template.places]
+        if not data or self._template.fill(len(columns[0]), columns) != data:
             raise ValueError(f'no message of the joints {", ".join(self.names)}')
-        whole, rest, *numbers = (template.column(data, place) for place in template.places)
+        whole, rest, *numbers = columns
         return whole.astype(np.int64) * NS_PER_S + rest, np.stack(numbers, axis=1)
-
-
-class TrajectoryCodec(JointStateCodec):
-    """JointTrajectory messages of one point."""
-
-    quantities = QUANTITIES
-    parts = staticmethod(trajectory)
-
-
-def encode_float64(value: float) -> bytes:
-    """A std_msgs/Float64 message as CDR bytes."""
-    return ENCAPSULATION + struct.pack('<d', value + 0.0)
-
-
-def encode_string(text: str) -> bytes:
-    """A std_msgs/String message as CDR bytes.
-
-    It is padded to a multiple of 4 bytes, as DDS does, so that subscribers get the logged bytes.
-    """
-    return align(ENCAPSULATION + string(b'', text), 4)
-
-
-def encode_clock(stamp: int) -> bytes:
-    """A rosgraph_msgs/Clock message as CDR bytes.
-
-    Args:
-        stamp: ns.
-
-    Returns:
-        The bytes.
-    """
-    return ENCAPSULATION + STAMP.pack(*divmod(stamp, NS_PER_S))
 
 
 class TrajectoryPoint(NamedTuple):
@@ -228,38 +204,28 @@ class TrajectoryPoint(NamedTuple):
     effort: float
 
 
-class CrankTrajectoryCodec:
-    """JointTrajectory messages of one joint and many points."""
+def crank_trajectory(
+    name: str, frame_id: str, points: Collection[tuple[int, TrajectoryPoint]]
+) -> bytes:
+    """A JointTrajectory message of one joint and many points, with the stamp of its first point.
 
-    def __init__(self, name: str, frame_id: str = ROOT_FRAME) -> None:
-        names = align(header(frame_id), 4) + struct.pack('<I', 1)
-        self._body = align(string(names, name), 4)
-        # A point is four sequences of one number, each number on a multiple of 8, and a duration.
-        # All points but the first begin on such a multiple.
-        gap = -(len(self._body) + 8) % 8
-        self._first = struct.Struct(f'<I{gap}xdI4xdI4xdI4xdiI')
-        self._other = struct.Struct('<I4xdI4xdI4xdI4xdiI')
+    Args:
+        name: The joint.
+        frame_id: Frame of the message.
+        points: Stamps, ns, rising, and points.
 
-    def encode(self, points: Collection[tuple[int, TrajectoryPoint]]) -> bytes:
-        """Encodes one message, with the stamp of its first point.
-
-        Args:
-            points: Stamps, ns, rising, and points.
-
-        Returns:
-            Its CDR bytes.
-        """
-        start = next(iter(points))[0]
-        parts = [ENCAPSULATION, STAMP.pack(*divmod(start, NS_PER_S)), self._body[STAMP.size :]]
-        parts.append(struct.pack('<I', len(points)))
-        pack = self._first.pack
-        for stamp, (position, velocity, acceleration, effort) in points:
-            after = divmod(stamp - start, NS_PER_S)
-            parts.append(
-                pack(
-                    1, position + 0.0, 1, velocity + 0.0, 1, acceleration + 0.0, 1, effort + 0.0,
-                    *after,
-                )
-            )  # fmt: skip
-            pack = self._other.pack
-        return b''.join(parts)
+    Returns:
+        Its CDR bytes.
+    """
+    start = next(iter(points))[0]
+    body = count(_named([name], frame_id), len(points))[STAMP.size :]
+    packed = b''.join(
+        _POINT.pack(
+            1, p + 0.0, 1, v + 0.0, 1, a + 0.0, 1, e + 0.0, *divmod(time - start, NS_PER_S)
+        )
+        for time, (p, v, a, e) in points
+    )
+    # Of the first number alone the place depends on the name.
+    gap = -(STAMP.size + len(body) + 4) % 8
+    first = packed[:4] + packed[8 - gap :]
+    return ENCAPSULATION + STAMP.pack(*divmod(start, NS_PER_S)) + body + first

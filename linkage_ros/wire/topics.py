@@ -1,21 +1,109 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of the node: names, message types, quality of service."""
+"""The topics of the node: names, message types, quality of service.
 
-from __future__ import annotations
+Logs are also written without ROS, so this file holds the fields and type hashes (REP 2011) of the
+message types; a test compares both with the installed message packages.
+"""
 
 from typing import NamedTuple
 
-from linkage_ros.wire.interfaces import (
-    CLOCK,
-    DIAGNOSTIC_ARRAY,
-    FLOAT64,
-    FLOAT64_MULTI_ARRAY,
-    JOINT_STATE,
-    JOINT_TRAJECTORY,
-    POINT_STAMPED,
-    STRING,
-    Interface,
+_HEADER = (
+    ('std_msgs/Header', 'builtin_interfaces/Time stamp\nstring frame_id\n'),
+    ('builtin_interfaces/Time', 'int32 sec\nuint32 nanosec\n'),
+)
+
+
+class Interface(NamedTuple):
+    """A message type.
+
+    Attributes:
+        name: Such as 'std_msgs/msg/Float64'.
+        hash: Its type hash, RIHS01.
+        definition: Its fields and, behind separators, those of the types it contains.
+    """
+
+    name: str
+    hash: str
+    definition: str
+
+
+def _interface(
+    name: str, digest: str, fields: str, contained: tuple[tuple[str, str], ...] = ()
+) -> Interface:
+    parts = [fields, *(f'MSG: {other}\n{text}' for other, text in contained)]
+    return Interface(name, f'RIHS01_{digest}', f'{"=" * 80}\n'.join(parts))
+
+
+JOINT_STATE = _interface(
+    'sensor_msgs/msg/JointState',
+    'a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e',
+    'std_msgs/Header header\n'
+    'string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n',
+    _HEADER,
+)
+FLOAT64 = _interface(
+    'std_msgs/msg/Float64',
+    '705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a',
+    'float64 data\n',
+)
+FLOAT64_MULTI_ARRAY = _interface(
+    'std_msgs/msg/Float64MultiArray',
+    '1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f',
+    'MultiArrayLayout layout\nfloat64[] data\n',
+    (
+        ('std_msgs/MultiArrayLayout', 'MultiArrayDimension[] dim\nuint32 data_offset\n'),
+        ('std_msgs/MultiArrayDimension', 'string label\nuint32 size\nuint32 stride\n'),
+    ),
+)
+STRING = _interface(
+    'std_msgs/msg/String',
+    'df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18',
+    'string data\n',
+)
+POINT_STAMPED = _interface(
+    'geometry_msgs/msg/PointStamped',
+    '4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897',
+    'std_msgs/Header header\nPoint point\n',
+    (*_HEADER, ('geometry_msgs/Point', 'float64 x\nfloat64 y\nfloat64 z\n')),
+)
+JOINT_TRAJECTORY = _interface(
+    'trajectory_msgs/msg/JointTrajectory',
+    '179b33eba59d676f6d967ac71fe35e7ca2f64b2f3928f4a018cec115e213796e',
+    'std_msgs/Header header\nstring[] joint_names\nJointTrajectoryPoint[] points\n',
+    (
+        *_HEADER,
+        (
+            'trajectory_msgs/JointTrajectoryPoint',
+            (
+                'float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\n'
+                'float64[] effort\nbuiltin_interfaces/Duration time_from_start\n'
+            ),
+        ),
+        ('builtin_interfaces/Duration', 'int32 sec\nuint32 nanosec\n'),
+    ),
+)
+DIAGNOSTIC_ARRAY = _interface(
+    'diagnostic_msgs/msg/DiagnosticArray',
+    '5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e',
+    'std_msgs/Header header\nDiagnosticStatus[] status\n',
+    (
+        *_HEADER,
+        (
+            'diagnostic_msgs/DiagnosticStatus',
+            (
+                'byte OK=0\nbyte WARN=1\nbyte ERROR=2\nbyte STALE=3\n'
+                'byte level\nstring name\nstring message\nstring hardware_id\nKeyValue[] values\n'
+            ),
+        ),
+        ('diagnostic_msgs/KeyValue', 'string key\nstring value\n'),
+    ),
+)
+CLOCK = _interface(
+    'rosgraph_msgs/msg/Clock',
+    '692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564',
+    'builtin_interfaces/Time clock\n',
+    (_HEADER[1],),
 )
 
 
