@@ -192,37 +192,28 @@ def say(rpm: float, name: str, alone: dict[str, float], fed: dict[str, float]) -
 
 def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     """Ripple and effort over the last turn of the crank, without and with feed-forward."""
-    from matplotlib.figure import Figure
-
-    from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
+    from linkage_ros.lab.charts.axes import chart
 
     speeds = list(dict.fromkeys(rpm for rpm, _, _ in curves))
     names = list(dict.fromkeys(name for _, name, _ in curves))
     rows = 2 * len(speeds)
-    figure = Figure(figsize=(WIDTH, 1.0 + 2.0 * rows), dpi=DPI, layout='constrained')
-    axes = figure.subplots(rows, len(names), squeeze=False, sharex=True, sharey='row')
-    for (rpm, name, fed), (degrees, ripple, effort) in curves.items():
-        above, below = axes[2 * speeds.index(rpm) :, names.index(name)][:2]
-        color, law = (SECOND, 'with feed-forward') if fed else (FIRST, 'PI alone')
-        above.plot(degrees, 100 * ripple, color=fractions(color), label=law)
-        below.plot(degrees, effort, color=fractions(color))
-        above.set_title(f'{rpm:g} rpm, {name}', fontsize=TEXT)
-    for above, below in zip(axes[::2, 0], axes[1::2, 0], strict=True):
-        above.set_ylabel('speed error, %', fontsize=TEXT)
-        below.set_ylabel('applied torque, N m', fontsize=TEXT)
-    for one in axes.flat:
-        one.set_xticks(range(-180, 181, 90))
-        one.tick_params(labelsize=SMALL)
-        one.grid(color='0.9')
-        one.spines[['top', 'right']].set_visible(False)
-    for one in axes[-1]:
-        one.set_xlabel('crank angle, deg', fontsize=TEXT)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc='outside upper center', ncols=2, fontsize=TITLE, frameon=False,
-        title='The last whole turn of each run', title_fontsize=TITLE,
-    )  # fmt: skip
-    figure.savefig(path)
+    with chart(path, 1.0 + 2.0 * rows) as figure:
+        axes = figure.subplots(rows, len(names), squeeze=False, sharex=True, sharey='row')
+        for (rpm, name, fed), (degrees, ripple, effort) in curves.items():
+            above, below = axes[2 * speeds.index(rpm) :, names.index(name)][:2]
+            color, law = (SECOND, 'with feed-forward') if fed else (FIRST, 'PI alone')
+            above.plot(degrees, 100 * ripple, color=fractions(color), label=law)
+            below.plot(degrees, effort, color=fractions(color))
+            above.set_title(f'{rpm:g} rpm, {name}')
+        for above, below in zip(axes[::2, 0], axes[1::2, 0], strict=True):
+            above.set_ylabel('speed error, %')
+            below.set_ylabel('applied torque, N m')
+        for one in axes[-1]:
+            one.set(xlabel='crank angle, deg', xticks=range(-180, 181, 90))
+        figure.legend(
+            *axes[0, 0].get_legend_handles_labels(), loc='outside upper center', ncols=2,
+            title='The last whole turn of each run',
+        )  # fmt: skip
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ a motor. Two motions that part because they are chaotic part again where the sta
 import argparse
 import random
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -27,55 +28,41 @@ _CHAOTIC = 1e-9  # rad, by which a motion from a start 1e-12 away is off
 _GRAVITY = (0.0, -9.81)
 
 
-def _body(chance, length):
+def _body(chance, length, kind=Body):
     mass = chance.uniform(0.3, 2.0)
     center = chance.uniform(0.2, 0.8) * length, chance.uniform(-0.2, 0.2) * length
-    return Body(length, mass, mass * length**2 * chance.uniform(0.05, 0.2), center)
+    return kind(length, mass, mass * length**2 * chance.uniform(0.05, 0.2), center)
 
 
 def pump(chance):
-    """A pump and its start."""
+    """A pump, and a start with the dyad bent."""
     r, b, c = (x * chance.uniform(0.5, 2.0) for x in (0.5 * chance.uniform(0.5, 3.0), 1.5, 2.0))
-    coupler = Coupler(**vars(_body(chance, b)))
+    coupler = _body(chance, b, Coupler)
     while True:
         place, angle = chance.uniform(-(b + c), r + b + c), chance.uniform(0.0, 6.28)
         parts = _body(chance, r), coupler, _body(chance, c), Piston(place, mass=1.5)
         mechanism = WindPump(*parts, chance.choice(('open', 'crossed')), _GRAVITY)
         start = angle, place, 3.0, 0.0
-        if _can_start(mechanism, start):
-            return mechanism, start
+        with suppress(LinkageError):  # out of reach
+            if Solver(mechanism).meetings(start)[0].sine > 0.2:
+                return mechanism, start
 
 
 def limited(chance):
-    """A linkage whose crank does not turn fully, and its start."""
+    """A linkage whose crank does not turn fully, and its start at rest."""
     while True:
         r, b, c, d = (chance.uniform(0.2, 1.0) for _ in range(4))
-        side = chance.choice(('open', 'crossed'))
-        coupler = Coupler(**vars(_body(chance, b)))
-        try:
+        last, coupler = (chance.choice(('open', 'crossed')), _GRAVITY), _body(chance, b, Coupler)
+        with suppress(LinkageError):  # the loop cannot close
             if chance.random() < 0.5:
-                frame = Frame(d, chance.uniform(-3.0, 3.0))
-                mechanism = FourBar(
-                    frame, _body(chance, r), coupler, _body(chance, c), side, _GRAVITY
-                )
+                parts = Frame(d, chance.uniform(-3.0, 3.0)), _body(chance, r), coupler
+                mechanism = FourBar(*parts, _body(chance, c), *last)
             else:
-                slider, guide = (
-                    Slider(chance.uniform(-0.5, 0.5), 1.0),
-                    Guide(chance.uniform(-3, 3)),
-                )
-                mechanism = SliderCrank(_body(chance, r), coupler, slider, guide, side, _GRAVITY)
-        except LinkageError:
-            continue
-        if not (reach := mechanism.reach()).turns_fully:
-            low, high = chance.choice(reach.arcs)
-            return mechanism, (chance.uniform(low + 1e-3, high - 1e-3), 0.0)
-
-
-def _can_start(mechanism, start):
-    try:
-        return Solver(mechanism).meetings(start)[0].sine > 0.2
-    except LinkageError:
-        return False
+                ends = Slider(chance.uniform(-0.5, 0.5), 1.0), Guide(chance.uniform(-3, 3))
+                mechanism = SliderCrank(_body(chance, r), coupler, *ends, *last)
+            if not (reach := mechanism.reach()).turns_fully:
+                low, high = chance.choice(reach.arcs)
+                return mechanism, (chance.uniform(low + 1e-3, high - 1e-3), 0.0)
 
 
 def run(problem, seconds, begin):
@@ -102,14 +89,12 @@ def compare(problem, angles):
     near = replace(problem, start=(problem.start[0] + 1e-12, *problem.start[1:]))
     followers = Multipliers(problem, 1e-13), Multipliers(near, 1e-13)
     worst = 0.0
-    for tick, angle in enumerate(angles, 1):
-        try:
+    with suppress(LinkageError, ArithmeticError, np.linalg.LinAlgError):
+        for tick, angle in enumerate(angles, 1):
             one, other = (follower.at(tick * _LOOK)[0] for follower in followers)
-        except (LinkageError, ArithmeticError, np.linalg.LinAlgError):
-            return worst
-        if abs(one - other) > _CHAOTIC:
-            return worst
-        worst = max(worst, abs(angle - one))
+            if abs(one - other) > _CHAOTIC:
+                break
+            worst = max(worst, abs(angle - one))
     return worst
 
 
@@ -124,23 +109,19 @@ def main():
     begin = live_steps if options.live else record_steps
     kinds = (('pumps', pump, options.pumps, 10.0), ('limited', limited, options.limited, 5.0))
     for name, make, count, seconds in kinds:
-        chance, ends, energies, apart, spent = random.Random(options.seed), [], [], [], 0.0
-        for number in range(count):
-            problem = InitialValueProblem(*make(chance))
-            before = time.process_time()
-            angles, energy, end = run(problem, seconds, begin)
-            spent += time.process_time() - before
-            if end:
-                ends.append(f'{number}: {end}')
-            energies.append(energy)
-            apart.append(compare(problem, angles))
+        chance, begun = random.Random(options.seed), time.process_time()
+        problems = [InitialValueProblem(*make(chance)) for _ in range(count)]
+        runs = [run(problem, seconds, begin) for problem in problems]
+        spent = (time.process_time() - begun) / count
+        _, energies, ends = zip(*runs, strict=True)
+        apart = [compare(problem, each[0]) for problem, each in zip(problems, runs, strict=True)]
         print(
-            f'{name}: {len(ends)} of {count} end; energy off by {max(energies):.2g} of the '
-            f'largest kinetic one, {sum(e > 1e-8 for e in energies)} by more than 1e-8; crank off '
-            f'by {max(apart):.2g} rad, {sum(a > 1e-7 for a in apart)} by more than 1e-7; '
-            f'{spent / count:.2g} s of processor time each'
+            f'{name}: {sum(map(bool, ends))} of {count} end; energy off by {max(energies):.2g} of '
+            f'the largest kinetic one, {sum(e > 1e-8 for e in energies)} by more than 1e-8; crank '
+            f'off by {max(apart):.2g} rad, {sum(a > 1e-7 for a in apart)} by more than 1e-7; '
+            f'{spent:.2g} s of processor time each'
         )
-        print(*ends, sep='\n', end='\n' if ends else '')
+        print(*(f'{number}: {end}\n' for number, end in enumerate(ends) if end), sep='', end='')
 
 
 if __name__ == '__main__':

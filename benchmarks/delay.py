@@ -17,7 +17,7 @@ from pathlib import Path
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.motion.torque_driven import TorqueMotion
-from linkage_ros.palette import BLACK, FIRST, fractions
+from linkage_ros.palette import FIRST, fractions
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.progress import progress_bar
 from linkage_ros.units import NS_PER_S, radians_per_second
@@ -48,38 +48,23 @@ def wander(delay: float) -> float:
 
 
 def draw(records: list[dict[str, float]], path: Path) -> None:
-    """Deviation over delay, and the two cases that a controller meets."""
-    from matplotlib.figure import Figure
+    """Deviation over delay, and the cases that a controller meets."""
+    from linkage_ros.lab.charts.axes import chart
 
-    from linkage_ros.lab.charts.sizes import DPI, SMALL, TEXT, TITLE, WIDTH
-
-    figure = Figure(figsize=(WIDTH, 5.0), dpi=DPI, layout='constrained')
-    axes = figure.subplots()
-    delays = [record['delay_ticks'] for record in records]
-    percent = [100 * record['largest_deviation'] for record in records]
-    axes.plot(delays, percent, marker='o', color=fractions(FIRST))
-    for delay, words in (
-        (0.0, 'of mid-tick'),
-        (0.5, "of the tick's start"),
-        (1.5, 'one tick late'),
-    ):
-        value = percent[delays.index(delay)]
-        axes.annotate(
-            f'{words}: {value:.2g} %',
-            (delay, value),
-            (8, -12),
-            textcoords='offset points',
-            color=fractions(BLACK),
-            fontsize=TEXT,
-        )
-    axes.set_xlabel('delay of the torque from mid-tick, ticks of 1 ms', fontsize=TEXT)
-    axes.set_ylabel('largest deviation of the crank speed, %', fontsize=TEXT)
-    axes.tick_params(labelsize=SMALL)
-    words = f'Torque of a constant {RPM:g} rpm, held over each tick, {TURNS} turns'
-    axes.set_title(words, fontsize=TITLE)
-    axes.grid(color='0.9')
-    axes.spines[['top', 'right']].set_visible(False)
-    figure.savefig(path)
+    percent = {record['delay_ticks']: 100 * record['largest_deviation'] for record in records}
+    cases = {0.0: 'of mid-tick', 0.5: "of the tick's start", 1.5: 'one tick late'}
+    title = f'Torque of a constant {RPM:g} rpm, held over each tick, {TURNS} turns'
+    with chart(path, 5.0, title) as figure:
+        axes = figure.subplots()
+        axes.plot(percent.keys(), percent.values(), marker='o', color=fractions(FIRST))
+        for delay, words in cases.items():
+            value = percent[delay]
+            axes.annotate(
+                f'{words}: {value:.2g} %', (delay, value), (8, -12), textcoords='offset points'
+            )
+        axes.set_xlabel('delay of the torque from mid-tick, ticks of 1 ms')
+        axes.set_ylabel('largest deviation of the crank speed, %')
+        axes.spines[['top', 'right']].set_visible(False)
 
 
 def main() -> None:

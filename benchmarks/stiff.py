@@ -39,10 +39,8 @@ def main() -> None:
             with suppress(MotionError):
                 while steps.time < 1.0 and time.process_time() - start < _MOST:
                     steps.advance(steps.time + 1e-3)
-            if steps.time < 1e-3:
-                found.append(f'{name} ends')
-                continue
-            found.append(f'{name} {(time.process_time() - start) / steps.time:.2g}')
+            taken = (time.process_time() - start) / steps.time if steps.time else math.inf
+            found.append(f'{name} {taken:.2g}')
         print(f'{preset} {damping:g} N m s, {driven.rates[0]:.1g}/s:', ', '.join(found))
 
 

@@ -4,7 +4,6 @@
 
 import json
 import re
-import sys
 from fractions import Fraction
 from importlib import import_module
 
@@ -21,28 +20,28 @@ from linkage_ros.wire.topics import JOINT_COMMANDS, TOPICS, qualified
 DOCS = ROOT / 'docs'
 
 
-@pytest.fixture(scope='module')
-def drawings():
-    sys.path.insert(0, str(DOCS))
-    try:
-        yield {f'mechanism_{d.__name__}': d().svg() for d in import_module('drawings').DRAWINGS}
-    finally:
-        sys.path.remove(str(DOCS))
-
-
-def test_the_drawings_are_those_that_the_code_makes(drawings):
-    assert {path.stem for path in DOCS.glob('mechanism_*.svg')} == set(drawings)
-    for name, text in drawings.items():
-        assert (DOCS / f'{name}.svg').read_text() == text, 'run python docs/drawings.py'
-        assert f']({name}.svg)' in read('docs/mechanisms.md')
+def test_the_drawings_are_those_that_the_code_makes(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    drawings = import_module('drawings').DRAWINGS
+    assert {path.stem for path in DOCS.glob('mechanism_*.svg')} == {
+        f'mechanism_{draw.__name__}' for draw in drawings
+    }
+    for draw in drawings:
+        name = f'mechanism_{draw.__name__}.svg'
+        assert (DOCS / name).read_text() == draw().svg(), 'run python docs/drawings.py'
+        assert f']({name})' in read('docs/mechanisms.md')
 
 
 # ---------------------------------------------------------------- numbers
 
 
+def content(name):
+    return json.loads((DOCS / f'{name}.json').read_text())
+
+
 def measured(name):
-    content = json.loads((DOCS / f'{name}.json').read_text())
-    return content['records'] if isinstance(content, dict) else content
+    found = content(name)
+    return found['records'] if isinstance(found, dict) else found
 
 
 def agrees(shown, value):
@@ -105,7 +104,7 @@ def test_what_controllers_quotes_of_a_measured_crank_was_measured():
 
 
 def test_what_follow_quotes_was_measured():
-    found = json.loads((DOCS / 'follow.json').read_text())
+    found = content('follow')
     assert list(found) == ['100', '500', '1000']
     for rate, one in found.items():
         figures = [
@@ -119,7 +118,7 @@ def test_what_follow_quotes_was_measured():
 
 
 def test_what_reliability_quotes_was_measured():
-    page, found = 'docs/reliability.md', json.loads((DOCS / 'reliability.json').read_text())
+    page, found = 'docs/reliability.md', content('reliability')
     for one in found['many']:
         row = f'| {one["nodes"]:.0f} | {{}} s | {{}} |'
         check_quote(page, row, one['found_s'], one['missed'])
@@ -140,7 +139,7 @@ def test_what_reliability_quotes_was_measured():
 def test_what_the_readme_quotes_was_measured():
     right = {
         one['peer']: one['states'].get('right', 0)
-        for one in json.loads((DOCS / 'peers.json').read_text())['outcomes']
+        for one in content('peers')['outcomes']
         if one['situation'] == 'near a change point'
     }
     engines = max(right[f'{name}{start}'] for name in ('MuJoCo', 'Pinocchio')
@@ -150,7 +149,7 @@ def test_what_the_readme_quotes_was_measured():
         'linkage_ros has {} right, pylinkage {}, MuJoCo and Pinocchio {} at best, SymPy {}',
         *(right['linkage_ros'], right['pylinkage'], engines, right['SymPy lambdify']),
     )
-    runs = json.loads((DOCS / 'reliability.json').read_text())['killed']['runs']
+    runs = content('reliability')['killed']['runs']
     lost = max(run['lost'] for run in runs)
     check_quote('README.md', '{} killed runs lost at most {} s', len(runs), lost)
     alone, fed = measured('controller')[:2]
@@ -250,19 +249,17 @@ def test_what_the_preset_of_the_pump_says_was_measured():
     check_quote('config/wind_pump.yaml', '# {} rad/s with {} m.', fast['speed'], fast['stroke'])
 
 
-def test_the_page_of_peers_is_what_its_run_makes_of_the_numbers(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / 'benchmarks' / 'peers')
-    results = json.loads((DOCS / 'peers.json').read_text())
-    assert import_module('report').markdown(results) == read('docs/peers.md')
-
-
-def test_the_page_of_timing_is_what_its_run_makes_of_the_numbers(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / 'benchmarks' / 'reliability')
-    page = import_module('timing_page')
-    figures = (
-        json.loads((DOCS / f'{name}.json').read_text()) for name in ('realtime', 'log_speed')
-    )
-    assert page.page(*figures) == read('docs/timing.md')
+@pytest.mark.parametrize(
+    ('folder', 'module', 'function', 'names', 'page'),
+    [('peers', 'report', 'markdown', ['peers'], 'peers.md'),
+     ('reliability', 'timing_page', 'page', ['realtime', 'log_speed'], 'timing.md')],
+)  # fmt: skip
+def test_a_page_is_what_its_run_makes_of_the_numbers(
+    monkeypatch, folder, module, function, names, page
+):
+    monkeypatch.syspath_prepend(ROOT / 'benchmarks' / folder)
+    made = getattr(import_module(module), function)(*map(content, names))
+    assert made == read(f'docs/{page}')
 
 
 def test_a_wrong_number_is_found():

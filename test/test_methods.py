@@ -11,7 +11,7 @@ from mpmath import mp
 from oracle import Oracle
 from test_errata import DocumentOne
 
-from linkage_ros import ConfigurationError, Solver, UnreachableError
+from linkage_ros import ConfigurationError, Solver
 from linkage_ros.lab.methods import situations
 from linkage_ros.lab.methods.accuracy import with_fronts
 from linkage_ros.lab.methods.linkage_cases import LinkageCase, TurnCase
@@ -94,15 +94,6 @@ def test_reference_has_a_hundred_digits_left(name, monkeypatch):
                 for x, y in zip(*values, strict=True):
                     apart = min(abs(x - y), abs(abs(x - y) - 2 * mp.pi))
                     assert apart < max(abs(y), 1) * mp.mpf('1e-100'), (x, y)
-
-
-def test_reference_refuses_where_no_state_exists():
-    mechanism = situations.limited(np.random.default_rng(1))
-    start, end = Solver(mechanism).mobility.arcs[0]
-    reference = Reference(mechanism, 1.0, 0.0)
-    reference.state((start + end) / 2)
-    with pytest.raises(UnreachableError, match='does not close'):
-        reference.state(end + 0.01)
 
 
 # ---------------------------------------------------------------- methods

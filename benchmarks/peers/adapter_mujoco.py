@@ -62,14 +62,11 @@ class Adapter(NewtonPeer):
         self.jacobians = np.empty((3, 3)), np.empty((3, 3))
         self.bodies = self.model.body('coupler').id, self.model.body('rocker').id
 
-    def kinematics(self, angles):
-        return [self._state(angle) for angle in angles]
-
     def torque(self, angles):
         model, data, speed, rows = self.model, self.data, self.speed, []
         acceleration, force = data.qacc, np.empty(3)
         for angle in angles:
-            row = self._state(angle)
+            row = self.state(angle)
             _, _, w2, w3, e2, e3 = row
             acceleration[:] = 0.0, e2, e3
             mujoco.mj_rne(model, data, 1, force)
@@ -77,7 +74,7 @@ class Adapter(NewtonPeer):
             rows.append((*row, f1 + (f2 * (w2 - speed) + f3 * w3) / speed))
         return rows
 
-    def _state(self, crank):
+    def state(self, crank):
         model, data, speed, tolerance = self.model, self.data, self.speed, self.tolerance
         position, velocity, sites = data.qpos, data.qvel, data.site_xpos
         on_coupler, on_rocker = self.jacobians
@@ -112,11 +109,3 @@ class Adapter(NewtonPeer):
         e2, e3 = (b * hy - d * hx) / determinant, (c * hx - a * hy) / determinant
         self.last = (crank, q2, q3, v2, v3)
         return crank + q2, q3, speed + v2, v3, e2, e3
-
-
-class ColdAdapter(Adapter):
-    """The same for one angle out of the blue."""
-
-    name = 'MuJoCo, cold'
-    how = Adapter.COLD
-    cold = True

@@ -50,20 +50,17 @@ class Adapter(NewtonPeer):
         self.data = model.createData()
         self.vectors = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
 
-    def kinematics(self, angles):
-        return [self._state(angle) for angle in angles]
-
     def torque(self, angles):
         model, data, speed, rows = self.model, self.data, self.speed, []
         position, velocity, acceleration, _ = self.vectors
         for angle in angles:
-            row = self._state(angle)
+            row = self.state(angle)
             acceleration[:] = 0.0, row[4], row[5]
             force = pin.rnea(model, data, position, velocity, acceleration)
             rows.append((*row, float(force.dot(velocity)) / speed))
         return rows
 
-    def _state(self, crank):
+    def state(self, crank):
         model, data, speed, tolerance = self.model, self.data, self.speed, self.tolerance
         position, velocity, _, zero = self.vectors
         on_coupler, on_rocker = self.frames
@@ -98,11 +95,3 @@ class Adapter(NewtonPeer):
         e2, e3 = (b * hy - d * hx) / determinant, (c * hx - a * hy) / determinant
         self.last = (crank, q2, q3, v2, v3)
         return crank + q2, q3, speed + v2, v3, e2, e3
-
-
-class ColdAdapter(Adapter):
-    """The same for one angle out of the blue."""
-
-    name = 'Pinocchio, cold'
-    how = Adapter.COLD
-    cold = True

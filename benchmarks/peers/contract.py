@@ -98,6 +98,13 @@ class NewtonPeer(Peer):
         time = turned / self.speed if abs(turned) < 0.5 else 0.0
         return coupler + w2 * time, rocker + w3 * time
 
+    def kinematics(self, angles):
+        return [self.state(angle) for angle in angles]
+
+    def state(self, crank):
+        """Angles, rates and accelerations of coupler and rocker: an adapter's own."""
+        raise NotImplementedError
+
     def give_up(self, crank):
         """Says that the loop does not close.
 

@@ -5,25 +5,29 @@
 import importlib
 import importlib.metadata
 
-# As module and class, in the order of the tables.
+# As module, class, and whether each state begins anew, in the order of the tables.
 ADAPTERS = (
-    ('adapter_ours', 'Adapter'),
-    ('adapter_pylinkage', 'Adapter'),
-    ('adapter_mujoco', 'Adapter'),
-    ('adapter_mujoco', 'ColdAdapter'),
-    ('adapter_pinocchio', 'Adapter'),
-    ('adapter_pinocchio', 'ColdAdapter'),
-    ('adapter_sympy', 'Adapter'),
-    ('adapter_numba', 'Adapter'),
-    ('adapter_c', 'Adapter'),
-    ('adapter_c', 'VectorAdapter'),
+    ('adapter_ours', 'Adapter', False),
+    ('adapter_pylinkage', 'Adapter', False),
+    ('adapter_mujoco', 'Adapter', False),
+    ('adapter_mujoco', 'Adapter', True),
+    ('adapter_pinocchio', 'Adapter', False),
+    ('adapter_pinocchio', 'Adapter', True),
+    ('adapter_sympy', 'Adapter', False),
+    ('adapter_numba', 'Adapter', False),
+    ('adapter_c', 'Adapter', False),
+    ('adapter_c', 'VectorAdapter', False),
 )
 
 
 def adapter(index):
     """The class of an adapter; what it needs may be missing, which raises ImportError."""
-    module, name = ADAPTERS[index]
-    return getattr(importlib.import_module(module), name)
+    module, name, is_cold = ADAPTERS[index]
+    found = getattr(importlib.import_module(module), name)
+    if not is_cold:
+        return found
+    cold = {'name': f'{found.name}, cold', 'how': found.COLD, 'cold': True}
+    return type(found.__name__, (found,), cold)
 
 
 def attempt(index, mechanism, speed, first):

@@ -18,7 +18,6 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from harness import DOMAIN, finish, listening, node, options, quantiles, wait_for
@@ -31,11 +30,11 @@ from linkage_ros.verification.verify import verify
 
 RATES = (100.0, 500.0, 1000.0)  # Hz
 MEASURED, ANSWERS = '/joint_states', '/linkage/joint_states'
-REMAPS = {'measured_joint_states': MEASURED, 'joint_states': ANSWERS}
+REMAPS = ('measured_joint_states', MEASURED), ('joint_states', ANSWERS)
 COMPARED = 200  # states
 
 
-def heard(path: Path, rate: float, seconds: float) -> dict[str, Any]:
+def heard(path: Path, rate: float, seconds: float) -> dict:
     """Rate, gaps and ages of the states that the subscriber received in the last seconds."""
     times = np.load(path)
     times = times[times[:, 0] > times[-1, 0] - seconds * 1e9]
@@ -49,7 +48,7 @@ def heard(path: Path, rate: float, seconds: float) -> dict[str, Any]:
     }
 
 
-def compared(path: Path) -> dict[str, Any]:
+def compared(path: Path) -> dict:
     """Verifies a log, and compares joints, rad, and rates, relative to the crank's."""
     errors = []
     with LogReader(path) as log:
@@ -65,7 +64,7 @@ def compared(path: Path) -> dict[str, Any]:
     return {'answers': len(answers), 'difference': difference, 'error': max(errors)}
 
 
-def measure(rate: float, seconds: float) -> dict[str, Any]:
+def measure(rate: float, seconds: float) -> dict:
     """Both nodes at one rate."""
     with tempfile.TemporaryDirectory() as folder:
         names = 'first.npy', 'second.npy', 'robot.mcap', 'follow.mcap'

@@ -8,14 +8,151 @@ Run: python benchmarks/reliability/fuzz.py [--out DIR] [--cases N]
 """
 
 import multiprocessing
+import os
+import random
+import resource
+import signal
+import subprocess
 import sys
+import tempfile
+import traceback
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
 import harness
-from fuzz_seeded import CONTROLS, work
+
+# The test suite's cases, and the checks of their outcomes.
+sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))
 
 SHARES = {'parameter file': 0.4, 'log': 0.35, 'replay options': 0.15, 'live parameters': 0.1}
 BATCH = 500  # cases of one process
+LONGEST, MEMORY = 5.0, 1 << 30  # s of processor and bytes of one case
+LIMIT = 30.0  # s in which an executable has to end: imports on a busy machine, and the case
+# Faults that must be found, so that finding none means something.
+CONTROLS = {
+    'hang': 'while True: pass', 'memory': 'bytearray(2**31)', 'error': '1 / 0',
+    'two lines': 'hostile_outcomes.one_line("two\\nlines of words")',
+}  # fmt: skip
+
+
+def cases_of(kind, folder):
+    """Makes a function that tries the case of a random generator; it returns the answers."""
+    import hostile
+    import hostile_logs
+    import hostile_outcomes
+    import numpy as np
+
+    np.seterr(all='raise')  # a warning would be a second line
+    yaml, mcap = folder / 'case.yaml', folder / 'case.mcap'
+    logs = (
+        hostile_logs.good_logs(folder) if kind in ('log', 'replay options', 'executable') else []
+    )
+
+    def parameter_file(rng):
+        yaml.write_bytes(hostile.parameter_file(rng))
+        return hostile_outcomes.parameter_file(yaml)
+
+    def log(rng):
+        mcap.write_bytes(hostile_logs.log_file(rng, logs))
+        return hostile_outcomes.log_file(mcap)
+
+    def replay_options(rng):
+        return hostile_outcomes.replay_options(hostile.replay_options(rng), folder / '0.mcap')
+
+    def live_parameters(rng):
+        return rng.choice(nodes).request(hostile.live_parameters(rng))
+
+    def executable(rng):
+        yaml.write_bytes(hostile.parameter_file(rng))
+        mcap.write_bytes(hostile_logs.log_file(rng, logs))
+        return run_executable(rng, yaml, mcap)
+
+    if kind == 'live parameters':
+        import rclpy
+
+        from linkage_ros.parameters.configuration import load
+
+        rclpy.init()
+        presets = ('quadrilateral', 'wind_pump')
+        nodes = [hostile_outcomes.LiveNode(load(name), None) for name in presets]
+    if kind in CONTROLS:
+        return lambda _: exec(CONTROLS[kind], {'hostile_outcomes': hostile_outcomes})
+    return {
+        'parameter file': parameter_file, 'log': log, 'replay options': replay_options,
+        'live parameters': live_parameters, 'executable': executable,
+    }[kind]  # fmt: skip
+
+
+def run_executable(rng, yaml, mcap):
+    """Starts an executable on a hostile file: exit code 0, 1 or 2, at most a line on stderr."""
+    out = yaml.with_name('out')
+    module, *words = rng.choice((
+        ('log_tool', 'info', mcap), ('log_tool', 'verify', mcap),
+        ('log_tool', 'recover', mcap, f'{out}.mcap', '--overwrite'),
+        ('replay', mcap, '--no-ros', '--viewer', f'{out}{rng.random()}.rrd', '--rate', '1e6',
+         '--playback-duration', '0.1'),
+        ('record', yaml, f'{out}.mcap', '--duration', '0.02', '--overwrite'),
+        ('chart_tool', 'motion', yaml, '--out', out),
+    ))  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, '-m', f'linkage_ros.{module}', *words],
+        capture_output=True, text=True, errors='replace', timeout=LIMIT, check=False,
+    )  # fmt: skip
+    allowed = (0, 1, 2) if 'verify' in words else (0, 2)
+    assert done.returncode in allowed, f'{module}: exit code {done.returncode}: {done.stderr}'
+    assert done.stderr.count('\n') <= 1, f'{module}: {done.stderr}'
+    return [done.stderr]
+
+
+def out_of_time(*_):
+    """Ends a case that computes for too long.
+
+    Raises:
+        TimeoutError: Always.
+    """
+    raise TimeoutError(f'not done within {LONGEST:g} s')
+
+
+def work(kind, seeds, out):
+    """Tries the cases of some seeds in this process, which has nothing else to do.
+
+    Args:
+        kind: Kind of the cases.
+        seeds: Seeds of the cases.
+        out: Folder for the files of those that fail.
+
+    Returns:
+        Seed, s of processor, MB, whether it was accepted, and the failure, of each.
+    """
+    signal.signal(signal.SIGPROF, out_of_time)
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        draw = cases_of(kind, folder)
+        taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (taken + MEMORY, taken + MEMORY))
+        for seed in seeds:
+            Path('/proc/self/clear_refs').write_text('5')  # the peak counts from here
+            begin, failure, answers = sum(os.times()[:4]), '', []
+            signal.setitimer(signal.ITIMER_PROF, LONGEST)
+            try:
+                answers = draw(random.Random(f'{kind} {seed}'))
+            except BaseException:  # noqa: BLE001, which is what is looked for
+                failure = traceback.format_exc()
+                keep(folder, out / f'{kind.replace(" ", "_")}_{seed}')
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+            seconds = sum(os.times()[:4]) - begin  # with those of executables
+            peak = Path('/proc/self/status').read_text().partition('VmHWM:')[2].split()[0]
+            accepted = not failure and not any(answers)
+            rows.append((seed, seconds, int(peak) / 1024, accepted, failure))
+    return rows
+
+
+def keep(folder, target):
+    """Copies the files of a case that failed."""
+    for path in (folder / 'case.yaml', folder / 'case.mcap'):
+        if path.exists():
+            target.with_suffix(path.suffix).write_bytes(path.read_bytes())
 
 
 def run(kind, seeds, out):

@@ -11,11 +11,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -54,7 +51,7 @@ class Process:
         lines: Lines of stdout and stderr: time on the monotonic clock, s, and text.
     """
 
-    def __init__(self, *arguments: object, domain: int, prefix: Sequence[str] = ()) -> None:
+    def __init__(self, *arguments: object, domain: int, prefix: tuple[str, ...] = ()) -> None:
         """Starts `python ARGUMENTS`.
 
         Args:
@@ -114,7 +111,7 @@ class Process:
 
 
 @contextmanager
-def running(*arguments: object, domain: int, prefix: Sequence[str] = ()) -> Iterator[Process]:
+def running(*arguments: object, domain: int, prefix: tuple[str, ...] = ()):
     """A process that is killed at the end if it still runs."""
     process = Process(*arguments, domain=domain, prefix=prefix)
     try:
@@ -126,20 +123,18 @@ def running(*arguments: object, domain: int, prefix: Sequence[str] = ()) -> Iter
 
 def node(
     domain: int,
-    prefix: Sequence[str] = (),
-    remaps: Mapping[str, str] = MappingProxyType({}),
+    prefix: tuple[str, ...] = (),
+    remaps: tuple[tuple[str, str], ...] = (),
     **parameters: object,
-) -> Any:
+):
     """`running` for linkage_node with some parameters, and other names for some topics."""
-    names = (word for pair in remaps.items() for word in ('-r', ':='.join(pair)))
+    names = (word for pair in remaps for word in ('-r', ':='.join(pair)))
     arguments = '-m', 'linkage_ros.node', *words(parameters), *names
     return running(*arguments, domain=domain, prefix=prefix)
 
 
 @contextmanager
-def listening(
-    domain: int, path: Path, prefix: Sequence[str] = (), topic: str = 'joint_states'
-) -> Iterator[Process]:
+def listening(domain: int, path: Path, prefix: tuple[str, ...] = (), topic: str = 'joint_states'):
     """A subscriber in another process, which leaves what it heard (see `listener.py`)."""
     with running(LISTENER, path, topic, domain=domain, prefix=prefix) as process:
         wait_for(lambda: 'listening' in process.output)
@@ -177,7 +172,7 @@ class Diagnostics:
         self._executor.add_node(node)
         threading.Thread(target=self._executor.spin, daemon=True).start()
 
-    def _hear(self, message: Any) -> None:
+    def _hear(self, message) -> None:
         self.parts = {
             status.name.rpartition(': ')[2]: (
                 status.level[0], status.message, {v.key: v.value for v in status.values},
@@ -197,7 +192,7 @@ class Diagnostics:
         self._context.shutdown()
 
 
-def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> float:
+def wait_for(condition, seconds: float = 30.0) -> float:
     """Waits until a condition holds; returns how long that took, s.
 
     Raises:
@@ -211,7 +206,7 @@ def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> float:
     return time.monotonic() - begin
 
 
-def quantiles(values: Any) -> dict[str, float]:
+def quantiles(values) -> dict[str, float]:
     """Median, 99 % and greatest of some values."""
     values = np.asarray(values, float)
     p50, p99 = np.quantile(values, (0.5, 0.99))

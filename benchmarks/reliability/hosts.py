@@ -18,7 +18,6 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from harness import (
@@ -33,10 +32,15 @@ from harness import (
     wait_for,
     words,
 )
-from link_cuts import RATE, read, summary
 from network import Host, UnavailableError, two_hosts
 
-SETTLED, PATIENCE = 2.0, 40.0
+from linkage_ros.errors import LogError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.verification.verify import verify
+from linkage_ros.wire.cdr import stamp_of
+
+RATE, SETTLED, PATIENCE = 200.0, 2.0, 40.0
+TIMED_OUT = b'no command within command_timeout'
 
 
 def heard(listener: Process) -> int:
@@ -49,7 +53,7 @@ def on(host: Host, reach: str = 'SUBNET') -> tuple[str, ...]:
     return host.prefix(ROS_AUTOMATIC_DISCOVERY_RANGE=reach)
 
 
-def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict[str, Any]:
+def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict:
     """Cuts and restores; returns when that was, ns on the wall clock."""
     time.sleep(SETTLED)
     count = heard(listener)
@@ -63,7 +67,7 @@ def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict[str, A
     return {'kind': kind, 'seconds': seconds, 'begin': begin, 'restored': restored}
 
 
-def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -> dict[str, Any]:
+def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -> dict:
     """A run with some cuts: what is known at its end."""
     log, times = folder / 'run.mcap', folder / 'times.npy'
     # Tame: a controller that a busy machine keeps waiting would else drive it ever faster.
@@ -115,7 +119,70 @@ def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = F
         return heard(listener) > 0
 
 
-def promises(figures: dict[str, Any]) -> dict[str, bool]:
+def read(path: Path) -> dict:
+    """What a log holds: stamps of the states, times of commands and of words on their absence."""
+    found: dict[str, list[int]] = {'/joint_states': [], '/joint_commands': [], '/diagnostics': []}
+    try:
+        with LogReader(path) as log:
+            difference = verify(log).difference
+            for message in log.messages(list(found)):
+                if message.topic == '/joint_states':
+                    found[message.topic].append(stamp_of(message.data))
+                elif message.topic == '/joint_commands' or TIMED_OUT in message.data:
+                    found[message.topic].append(message.time)
+    except LogError as error:
+        difference = str(error)
+    states, commands, timed_out = map(np.array, found.values())
+    return {
+        'difference': difference, 'states': states, 'commands': commands, 'timed_out': timed_out
+    }  # fmt: skip
+
+
+def after(times, begin: int) -> float:
+    """s from a time to the first of some times that follows; infinite if none does."""
+    later = times[times > begin]
+    return float(later.min() - begin) * 1e-9 if later.size else float('inf')
+
+
+def judge(what: dict, one: dict) -> dict:
+    """Figures of one cut."""
+    begin, restored = one.pop('begin'), one.pop('restored')
+    arrived, states, commands = what['arrived'], what['states'], what['commands']
+    back = after(arrived[:, 1], restored)
+    end = restored + back * 1e9
+    inside = states[(states >= begin) & (states < end)]
+    gaps = np.rint(np.diff(states) * RATE / 1e9) - 1
+    missed = gaps[(states[1:] >= begin) & (states[1:] < end)].sum()
+    last = commands[commands < restored]
+    return {
+        **one,
+        'states_back': back,
+        'commands_back': after(commands, restored),
+        'commands_ended': float(last.max() - begin) * 1e-9 if last.size else float('inf'),
+        'time_out_said': bool(((what['timed_out'] > begin) & (what['timed_out'] < end)).any()),
+        'unheard': int(np.setdiff1d(inside, arrived[:, 0]).size),
+        'logged': int(inside.size),
+        'ticks_missed': int(missed),
+    }
+
+
+def summary(what: dict) -> dict:
+    """Figures of a run with cuts."""
+    cuts = [judge(what, one) for one in what['cuts']]
+    states, arrived = what['states'], what['arrived']
+    since = states[states >= arrived[0, 0]] if arrived.size else states
+    unheard = np.setdiff1d(since, arrived[:, 0]).size - sum(one['unheard'] for one in cuts)
+    missed = (np.rint(np.diff(states) * RATE / 1e9) - 1).sum()
+    return {
+        'discovered': what['discovered'], 'bytes_crossed': what['crossed'],
+        'heard': len(arrived), 'states_logged': len(states), 'states_published': what['published'],
+        'log_verifies': not what['difference'], 'exit_code': what['exit_code'], 'cuts': cuts,
+        'unheard_besides': int(unheard),
+        'ticks_missed_besides': int(missed - sum(one['ticks_missed'] for one in cuts)),
+    }  # fmt: skip
+
+
+def promises(figures: dict) -> dict[str, bool]:
     """Whether each promise was kept."""
     states = figures['states_logged']
     kept = {
@@ -135,7 +202,7 @@ def promises(figures: dict[str, Any]) -> dict[str, bool]:
     return kept
 
 
-def show(figures: dict[str, Any]) -> None:
+def show(figures: dict) -> None:
     """Prints the figures."""
     print(
         f'discovered in {figures["discovered"]:.2f} s; {figures["heard"]} states heard, '

@@ -16,9 +16,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from harness import DOMAIN, finish, listening, node, options, tool, wait_for
@@ -38,7 +36,7 @@ def last_state(path: Path) -> int:
     return stamp_of(last.data)
 
 
-def recovered(path: Path, saved: Path, last: int) -> dict[str, Any]:
+def recovered(path: Path, saved: Path, last: int) -> dict:
     """Recovers and verifies a log.
 
     Args:
@@ -58,7 +56,7 @@ def recovered(path: Path, saved: Path, last: int) -> dict[str, Any]:
     }
 
 
-def kill(folder: Path, seconds: float) -> dict[str, Any]:
+def kill(folder: Path, seconds: float) -> dict:
     """A run that is killed some time after its first state, and what is left of it."""
     path, heard = folder / 'run.mcap', folder / 'heard.npy'
     with (
@@ -74,7 +72,7 @@ def kill(folder: Path, seconds: float) -> dict[str, Any]:
 
 
 def survey(
-    name: str, given: argparse.Namespace, spoil: Callable[[Path, float], dict[str, Any]],
+    name: str, given: argparse.Namespace, spoil,
     span: tuple[float, float], promised: float,
 ) -> int:  # fmt: skip
     """Spoils runs at random moments, prints what each loses, and leaves the figures.

@@ -18,7 +18,6 @@ import tempfile
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from harness import (
@@ -83,7 +82,7 @@ def end(nodes: list[Process]) -> int:
     return len(hung)
 
 
-def measure(number: int, health: Diagnostics, seconds: float) -> dict[str, Any]:
+def measure(number: int, health: Diagnostics, seconds: float) -> dict:
     """Figures of some nodes that run together."""
     with ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
         times = Path(folder, 'times.npy')
@@ -121,7 +120,7 @@ def measure(number: int, health: Diagnostics, seconds: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def show(one: dict[str, Any]) -> None:
+def show(one: dict) -> None:
     """Prints the figures of a number."""
     late = one['heard_late_ms'] or {'p99': float('nan')}
     print(

@@ -10,7 +10,6 @@ may make user namespaces. They have no names; they go with this process, whateve
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -126,7 +125,7 @@ class Host:
 
 
 @contextmanager
-def two_hosts() -> Iterator[tuple[Host, Host]]:
+def two_hosts():
     """Two hosts with a cable between them that is not plugged in yet.
 
     Raises:

@@ -19,10 +19,8 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from harness import DOMAIN, NOT_HERE, listening, node, options, wait_for
@@ -40,7 +38,7 @@ def run_quietly(*words: object) -> None:
 
 
 @contextmanager
-def mounted(image: Path, folder: Path) -> Iterator[None]:
+def mounted(image: Path, folder: Path):
     """A file as a disk."""
     run_quietly('mount', '-o', 'loop', image, folder)
     try:
@@ -58,7 +56,7 @@ def stop_disk(folder: Path) -> None:
     os.close(number)
 
 
-def cut(folder: Path, seconds: float) -> dict[str, Any]:
+def cut(folder: Path, seconds: float) -> dict:
     """A run whose disk stops, and what is left of its log."""
     image, disk, heard = folder / 'image', folder / 'disk', folder / 'heard.npy'
     run_quietly('truncate', '-s', '64M', image)

@@ -25,7 +25,6 @@ import zlib
 from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import numpy as np
 import zstandard
@@ -64,7 +63,7 @@ def bare_loop(seconds: float) -> dict[str, float]:
     return figures(late, len(lateness), tick - len(lateness), took)
 
 
-def figures(late: Any, ticks: int, missed: int, computed: float) -> dict[str, float]:
+def figures(late, ticks: int, missed: int, computed: float) -> dict[str, float]:
     """Of one slice: lateness, us, median, 99 % and largest; processor time, s."""
     p50, p99, most = map(float, late)
     words = {'p50_us': p50, 'p99_us': p99, 'max_us': most}
@@ -187,7 +186,7 @@ def check(path: Path) -> None:
             raise RuntimeError(f'{path} differs')
 
 
-def timed(run: Any) -> float:
+def timed(run) -> float:
     """Processor time of a call, s."""
     begin = time.process_time()
     run()

@@ -19,10 +19,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import rclpy
@@ -82,7 +80,7 @@ def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float,
 
 
 @contextmanager
-def server() -> Iterator[str]:
+def server():
     """Rerun's server without a window; yields its URL."""
     _, port, _ = free_address('127.0.0.1')
     words = ['--serve-grpc', '--bind', '127.0.0.1', '--port', str(port)]
@@ -115,7 +113,7 @@ def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, 
     return found
 
 
-def account(path: Path, heard: Path, output: str) -> dict[str, Any]:
+def account(path: Path, heard: Path, output: str) -> dict:
     """Counts what was published, logged and heard, and checks the log."""
     published, missed = map(
         int, re.findall(r'(\d+) states published, (\d+) ticks? missed', output)[0]
@@ -142,7 +140,7 @@ def account(path: Path, heard: Path, output: str) -> dict[str, Any]:
     }
 
 
-def promises(figures: dict[str, Any]) -> dict[str, bool]:
+def promises(figures: dict) -> dict[str, bool]:
     """Whether each promise is kept."""
     return {
         'every tick is a state or counted as missed': figures['ticks']

@@ -3,7 +3,6 @@
 """The figures of realtime.py as a page: docs/timing.md is made by this and never by hand."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 CONTENDERS = {
     'bare loop': 'bare loop of sleeps',
@@ -59,14 +58,12 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return '\n'.join([lines[0], f'|---{"|--:" * (len(head) - 1)}|', *lines[1:]])
 
 
-def per_tick(record: dict[str, Any]) -> float:
+def per_tick(record: dict) -> float:
     """Processor time of a tick, us."""
     return float(1e6 * record['cpu_seconds'] / record['ticks'])
 
 
-def _limits(
-    ticks: Sequence[dict[str, Any]], logs: Sequence[dict[str, Any]]
-) -> Iterator[tuple[str, float, float]]:
+def _limits(ticks: Sequence[dict], logs: Sequence[dict]) -> Iterator[tuple[str, float, float]]:
     """Each limited quantity with its measured value and its limit."""
     found = {record['contender']: record for record in ticks}
     cost = {name: per_tick(record) for name, record in found.items()}
@@ -85,12 +82,12 @@ def _limits(
             yield f'{key[1]}, {key[0]}, over compression', record['over_compression'], most[key]
 
 
-def limits(ticks: Sequence[dict[str, Any]], logs: Sequence[dict[str, Any]]) -> dict[str, bool]:
+def limits(ticks: Sequence[dict], logs: Sequence[dict]) -> dict[str, bool]:
     """Whether each limit holds."""
     return {words: value <= most for words, value, most in _limits(ticks, logs)}
 
 
-def page(ticks: Sequence[dict[str, Any]], logs: Sequence[dict[str, Any]]) -> str:
+def page(ticks: Sequence[dict], logs: Sequence[dict]) -> str:
     """The page."""
     late = 'late, us: median', '99 %', 'largest'
     keys = 'p50_us', 'p99_us', 'max_us'

@@ -175,42 +175,27 @@ def looked_up(links: Links, crank: Real) -> Place:
 # ---------------------------------------------------------------- the loop
 
 
-class Arms(NamedTuple):
+def _arms(links: Links, crank: Real, place: Place) -> tuple[Vector, ...]:
     """The vectors of a loop, m.
 
-    Attributes:
-        crank: From A0 to A.
-        coupler: From A to B.
-        output: From B0 to B, or along the guide.
-        slope: Derivative of B by the output.
-        gap: By how much the loop does not close.
-        over: -1 / (coupler . slope), 1/m^2, or 1/m where the output slides.
+    From A0 to A, from A to B, and from B0 to B or along the guide; the derivative of B by the
+    output; the gap.
     """
+    coupler, output = place
+    first, second = Vector.at(crank) * links.r, _direction(coupler) * links.b
+    frame = Vector.at(links.angle)
+    if links.c is None:
+        start, third, slope = frame.left() * links.d, frame * output, frame
+    else:
+        start, third = frame * links.d, _direction(output) * links.c
+        slope = third.left()
+    return first, second, third, slope, first + second - start - third
 
-    crank: Vector
-    coupler: Vector
-    output: Vector
-    slope: Vector
-    gap: Vector
-    over: Real
 
-    @classmethod
-    def at(cls, links: Links, crank: Real, place: Place) -> Arms:
-        """The vectors at a position."""
-        coupler, output = place
-        first, second = Vector.at(crank) * links.r, _direction(coupler) * links.b
-        frame = Vector.at(links.angle)
-        if links.c is None:
-            start, third, slope = frame.left() * links.d, frame * output, frame
-        else:
-            start, third = frame * links.d, _direction(output) * links.c
-            slope = third.left()
-        over = -1.0 / dot(second, slope)
-        return cls(first, second, third, slope, first + second - start - third, over)
-
-    def solve(self, right: Vector) -> Pair:
-        """The changes of coupler and output that move the gap by a vector: Cramer's rule."""
-        return cross(right, self.slope) * self.over, dot(self.coupler, right) * self.over
+def _closing(coupler: Vector, slope: Vector, gap: Vector) -> Pair:
+    """The changes of coupler and output that move the gap by a vector: Cramer's rule."""
+    over = -1.0 / dot(coupler, slope)
+    return cross(gap, slope) * over, dot(coupler, gap) * over
 
 
 def _direction(link: Real | Vector) -> Vector:
@@ -230,8 +215,8 @@ def posed(links: Links, crank: Real, place: Place, first: Pair, second: Pair) ->
 
 def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple[Real, ...]:
     """Changes of coupler and output that close the loop to first order; and its present gap."""
-    arms = Arms.at(links, crank, (coupler, output))
-    return (*arms.solve(-arms.gap), *arms.gap)
+    _, arm, _, slope, gap = _arms(links, crank, (coupler, output))
+    return (*_closing(arm, slope, -gap), *gap)
 
 
 # ---------------------------------------------------------------- rates
@@ -243,14 +228,13 @@ def two_by_two(links: Links, crank: Real, locate: Locate) -> Rates:
     Document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
     """
     position = locate(crank)
-    arms = Arms.at(links, crank, position)
-    turn, move = first = (
-        dot(arms.crank, arms.slope) * arms.over, cross(arms.coupler, arms.crank) * arms.over,
-    )  # fmt: skip
-    right = arms.crank + arms.coupler * (turn * turn)
+    arm, coupler, output, slope, _ = _arms(links, crank, position)
+    over = -1.0 / dot(coupler, slope)
+    turn, move = first = dot(arm, slope) * over, cross(coupler, arm) * over
+    right = arm + coupler * (turn * turn)
     if links.c is not None:
-        right -= arms.output * (move * move)
-    return position, first, arms.solve(right)
+        right -= output * (move * move)
+    return position, first, _closing(coupler, slope, right)
 
 
 def central_differences(links: Links, crank: Real, locate: Locate) -> Rates:
