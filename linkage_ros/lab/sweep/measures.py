@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -19,6 +19,7 @@ from linkage_ros.lab.sweep.designs import groups
 from linkage_ros.lab.torque_models import driving_torque
 from linkage_ros.model.four_bar import FourBarLoop
 from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.transmission import Transmission
 from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import radians_per_second
 
@@ -82,20 +83,19 @@ class Batch:
     """
 
     def __init__(
-        self, constants: Constants, speed: Array, transmission_angle: Array, task: Task
+        self, constants: Constants, transmission: Transmission, speed: Array, task: Task
     ) -> None:
         """Takes designs.
 
         Args:
             constants: Those of the model; behind it a coupler point, or None, and the joints.
+            transmission: Those of the transmission angle.
             speed: Crank speeds, of shape (designs, 1), rad/s.
-            transmission_angle: Smallest ones, as acute angles, deg.
             task: Number of angles, and points.
         """
-        self._constants, self._speed, self._points = constants, speed, task.points
-        self.transmission_angle = transmission_angle
-        roots = constants.tree[0].loop.transmission
-        straight = [square.least is ZERO for square in (roots.cos, roots.sin)]
+        self._constants, self._transmission = constants, transmission
+        self._speed, self._points = speed, task.points
+        straight = [square.least is ZERO for square in (transmission.cos, transmission.sin)]
         self._has_change_point, turns = any(straight), 2 if sum(straight) == 1 else 1
         self._step = 2 * math.pi / task.angles
         self._angles = (np.arange(turns * task.angles) + 0.5) * self._step
@@ -146,6 +146,11 @@ class Batch:
         rest = len(self._angles) * self._step - way
         return np.maximum(way, rest) / np.minimum(way, rest)
 
+    def transmission_angle(self) -> Array:
+        """Smallest transmission angle, as an acute one, deg."""
+        low, high = self._transmission.extremes()
+        return cast('Array', np.degrees(np.minimum(low, math.pi - high)).ravel())
+
     def point_distance(self) -> Array:
         """Largest distance of the given points from the path of the coupler point, m."""
         x, y = self._run(_path_of, self._angles)
@@ -189,9 +194,7 @@ MEASURES = {
     'time_ratio': Measure(
         '', 'longer to shorter crank rotation between reversals', Batch.time_ratio
     ),
-    'transmission_angle': Measure(
-        'deg', 'smallest transmission angle', lambda x: x.transmission_angle
-    ),
+    'transmission_angle': Measure('deg', 'smallest transmission angle', Batch.transmission_angle),
     'point_distance': Measure(
         'm', 'largest distance of a given point from the coupler curve', Batch.point_distance,
         _POINTS,
@@ -232,12 +235,15 @@ def measure(task: Task, designs: Array) -> Array:
     with np.errstate(all='ignore'):
         for rows, model, constants in groups(task.mechanism, columns, len(designs)):
             transmission = cast('FourBarLoop', model.loop).transmission
-            low, high = transmission.extremes()
-            acute = np.degrees(np.minimum(low, math.pi - high)) + 0 * rows[:, None]
             for start in range(0, len(rows) if transmission.turns_fully else 0, at_once):
                 part = slice(start, start + at_once)
                 speed: Real = radians_per_second(rpms[rows[part], None])
-                batch = Batch(constants.part(part), speed, acute[part, 0], task)
+                own = transformed(partial(_part, part), transmission)
+                batch = Batch(constants.part(part), own, speed, task)
                 measured = [MEASURES[name].of(batch) for name in task.measures]
                 found[rows[part]] = np.column_stack([np.ones(len(speed)), *measured])
     return found
+
+
+def _part(rows: slice, value: Any) -> Any:
+    return value[rows] if isinstance(value, np.ndarray) else value
