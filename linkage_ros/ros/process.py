@@ -100,6 +100,9 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
                 raise ConfigurationError(
                     f'{path} is a preset, and --params-file takes a path: {preset_path(path)}'
                 )
+            # Of a pipe, rcl would read, or wait for, what is read here.
+            if path_exists(path) and not Path(path).is_file():
+                raise ConfigurationError(f'{path} is no file: give the path of a parameter file')
             read_parameter_file(path, f'{given.get("__ns", "")}/{name}')
 
 
