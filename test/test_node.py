@@ -107,37 +107,29 @@ def test_memory_stays_below_130_mb_and_the_start_line_names_the_preset(run):
     assert 'Traceback' not in output
 
 
-def test_rpm_is_set_live_and_sigterm_ends_with_a_complete_log(tmp_path):
-    path = tmp_path / 'run.mcap'
-    arguments = node_arguments(log=path, crank_acceleration='40.0', rate_hz='1000.0')
-    with watched([STATES], *arguments) as (listener, process):
-        listener.await_more(100)
-        assert set_parameter(listener, 'rpm', type=2, integer_value=-60).successful
-        wait_for(lambda: decoded(listener.received[STATES][-1:])[0][1][3] < -6.28)
-        assert set_parameter(listener, 'rpm', type=3, double_value=0.5).successful
-        listener.await_more(100)
-        code, output = stop(process, signal.SIGTERM)
-    assert (code, 'Traceback' in output) == (0, False)
-    log, messages = logged(path)
-    assert len(messages[STATES]) >= len(listener.received[STATES])
-    assert [segment.rpm for segment in log.motions] == [150.0, -60.0, 0.5]
-    with LogReader(path) as log:
-        assert verify(log).difference == ''
-
-
-def test_a_namespace_moves_topics_and_log_and_sighup_ends_with_a_complete_log(tmp_path):
+@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGHUP])
+def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tmp_path, number):
     path, states = tmp_path / 'run.mcap', '/left/joint_states'
-    arguments = [*node_arguments(log=path), '-r', '__ns:=/left', '-r', 'driving_torque:=torque']
+    arguments = node_arguments(log=path, crank_acceleration='40.0', rate_hz='1000.0')
+    arguments += ['-r', '__ns:=/left', '-r', 'driving_torque:=torque']
     with watched([states, '/diagnostics'], *arguments) as (listener, process):
-        listener.await_more(1, states)
-        listener.await_more(1, '/diagnostics')
-        assert stop(process, signal.SIGHUP)[0] == 0
+        listener.await_more(100, states)
+        for value in ({'type': 2, 'integer_value': -60}, {'type': 3, 'double_value': 0.5}):
+            assert set_parameter(listener, 'rpm', '/left', **value).successful
+            if 'integer_value' in value:
+                wait_for(lambda: decoded(listener.received[states][-1:])[0][1][3] < -6.28)
+        listener.await_more(100, states)
+        code, output = stop(process, number)
+    assert (code, 'Traceback' in output) == (0, False)
     told = deserialize_message(listener.received['/diagnostics'][0], DiagnosticArray)
     assert told.status[0].name == 'left/linkage_node: motion'
-    log, _ = logged(path)
-    names = {topic.name for topic in log.topics}
+    log, messages = logged(path)
+    assert len(messages[states]) >= len(listener.received[states])
+    assert [segment.rpm for segment in log.motions] == [150.0, -60.0, 0.5]
     moved = 'joint_states', 'torque', 'mechanism_state', 'coupler_point', 'robot_description'
-    assert names == {'/diagnostics', *(f'/left/{name}' for name in moved)}
+    assert set(messages) == {'/diagnostics', *(f'/left/{name}' for name in moved)}
+    with LogReader(path) as log:
+        assert verify(log).difference == ''
 
 
 # ---------------------------------------------------------------- refusals and help

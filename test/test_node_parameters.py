@@ -24,8 +24,8 @@ RPM = -42.5
 FIELDS = {1: 'bool', 2: 'integer', 3: 'double', 4: 'string', 8: 'double_array'}
 
 
-def call(listener, kind, name, request):
-    client = listener.node.create_client(kind, f'/linkage_node/{name}')
+def call(listener, kind, name, request, namespace=''):
+    client = listener.node.create_client(kind, f'{namespace}/linkage_node/{name}')
     assert client.wait_for_service(20.0)
     future = client.call_async(request)
     wait_for(future.done)
@@ -33,10 +33,10 @@ def call(listener, kind, name, request):
     return future.result()
 
 
-def set_parameter(listener, name, **value):
+def set_parameter(listener, name, namespace='', **value):
     parameter = Parameter(name=name, value=ParameterValue(**value))
     request = SetParameters.Request(parameters=[parameter])
-    return call(listener, SetParameters, 'set_parameters', request).results[0]
+    return call(listener, SetParameters, 'set_parameters', request, namespace).results[0]
 
 
 @pytest.fixture(scope='module')

@@ -17,7 +17,6 @@ from ros_harness import CODEC, assert_refused, command, decoded, logged, wait_fo
 
 from linkage_ros import ConfigurationError, Solver
 from linkage_ros import record as record_module
-from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import count_states, record
@@ -112,14 +111,6 @@ def test_many_states_at_once_have_the_bits_of_each_alone(name, changes, start):
     assert rows == b''.join(simulator.snapshot_at(alone, s).row(s) for s in stamps)
 
 
-def test_topics_are_the_nodes(out):
-    record(preset(), out, duration=0.01)
-    with LogReader(out) as log:
-        found = [(topic.name, topic.messages) for topic in log.topics]
-    states = [STATES, '/driving_torque', '/mechanism_state', '/coupler_point']
-    assert found == [*((name, 2) for name in states), ('/robot_description', 1)]
-
-
 # ---------------------------------------------------------------- how much
 
 
@@ -153,14 +144,11 @@ def test_a_duration_typed_as_whole_ticks_holds_so_many_states(rate):
     assert {ticks: count for ticks, count in found.items() if count != ticks} == {}
 
 
-@pytest.mark.parametrize('duration', [1, 1.0, np.float64(1.0), np.float32(1.0)], ids=repr)
+@pytest.mark.parametrize('duration', [1, 1.0, np.float64(1.0), np.float32(1.0), None], ids=repr)
 def test_record_writes_as_many_states_as_it_says(out, duration):
-    assert record(preset(rate_hz=7.7), out, duration=duration) == 8
-    assert len(states_of(out)) == brute_count(7.7, 1.0) == 8
-
-
-def test_ten_seconds_are_the_default(out):
-    assert record(preset(rate_hz=10.0), out) == 100
+    seconds = 10.0 if duration is None else 1.0
+    count = record(preset(rate_hz=7.7), out, duration=duration)
+    assert count == len(states_of(out)) == brute_count(7.7, seconds)
 
 
 @pytest.mark.parametrize(
@@ -233,18 +221,16 @@ def test_the_command_says_what_it_wrote(called, out):
 
 
 def test_a_parameter_file_is_recorded_with_its_own_values(called, out, params):
-    params.write_text(layout(rpm='60', rate_hz='20', log_overwrite='true'))
-    out.touch()  # to be replaced, as the file says
-    assert called(record_module, params, out, '--duration', 1)[::2] == (0, '')
-    assert logged(out)[0].configuration.drive.rpm == 60.0
-    assert len(states_of(out)) == 20
-
-
-def test_a_file_without_a_mechanism_runs_the_preset_and_says_so(called, out, params):
-    params.write_text('/**:\n  ros__parameters:\n    rpm: 60.0\n')
-    code, said, _ = called(record_module, params, out, '--duration', 0.1)
-    assert (code, 'quadrilateral' in said) == (0, True)
-    assert logged(out)[0].configuration.mechanism == load('quadrilateral').mechanism
+    """Without a mechanism they change the preset, which the command says."""
+    alone = '/**:\n  ros__parameters: {rpm: 60, rate_hz: 20, log_overwrite: true}\n'
+    for text in (layout(rpm='60', rate_hz='20', log_overwrite='true'), alone):
+        params.write_text(text)
+        out.write_bytes(b'')  # to be replaced, as the file says
+        code, said, errors = called(record_module, params, out, '--duration', 1)
+        assert (code, errors, 'no mechanism given' in said) == (0, '', text == alone)
+        configuration = logged(out)[0].configuration
+        assert (configuration.drive.rpm, len(states_of(out))) == (60.0, 20)
+    assert configuration.mechanism == load('quadrilateral').mechanism
 
 
 def test_an_existing_file_is_kept_unless_asked(called, out):
