@@ -8,7 +8,6 @@ each program takes about a second.
 
 import ast
 import functools
-import itertools
 import math
 import re
 from collections.abc import Callable
@@ -42,8 +41,7 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
     given = np.array([row.ravel() for row in rows], dtype=np.float64)
     tree = program.tape.result
     found = np.empty((len(leaves(tree)), given.shape[1]))
-    numbers = itertools.compress(program.constants.numbers, program.code().used)
-    constants = (x if isinstance(x, float) else math.nan for x in numbers)
+    constants = (x if isinstance(x, float) else math.nan for x in program.constants.numbers)
     refused = _loop(program.source)(*constants, given, found)
     if refused >= 0 and given.size:
         program.scalar(*given[:, refused].tolist())

@@ -44,7 +44,6 @@ class Writer:
 
     Attributes:
         namespace: Named tuples used in the text.
-        used: For each number of the constants, whether the text uses it.
     """
 
     def __init__(self, tape: Tape, arrays: frozenset[str], head: tuple[str, ...]) -> None:
@@ -63,7 +62,6 @@ class Writer:
             live.update(lines[i].operands if i in live else ())
         self._live = sorted(live)
         self._reads = collections.Counter([*result, *(x for i in live for x in lines[i].operands)])
-        self.used = [i in live for i, line in enumerate(lines) if line.operation == 'constant']
         self._inner: set[int] = set()  # lines that depend on inputs
         self._varying: set[int] = set()  # lines that are arrays
         for i in self._live:
@@ -86,9 +84,10 @@ class Writer:
             (i in self._inner, self._statement(i)) for i in self._live if i not in self._words
         ]
         before, within = ([x for part, x in written if x and part == wanted] for wanted in (0, 1))
-        numbers = [line.text for line in tape.lines if line.operation == 'constant']
-        constants = ', '.join(itertools.compress(numbers, self.used))
-        inputs = ', '.join(line.text for line in tape.lines if line.operation == 'input')
+        constants, inputs = (
+            ', '.join(line.text for line in tape.lines if line.operation == kind)
+            for kind in ('constant', 'input')
+        )
         program = [
             *(self._head or [f'def {tape.title}({inputs}):']),
             *within,
@@ -159,21 +158,19 @@ class Code(NamedTuple):
 
     Attributes:
         text: Source code of the functions `bind` and `program`.
-        used: For each number of the constants, whether it is used.
         bind: Computes what depends on constants alone, by name.
         program: The program, with texts of these names in place of numbers.
         space: The other names that it reads.
     """
 
     text: str
-    used: list[bool]
     bind: Callable[..., dict[str, Any]]
     program: Any
     space: dict[str, Any]
 
     def bound(self, numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
         """The program with numbers in it: Python reads these faster than variables."""
-        values = self.bind(*itertools.compress(numbers, self.used))
+        values = self.bind(*numbers)
         code, space = self.program.__code__, {**self.space, **values, **others}
         code = code.replace(co_consts=transformed(lambda x: values.get(x, x), code.co_consts))
         return FunctionType(code, space, code.co_name, self.program.__defaults__)
@@ -195,7 +192,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     text = bind + program
     linecache.cache[path] = len(text), None, text.splitlines(keepends=True), path
     name = program[len('def ') : program.index('(')]
-    return Code(text, writer.used, space.pop('bind'), space.pop(name), space)
+    return Code(text, space.pop('bind'), space.pop(name), space)
 
 
 class Program:
@@ -206,6 +203,7 @@ class Program:
     Attributes:
         formula: The formula.
         constants: Constants bound to the formula.
+        names: Names of the scalar arguments, in order.
     """
 
     def __init__(
@@ -219,11 +217,7 @@ class Program:
             arguments: The names of the arguments.
         """
         self.formula, self.constants, self._arguments = formula, constants, arguments
-
-    @functools.cached_property
-    def names(self) -> list[str]:
-        """Names of the scalar arguments, in order."""
-        return leaves(self._arguments)
+        self.names: list[str] = leaves(arguments)
 
     @functools.cached_property
     def scalar(self) -> Callable[..., Any]:

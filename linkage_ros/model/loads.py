@@ -3,8 +3,10 @@
 """Loads on the links of a mechanism: each gives a generalised force for every link it acts on.
 
 The power of a load is the sum of its forces times the links' rates, so that a link that turns gets
-a torque about its own axis, and a link that slides a force along its guide. Loads are named tuples
-of floats; in formulas a term that is not there is ZERO.
+a torque about its own axis, and a link that slides a force along its guide. Viscous friction in a
+pin would be such a load, too: -c times the relative rate of its two links on one of them, and the
+opposite on the other. Loads are named tuples of floats; in formulas a term that is not there is
+ZERO.
 """
 
 import math
