@@ -119,14 +119,6 @@ def test_change_points_are_neared_as_closely_as_doubles_can(name):
         assert max(worst_errors(solver, close)) < 1e-13
 
 
-@pytest.mark.parametrize('halves', [1, -1, -7, 315, -318])
-@pytest.mark.parametrize('name', ['p0', 'q0_rocker_longest', 'kite_r_d', 'upper', 'lower'])
-def test_branch_is_that_of_the_nearest_turn_of_frame_or_guide(name, halves):
-    """The double nearest to 3 pi lies below it: it stands for almost pi, not for -pi."""
-    solver = Solver(of(CHANGE_POINTS[name], halves * math.pi))
-    assert max(worst_errors(solver, [-2.0, 1.0, 5.0])) < 1e-13
-
-
 @pytest.mark.parametrize(
     'text',
     ['.1 .2 .3 .4', '.1 .4 .2 .3', '.3 .4 .2 .1', '.1 .7 .3 .5', '.2 .3 .2 .3', '.1 .25 .4 .25',
@@ -189,14 +181,23 @@ def test_nearly_concentric_linkage_in_decimals_loses_only_what_its_doubles_lose(
     assert max(errors) < max(1e-13, 4 * math.ulp(1.0) / float(gap))
 
 
-@pytest.mark.parametrize(
-    'lengths',
-    [*(tuple(unit * x for x in FULL[name]) for unit in (1e-6, 1e6) for name in FULL),
-     (1e-2, 1, 1.2, 0.9), (1e-8, 1, 1.2, 0.9), (0.9, 1, 1.2, 1e-2), (0.9, 1, 1.2, 1e-8),
-     (1e-8, 1, 0.4), (0.7, 1, 1e-8), (1e-8, 1 + 2e-8, -1)],
-)  # fmt: skip
-def test_tiny_huge_and_odd_proportions_keep_all_digits(lengths):
-    assert max(worst_errors(Solver(of(lengths)), [-3.0, 0.3, 1.0, 4.0])) < 1e-13
+# Odd proportions, and directions of frame or guide that are odd multiples of pi. The
+# double nearest to 3 pi lies below it: it stands for almost pi, not for -pi.
+ODD = [
+    *((tuple(unit * x for x in FULL[name]), 0.3) for unit in (1e-6, 1e6) for name in FULL),
+    *((lengths, 0.3) for lengths in (
+        (1e-2, 1, 1.2, 0.9), (1e-8, 1, 1.2, 0.9), (0.9, 1, 1.2, 1e-2), (0.9, 1, 1.2, 1e-8),
+        (1e-8, 1, 0.4), (0.7, 1, 1e-8), (1e-8, 1 + 2e-8, -1),
+    )),
+    *((CHANGE_POINTS[name], halves * math.pi)
+      for name in ('p0', 'q0_rocker_longest', 'kite_r_d', 'upper', 'lower')
+      for halves in (1, -1, -7, 315, -318)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('lengths', 'angle'), ODD)
+def test_odd_proportions_and_directions_keep_all_digits(lengths, angle):
+    assert max(worst_errors(Solver(of(lengths, angle)), [-3.0, 0.3, 1.0, 4.0])) < 1e-13
 
 
 @pytest.mark.parametrize('offset', [1e-300, -1e-17, 4e-16])
