@@ -4,13 +4,12 @@
 
 import json
 import struct
-from io import BytesIO
 
 from hostile import NUMBERS, TEXTS, mutated
 from hostile_bombs import MAGIC, bombs, resummed
-from mcap.records import Channel, Header, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.records import Message, MessageIndex, Metadata
+from mcap.writer import CompressionType, IndexType
+from mcap_records import packed_records, records_of
 
 from linkage_ros.log.metadata import seal
 from linkage_ros.log.writer import LogWriter
@@ -21,16 +20,18 @@ from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 # Where a length, a count, an offset or a time is expected.
 WHOLE = (0, 1, 7, 8, 255, 2**15, 2**16 - 1, 2**24, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
+WORDS = [struct.pack('<Q', n) for n in WHOLE] + [struct.pack('<d', n) for n in NUMBERS]
+
+TORQUE = {**load('quadrilateral').parameters(), 'drive': 'torque', 'motor.torque': 1.0}
+for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time',
+             'trajectory_command_topic', 'trajectory_horizon'):  # fmt: skip
+    del TORQUE[name]
 
 
 def good_logs(folder):
     """Small logs of each kind of mechanism and drive, live ones and records: their bytes."""
     changed = {**load('quadrilateral').parameters(), 'crank_acceleration': 7.1, 'rate_hz': 50.0}
-    torque = {**load('quadrilateral').parameters(), 'drive': 'torque', 'motor.torque': 1.0}
-    for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time',
-                 'trajectory_command_topic', 'trajectory_horizon'):  # fmt: skip
-        torque.pop(name)
-    runs = [configure(changed), configure(torque), load('compressor'), load('wind_pump')]
+    runs = [configure(changed), configure(TORQUE), load('compressor'), load('wind_pump')]
     return [_run(folder / f'{n}.mcap', run, live=n < 2) for n, run in enumerate(runs)]
 
 
@@ -52,9 +53,8 @@ def _run(path, configuration, *, live):
                 motion = motion.change(stamp, -20.0)
                 log.flush()
                 log.write_motion(motion.segment)
-            for channel, data in zip(
-                channels, simulator.snapshot_at(motion, stamp).messages, strict=True
-            ):
+            messages = simulator.snapshot_at(motion, stamp).messages
+            for channel, data in zip(channels, messages, strict=True):
                 log.write(channel, stamp, data)
     return path.read_bytes()
 
@@ -66,9 +66,8 @@ def log_file(rng, logs):
         return rng.choice(bombs())()
     if draw < 0.5:
         return forged(rng, data)
-    words = [struct.pack('<Q', number) for number in WHOLE] + [MAGIC, b'\x06', b'\x0c']
     for _ in range(rng.randint(1, 5)):
-        data = mutated(rng, data, words) or data
+        data = mutated(rng, data, [*WORDS, MAGIC, b'\x06', b'\x0c']) or data
     return resummed(data) if draw < 0.8 else data
 
 
@@ -80,95 +79,48 @@ def forged(rng, data):
         if rng.random() < 0.5:  # messages are many, the others tell more
             number = rng.choice([n for n, r in enumerate(records) if not isinstance(r, Message)])
         kind = rng.randrange(8)
-        if kind == 0:
+        if kind == 0 and number:
             del records[number]
         elif kind == 1:
-            records.insert(rng.randrange(len(records)), records[number])
+            records.insert(rng.randrange(1, len(records)), records[number])
         else:
             _forge(rng, records[number])
-    return written(rng, records)
+    packing = rng.choice((CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE))
+    index = rng.choice((IndexType.ALL, IndexType.ALL, IndexType.NONE, IndexType.METADATA))
+    return packed_records(
+        records, chunk_size=rng.choice((1, 500, 1 << 20)), compression=packing,
+        use_chunking=rng.random() < 0.9, index_types=index, enable_crcs=rng.random() < 0.9,
+    )  # fmt: skip
 
 
 def bare(data):
     """A log as it is, but neither packed nor with a checksum."""
-    return written(None, _records(data))
+    return packed_records(_records(data), compression=CompressionType.NONE, enable_crcs=False)
 
 
 def _records(data):
-    """What is in a log, each schema and channel once."""
-    found, numbers = [], set()
-    for record in StreamReader(BytesIO(data)).records:
-        number = type(record), getattr(record, 'id', len(found))
-        if isinstance(record, (Header, Schema, Channel, Message, Metadata)):
-            if number not in numbers:
-                found.append(record)
-            numbers.add(number)
-    return found
+    return [record for record in records_of(data) if not isinstance(record, MessageIndex)]
 
 
 def _forge(rng, record):
-    if isinstance(record, Message):
-        if rng.random() < 0.6:
-            size = rng.choice((1, 2, 4, 8))
-            value = rng.choice(
-                (struct.pack('<d', rng.choice(NUMBERS)), struct.pack('<Q', rng.choice(WHOLE)))
-            )
-            at = rng.randrange(len(record.data) // size + 1) * size
-            record.data = record.data[:at] + value[:size] + record.data[at + size :]
-            record.data = rng.choice(
-                (record.data, record.data, record.data[:at], record.data * 50)
-            )
-        else:
-            field = rng.choice(('log_time', 'publish_time', 'channel_id'))
-            most = 2**16 if field == 'channel_id' else 2**64
-            setattr(record, field, rng.choice(WHOLE) % most)
-    elif isinstance(record, Metadata):
-        fields = {name: text for name, text in record.metadata.items() if name != 'crc32'}
-        name = rng.choice([*fields, 'before', 'torque', 'rpm', 'x', rng.choice(TEXTS)])
-        value = rng.choice(
-            (*TEXTS, *map(json.dumps, NUMBERS), *map(str, WHOLE), *map(json.dumps, TEXTS))
-        )
-        fields[plain(name)] = plain(value)
-        record.metadata = seal(fields)
-    elif isinstance(record, Channel):
-        field = rng.choice(('topic', 'message_encoding', 'schema_id'))
-        value = rng.choice(WHOLE) % 2**16 if field == 'schema_id' else plain(rng.choice(TEXTS))
-        setattr(record, field, value)
-    elif isinstance(record, Schema):
-        field = rng.choice(('name', 'encoding'))
-        setattr(record, field, plain(rng.choice((*TEXTS, 'sensor_msgs/msg/JointState'))))
+    """Gives a field of a record another value of its type."""
+    name = rng.choice(list(vars(record)))
+    value = getattr(record, name)
+    if isinstance(value, int):
+        value = rng.choice(WHOLE) % 2 ** (16 if name.endswith('id') else 64)
+    elif isinstance(value, str):
+        value = plain(rng.choice((*TEXTS, 'sensor_msgs/msg/JointState')))
+    elif isinstance(value, bytes):
+        value = mutated(rng, value, WORDS)
+    else:
+        fields = {key: text for key, text in value.items() if key != 'crc32'}
+        key = rng.choice([*fields, 'before', 'torque', 'rpm', 'x', rng.choice(TEXTS)])
+        texts = *TEXTS, *map(json.dumps, NUMBERS), *map(str, WHOLE), *map(json.dumps, TEXTS)
+        fields[plain(key)] = plain(rng.choice(texts))
+        value = seal(fields) if isinstance(record, Metadata) else fields
+    setattr(record, name, value)
 
 
 def plain(text):
     """MCAP's texts are UTF-8."""
     return text.encode('utf-8', 'replace').decode()
-
-
-def written(rng, records):
-    """Records as a file, packed in one way or another, or without rng not at all."""
-    stream = BytesIO()
-    writer = Writer(stream, compression=CompressionType.NONE, enable_crcs=False)
-    if rng is not None:
-        packing = rng.choice((CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE))
-        index = rng.choice((IndexType.ALL, IndexType.ALL, IndexType.NONE, IndexType.METADATA))
-        writer = Writer(
-            stream, chunk_size=rng.choice((1, 500, 1 << 20)), compression=packing,
-            use_chunking=rng.random() < 0.9, index_types=index, enable_crcs=rng.random() < 0.9,
-        )  # fmt: skip
-    writer.start('ros2', 'forged')
-    numbers = {0: 0}
-    for item in records:
-        if isinstance(item, Schema):
-            numbers[item.id] = writer.register_schema(item.name, item.encoding, item.data)
-        elif isinstance(item, Channel):
-            schema = numbers.get(item.schema_id, item.schema_id)
-            writer.register_channel(item.topic, item.message_encoding, schema, item.metadata)
-        elif isinstance(item, Message):
-            try:
-                writer.add_message(item.channel_id, item.log_time, item.data, item.publish_time)
-            except KeyError:  # of no channel: mcap does not even write that
-                continue
-        elif isinstance(item, Metadata):
-            writer.add_metadata(item.name, item.metadata)
-    writer.finish()
-    return stream.getvalue()

@@ -6,7 +6,6 @@ What other readers decode is in test_foreign_readers.py.
 """
 
 import errno
-import itertools
 import json
 import os
 import random
@@ -23,9 +22,8 @@ from pathlib import Path
 import pytest
 import yaml
 from mcap.reader import make_reader
-from mcap.records import Channel, DataEnd, Message, MessageIndex, Metadata, Schema
-from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, Writer
+from mcap_records import records_of, write_records
 from ros_harness import CODEC, assert_refused
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability
@@ -105,35 +103,6 @@ def written(log):
     layout = simulator.layout_of(enumerate(simulator.topics, 200))
     assert not list(log.rows(layout, found.append))
     return found
-
-
-def records_of(path):
-    """The records before the end of the data, the header first, as the mcap library reads them."""
-    with path.open('rb') as stream:
-        records = StreamReader(stream).records
-        return list(itertools.takewhile(lambda r: not isinstance(r, DataEnd), records))
-
-
-def write_records(path, records, **options):
-    """Writes records with the mcap library, all its checksums right."""
-    with path.open('wb') as stream:
-        writer = Writer(stream, **options)
-        writer.start(records[0].profile, records[0].library)
-        for item in records[1:]:
-            if isinstance(item, Schema):
-                writer.register_schema(item.name, item.encoding, item.data)
-            elif isinstance(item, Channel):
-                writer.register_channel(
-                    item.topic, item.message_encoding, item.schema_id, item.metadata
-                )
-            elif isinstance(item, Message):
-                writer.add_message(item.channel_id, item.log_time, item.data, item.publish_time)
-            elif isinstance(item, MessageIndex) or getattr(item, 'name', '') == END_RECORD:
-                writer.flush()
-            if isinstance(item, Metadata):
-                writer.add_metadata(item.name, item.metadata)
-        writer.finish()
-    return path
 
 
 def assert_one_line(caught):
@@ -296,34 +265,31 @@ def test_an_existing_file_is_kept_unless_it_is_to_be_replaced(path, tmp_path, ol
     assert write(target, overwrite=True).read_bytes() == path.read_bytes()
 
 
-@pytest.mark.parametrize('old', [b'/**:\n  ros__parameters:\n', b'x', MCAP0_MAGIC[:4]])
-def test_what_is_no_log_is_never_overwritten(tmp_path, old):
-    (target := tmp_path / 'p.yaml').write_bytes(old)
-    refused(target, r'p\.yaml is no log and is kept: choose another name', overwrite=True)
-    assert target.read_bytes() == old
+EXISTS, OTHER_FILE = 'exists already and is kept: choose another name', 'is no log and is kept'
+KEPT = {  # what is at the path, whether it is to be replaced, and the refusal
+    'parameters': (lambda p: p.write_bytes(b'/**:\n  ros__parameters:\n'), True, OTHER_FILE),
+    'text': (lambda p: p.write_bytes(b'x'), True, OTHER_FILE),
+    'half': (lambda p: p.write_bytes(MCAP0_MAGIC[:4]), True, OTHER_FILE),
+    'folder': (Path.mkdir, False, EXISTS),
+    'folder to replace': (Path.mkdir, True, 'cannot be written: Is a directory'),
+    'pipe': (os.mkfifo, False, EXISTS),
+    'loop': (lambda p: p.symlink_to(p), False, EXISTS),
+    'socket': (lambda p: os.mknod(p, stat.S_IFSOCK | 0o600), False, EXISTS),
+    'link': (lambda p: p.symlink_to('missing'), False, EXISTS),
+    'device': (lambda p: p.symlink_to('/dev/null'), False, EXISTS),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    'make',
-    [
-        Path.mkdir, os.mkfifo, lambda path: path.symlink_to(path),
-        lambda path: os.mknod(path, stat.S_IFSOCK | 0o600),
-    ],
-    ids=['folder', 'pipe', 'loop', 'socket'],
-)  # fmt: skip
-def test_what_overwriting_would_not_replace_needs_another_name(tmp_path, make):
+@pytest.mark.parametrize(('make', 'overwrite', 'words'), KEPT.values(), ids=KEPT)
+def test_what_is_there_is_kept_in_one_line(tmp_path, make, overwrite, words):
     make(tmp_path / 'run.mcap')
-    words = r'run\.mcap exists already and is kept: choose another name'
-    refused(tmp_path / 'run.mcap', words, overwrite=False)
+    before = os.lstat(tmp_path / 'run.mcap')
+    refused(tmp_path / 'run.mcap', rf'run\.mcap {words}', overwrite=overwrite)
+    assert os.lstat(tmp_path / 'run.mcap')[:8] == before[:8]
 
 
-def test_a_link_to_no_file_and_a_device_could_be_replaced(tmp_path):
-    link = tmp_path / 'run.mcap'
-    link.symlink_to(tmp_path / 'missing')
-    for target in (link, '/dev/null'):
-        refused(target, 'is kept: choose another name, or give --overwrite', overwrite=False)
-        LogWriter(target, CONFIGURATION, overwrite=True).close()
-    with LogWriter('/dev/null', CONFIGURATION, overwrite=True) as one:  # and by two runs at once
+def test_device_can_be_written_by_two_runs_at_once(tmp_path):
+    with LogWriter('/dev/null', CONFIGURATION, overwrite=True) as one:
         LogWriter('/dev/null', CONFIGURATION, overwrite=True).close()
         one.flush()
 
@@ -356,7 +322,7 @@ def test_a_file_system_without_locks_is_written_as_ever(path, tmp_path, monkeypa
     assert write(tmp_path / 'run.mcap').read_bytes() == path.read_bytes()
 
 
-@pytest.mark.parametrize('where', ['missing/run.mcap', 'file/run.mcap', 'x' * 300, '.'])
+@pytest.mark.parametrize('where', ['missing/run.mcap', 'file/run.mcap', 'x' * 300])
 def test_a_path_that_cannot_be_written_or_read_is_one_clear_error(tmp_path, where):
     (tmp_path / 'file').write_bytes(b'')
     refused(tmp_path / where, r'cannot be written: [A-Z]', overwrite=True)

@@ -10,8 +10,9 @@ from fractions import Fraction
 
 import pytest
 from mcap.records import Channel, Message, Metadata, Schema
+from mcap_records import records_of, write_records
 from ros_harness import assert_refused
-from test_log import records_of, spans, write_records
+from test_log import spans
 
 from linkage_ros import LogError, log_tool
 from linkage_ros.log.metadata import (
