@@ -5,8 +5,7 @@
 import random
 import re
 import resource
-import struct
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -115,19 +114,6 @@ def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, rec
             LogReader(tmp_path / 'broken.mcap')
 
 
-def test_index_with_a_wrong_bit_is_not_taken_for_a_message(whole, recovered):
-    indexes = spans(whole.data, 'message index')
-    assert len(indexes) > len(whole.chunks)
-    for start, _ in indexes[:: len(indexes) // 10]:
-        assert whole.data[start] == 0x07
-        done, saved, report = recovered(
-            bytes([*whole.data[:start], 0x05, *whole.data[start + 1 :]])
-        )
-        assert saved == whole.messages
-        assert done.places == 1
-        assert report.difference == ''
-
-
 @pytest.mark.parametrize('tail', [bytes, random.Random(4).randbytes], ids=['zeros', 'garbage'])
 def test_a_tail_that_never_reached_the_disk_is_left_out(whole, recovered, tail):
     cut = whole.chunks[4][0] + 100
@@ -139,72 +125,64 @@ def test_a_tail_that_never_reached_the_disk_is_left_out(whole, recovered, tail):
 # ---------------------------------------------------------------- damaged
 
 
-@pytest.mark.parametrize(
-    ('number', 'where', 'bits'),
-    [
-        *((2, where, 0x40) for where in ('data', 'crc', 'length', 'opcode', 'compression')),
-        *((number, where, 0x40) for number in (0, -1) for where in ('data', 'length', 'opcode')),
-        # An end of the data, a schema, an index: one wrong bit makes a chunk look like these.
-        *((2, 'opcode', 6 ^ opcode) for opcode in (0x02, 0x03, 0x0E, 0x0F)),
-    ],
-)
-def test_a_damaged_chunk_is_passed_over_and_the_others_kept(whole, recovered, number, where, bits):
-    data, good, counts = bytearray(whole.data), whole.messages, whole.counts
-    start, end = whole.chunks[number]
-    offset = {'data': (end - start) // 2, 'crc': 9 + 24, 'length': 2, 'opcode': 0}.get(where, 42)
-    data[start + offset] ^= bits
+def without(log, *lost):
+    """The messages of a log but for those of some chunks."""
+    kept = [span for n, span in enumerate(pairwise(log.counts)) if n not in lost]
+    return [message for first, end in kept for message in log.messages[first:end]]
+
+
+def in_chunk(number, where):
+    """Finds a byte of a chunk: an offset, or a share of its length."""
+
+    def place(log):
+        start, end = log.chunks[number]
+        return start + (where if isinstance(where, int) else int(where * (end - start)))
+
+    return place
+
+
+def in_record(kind, number, offset):
+    return lambda log: spans(log.data, kind)[number][0] + offset
+
+
+OPCODE, LENGTH, CHECKSUM, COMPRESSION, LAST = 0, 2, 33, 42, 5
+# Where one byte is damaged, its bits, the chunks that are lost, and whether a motion is.
+DAMAGE = {
+    **{f'chunk {n}, {where}': (in_chunk(n, where), 0x40, [n], False)
+       for n in (0, 2, LAST) for where in (0.5, OPCODE, LENGTH, CHECKSUM, COMPRESSION)},
+    # An end of the data, a schema, an index: one wrong bit makes a chunk look like these.
+    **{f'chunk as {opcode}': (in_chunk(2, OPCODE), 6 ^ opcode, [2], False)
+       for opcode in (0x02, 0x03, 0x07, 0x0E, 0x0F)},
+    # An index that looks like a message, and lengths that swallow what lies behind.
+    **{f'index {n}': (in_record('message index', n, 0), 7 ^ 5, [], False) for n in (0, 9, 20)},
+    **{f'length, bit {bit}': (in_record('metadata', 3, 1 + bit // 8), 1 << bit % 8, [], True)
+       for bit in (12, 16, 21)},
+    'motion': (in_record('metadata', 2, 80), 1, [], True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(('place', 'bits', 'lost', 'moved'), DAMAGE.values(), ids=DAMAGE)
+def test_damage_is_passed_over_and_all_else_kept(whole, recovered, place, bits, lost, moved):
+    data = bytearray(whole.data)
+    data[place(whole)] ^= bits
     done, saved, report = recovered(data)
-    last, number = number == -1, number % len(whole.chunks)
-    assert saved == good[: counts[number]] + good[counts[number + 1] :]
+    assert len(whole.chunks) == LAST + 1
+    assert saved == without(whole, *lost)
     assert (done.places, done.unknown) == (1, 0)
-    assert done.damaged >= end - start
-    assert report.difference == ''
-    assert (report.missed > 5) == (not last)
-    assert report.absent == (('robot_description',) if number == 0 else ())
+    assert (report.difference != '') == moved
+    assert (report.missed > 5) == (lost in ([0], [2]))
 
 
-@pytest.mark.parametrize('bit', [12, 16, 21])
-def test_a_length_that_swallows_what_lies_behind_it_is_not_believed(whole, recovered, bit):
-    data = bytearray(whole.data)
-    start, _ = spans(whole.data, 'metadata')[3]
-    length = struct.unpack_from('<Q', data, start + 1)[0]
-    struct.pack_into('<Q', data, start + 1, length ^ (1 << bit))
-    done, saved, _ = recovered(data)
-    assert (saved, done.places) == (whole.messages, 1)
-
-
-def test_a_damaged_chunk_of_a_cut_file(whole, recovered):
-    data, good, counts = bytearray(whole.data), whole.messages, whole.counts
+def test_damaged_chunks_of_a_cut_file(whole, recovered):
+    data, cut = bytearray(whole.data), whole.chunks[5][0]
     data[whole.chunks[2][0] + 300] ^= 1
-    done, saved, _ = recovered(data[: whole.chunks[5][0] + 50])
-    assert saved == good[: counts[2]] + good[counts[3] : counts[5]]
+    done, saved, _ = recovered(data[: cut + 50])
+    assert saved == without(whole, 2, 5)
     assert (done.places, done.unknown) == (2, 0)
-    # Without a summary nothing names the topics of a file whose first chunk is lost.
+    # The first chunk and the end of a file have the names of its topics.
     data[whole.chunks[0][0] + 300] ^= 1
-    done, saved, _ = recovered(data[: whole.chunks[5][0]])
-    kept = [number for number in range(5) if number not in {0, 2}]
-    assert (saved, done.unknown) == ([], sum(counts[n + 1] - counts[n] for n in kept))
-
-
-def test_without_the_names_of_its_topics_no_message_is_saved(whole, recovered):
-    """The first chunk and the end of a file have them."""
-    (first, _), *_, (_, end) = whole.chunks
-    data = bytearray(whole.data)
-    data[first + 300] ^= 1
-    data[data.index(b'/driving_torque', end) + 1] ^= 1
-    done, saved, _ = recovered(data)
-    assert (saved, done.unknown) == ([], whole.counts[-1] - whole.counts[1])
-
-
-def test_a_damaged_motion_record_is_left_out(tmp_path, whole, recovered):
-    data = bytearray(whole.data)
-    start, _ = spans(whole.data, 'metadata')[2]
-    data[data.index(b'phase', start) + 9] ^= 1
-    done, saved, report = recovered(data)
-    assert (done.places, saved) == (1, whole.messages)
-    assert report.difference != ''
-    with LogReader(tmp_path / 'out.mcap') as log:
-        assert len(log.motions) == 6
+    done, saved, _ = recovered(data[:cut])
+    assert (saved, done.unknown) == ([], len(without(whole, 0, 2, 5)))
 
 
 def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp_path, whole):
