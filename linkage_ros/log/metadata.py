@@ -99,7 +99,7 @@ def _description(text: str) -> Description:
     return Description(tuple(coordinates), assembly)
 
 
-_time, _finite, _exact = _number(int, 2**63 - 1), _number(float, 1e308), _number(_fraction, 1e30)
+_time, _finite, _exact = _number(int, 2**63 - 1), _number(float, 1e30), _number(_fraction, 1e30)
 _NAMES = {'old_stamp': 'before'}  # fields of segments that have another name in a record
 _READERS = {
     'stamp': _time, 'phase': _exact, 'speed': _exact, 'rpm': _finite, 'acceleration': _finite,
