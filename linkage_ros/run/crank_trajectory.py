@@ -10,7 +10,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.drives import SpeedFeedForward
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
-from linkage_ros.wire.codecs import TrajectoryPoint, crank_trajectory
+from linkage_ros.wire.codecs import crank_trajectory
 from linkage_ros.wire.topics import trajectory_commands
 
 # Between points, ns: the controller interpolates the effort in a straight line.
@@ -39,7 +39,7 @@ class CrankTrajectory:
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
         self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
         self._motion: SpeedMotion | None = None
-        self._points: deque[tuple[int, TrajectoryPoint]] = deque()
+        self._points: deque[tuple[int, tuple[float, ...]]] = deque()
         self._next = self._due = 0
 
     def message_at(self, motion: SpeedMotion, stamp: int) -> bytes | None:
@@ -58,8 +58,8 @@ class CrankTrajectory:
             self._motion, self._next, self._due = motion, stamp, stamp
         while self._next < stamp + self._horizon + _STEP:
             (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
-            point = TrajectoryPoint(unwrapped, u, a, float(self._solver.state(q, u, a).torque))
-            self._points.append((self._next, point))
+            torque = float(self._solver.state(q, u, a).torque)
+            self._points.append((self._next, (unwrapped, u, a, torque)))
             self._next += _STEP
         while self._points[1][0] <= stamp:
             self._points.popleft()

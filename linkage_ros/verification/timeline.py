@@ -40,22 +40,17 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     """
     past: Segment | None = None
     for number, logged in enumerate(motions, 1):
-        due = _next(past, logged) if past else simulator.begin(logged.stamp).segment
-        if past and _moment(logged) < past.stamp:
-            return f'motion record {number} begins before the one before it'
+        due = simulator.begin(logged.stamp).segment if past is None else logged
+        if isinstance(past, SpeedSegment) and isinstance(logged, SpeedSegment):
+            restamp = None if logged.old_stamp is None else logged.stamp
+            due = SpeedMotion(past).change(_moment(logged), logged.rpm, restamp).segment
+        if past and (type(past) is not type(logged) or _moment(logged) < past.stamp):
+            return f'motion record {number} begins before the one before it, or has another drive'
         for name, value in reversed(vars(due).items()):  # what users set comes last
             if (found := vars(logged).get(name)) != value:
                 return f'motion record {number} has {name} = {found}, recomputed {value}'
         past = logged
     return ''
-
-
-def _next(past: Segment, logged: Segment) -> Segment:
-    """Computes a segment from its predecessor and the time, rpm or torque of the logged one."""
-    if isinstance(past, SpeedSegment) and isinstance(logged, SpeedSegment):
-        restamp = None if logged.old_stamp is None else logged.stamp
-        return SpeedMotion(past).change(_moment(logged), logged.rpm, restamp).segment
-    return logged if type(past) is type(logged) else past
 
 
 class Timeline:

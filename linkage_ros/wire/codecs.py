@@ -8,7 +8,6 @@ The same bytes are published, logged and replayed.
 import math
 import struct
 from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -188,31 +187,16 @@ class JointStateCodec:
         return whole.astype(np.int64) * NS_PER_S + rest, np.stack(numbers, axis=1)
 
 
-class TrajectoryPoint(NamedTuple):
-    """A joint at one time of a trajectory.
-
-    Attributes:
-        position: rad.
-        velocity: rad/s.
-        acceleration: rad/s^2.
-        effort: N m.
-    """
-
-    position: float
-    velocity: float
-    acceleration: float
-    effort: float
-
-
 def crank_trajectory(
-    name: str, frame_id: str, points: Collection[tuple[int, TrajectoryPoint]]
+    name: str, frame_id: str, points: Collection[tuple[int, tuple[float, ...]]]
 ) -> bytes:
     """A JointTrajectory message of one joint and many points, with the stamp of its first point.
 
     Args:
         name: The joint.
         frame_id: Frame of the message.
-        points: Stamps, ns, rising, and points.
+        points: Stamps, ns, rising, and position, rad, velocity, rad/s, acceleration, rad/s^2, and
+            effort, N m, there.
 
     Returns:
         Its CDR bytes.

@@ -2,17 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes MJCF, MuJoCo's own format, with the loop closed and a motor on the crank."""
 
-from __future__ import annotations
-
 import cmath
 from collections.abc import Sequence
-from typing import NoReturn
 from xml.etree import ElementTree as ET
 
 from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.model.loads import LinkForce, continuous
-from linkage_ros.model.structure import Mechanism, Structure
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.wire.codecs import joint_rows
 from linkage_ros.wire.urdf import RigidLink, element, link_of, notes, rigid_links, text_of
 
@@ -47,12 +44,26 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     """
     structure, links = mechanism.structure(), rigid_links(mechanism, joint_prefix)
     position, velocity, _, _ = joint_rows(structure.links, start, float(start.position[0]))
-    crank, sensors = links[0].name, _sensors(links)
-    world, bodies = _bodies(links, position)
-    loop = _loop(structure, links, bodies)
-    loads = [_load(load, links, position) for load in mechanism.link_loads()]
-    for of_joints in (load for load in mechanism.loads if load.in_joints(mechanism)):
-        _refuse(of_joints)
+    world, bodies, crank = element('worldbody'), list[ET.Element](), links[0].name
+    for link, at in zip(links, position, strict=True):
+        bodies.append(_body(link, at))
+        above = link.joint.parent
+        (world if above is None else bodies[above]).append(bodies[-1])
+    # The two links that end the tree meet in a pin: the closure runs along the first of them and
+    # back along the second.
+    parents, weights = {link.joint.parent for link in links}, structure.closure.weights
+    first, second = (number for number in range(len(links)) if number not in parents)
+    ends = [f'{links[number].name}_end' for number in (first, second)]
+    bodies[first].append(_site(ends[0], weights[first]))
+    bodies[second].append(_site(ends[1], -weights[second]))
+    of_joints = [load for load in mechanism.loads if load.in_joints(mechanism)]
+    loads = [_load(load, links, position) for load in (*mechanism.link_loads(), *of_joints)]
+    sensors = [
+        element(kind, name=f'{link.name}_{word}', joint=link.name)
+        for kind, word in (('jointpos', 'position'), ('jointvel', 'velocity'))
+        for link in links
+    ]
+    sensors.append(element('actuatorfrc', name=f'{crank}_effort', actuator=crank))
     if point := structure.points.get('C'):
         name = f'{joint_prefix}coupler_point'
         bodies[1].append(_site(name, point.weights[1]))
@@ -66,7 +77,10 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
             gravity=text_of(*mechanism.gravity, 0.0),
         ),
         world,
-        element('equality', loop),
+        element('equality', element(
+            'connect', site1=ends[0], site2=ends[1], solref=text_of(*_SOLREF),
+            solimp=text_of(*_SOLIMP),
+        )),
         element('actuator', element('motor', name=crank, joint=crank), *loads),
         element('sensor', *sensors),
         element('keyframe', element(
@@ -79,59 +93,33 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     return ET.tostring(root, encoding='unicode') + '\n'
 
 
-def _bodies(
-    links: Sequence[RigidLink], position: Sequence[float]
-) -> tuple[ET.Element, list[ET.Element]]:
-    """The world with a body for each link where it is at the start, and the bodies."""
-    world, bodies = element('worldbody'), list[ET.Element]()
-    for link, at in zip(links, position, strict=True):
-        joint = link.joint
-        place, angle, kind, axis = joint.origin, joint.angle + at, 'hinge', '0 0 1'
-        if joint.slides:
-            place, angle = joint.origin + cmath.rect(at, joint.angle), joint.angle
-            kind, axis = 'slide', '1 0 0'
-        half = link.inertia / 2  # a flat body
-        body = element(
-            'body',
-            element('joint', name=link.name, type=kind, axis=axis, ref=repr(at)),
-            *notes(link),
-            element(
-                'inertial', pos=text_of(*link.center, 0.0), mass=repr(link.mass),
-                diaginertia=text_of(half, half, link.inertia),
-            ),
-            element(
-                'geom', type='box', size=text_of(*(size / 2 for size in link.box)),
-                pos=text_of(*link.place), rgba=link.color, contype='0', conaffinity='0',
-            ),
-            name=link_of(link.name), pos=text_of(place.real, place.imag, 0.0),
-            euler=text_of(0.0, 0.0, angle),
-        )  # fmt: skip
-        (world if joint.parent is None else bodies[joint.parent]).append(body)
-        bodies.append(body)
-    return world, bodies
+def _body(link: RigidLink, at: float) -> ET.Element:
+    """The body of a link, where its joint has a position."""
+    joint, half = link.joint, link.inertia / 2  # a flat body
+    place, angle, kind, axis = joint.origin, joint.angle + at, 'hinge', '0 0 1'
+    if joint.slides:
+        place, angle = joint.origin + cmath.rect(at, joint.angle), joint.angle
+        kind, axis = 'slide', '1 0 0'
+    return element(
+        'body',
+        element('joint', name=link.name, type=kind, axis=axis, ref=repr(at)),
+        *notes(link),
+        element(
+            'inertial', pos=text_of(*link.center, 0.0), mass=repr(link.mass),
+            diaginertia=text_of(half, half, link.inertia),
+        ),
+        element(
+            'geom', type='box', size=text_of(*(size / 2 for size in link.box)),
+            pos=text_of(*link.place), rgba=link.color, contype='0', conaffinity='0',
+        ),
+        name=link_of(link.name), pos=text_of(place.real, place.imag, 0.0),
+        euler=text_of(0.0, 0.0, angle),
+    )  # fmt: skip
 
 
 def _site(name: str, place: complex) -> ET.Element:
     x, y = place.real + 0.0, place.imag + 0.0  # no -0.0
     return element('site', name=name, pos=text_of(x, y, 0.0))
-
-
-def _loop(
-    structure: Structure, links: Sequence[RigidLink], bodies: Sequence[ET.Element]
-) -> ET.Element:
-    """Closes the loop: the two links that end the tree meet in a pin.
-
-    `Structure.closure` runs along the first link and back along the second.
-    """
-    parents = {link.joint.parent for link in links}
-    first, second = (number for number in range(len(links)) if number not in parents)
-    weights = structure.closure.weights
-    for number, place in ((first, weights[first]), (second, -weights[second])):
-        bodies[number].append(_site(f'{links[number].name}_end', place))
-    return element(
-        'connect', site1=f'{links[first].name}_end', site2=f'{links[second].name}_end',
-        solref=text_of(*_SOLREF), solimp=text_of(*_SOLIMP),
-    )  # fmt: skip
 
 
 def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -> ET.Element:
@@ -141,46 +129,22 @@ def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -
     load curve, a motor whose control is to be set to the value of the load: MJCF has no tables.
 
     Raises:
-        ConfigurationError: The load acts on several links, or on one that hangs on another: there
-            it would act on two.
+        ConfigurationError: The load acts in joints, on several links, or on one that hangs on
+            another: there it would act on two.
     """
     link: int | None = getattr(load, 'link', None)
     if link is None or links[link].joint.parent is not None:
-        _refuse(load)
-    name = links[link].name
+        raise ConfigurationError(
+            f'MJCF cannot hold {type(load).__name__}: only load curves, forces, damping and '
+            'stiffness of a link on the frame; leave the parameters of friction out'
+        )
+    name, start = links[link].name, position[link]
     if not isinstance(load, LinkForce):
         return element('motor', name=f'{name}_curve', joint=name)
+    force, stiffness = float(load.force), float(load.stiffness)
+    if stiffness:  # MuJoCo counts positions from the start, without a jump from pi to -pi
+        force += stiffness * (float(load.rest) + start - continuous(start, load.middle))
     return element(
         'general', name=f'{name}_load', joint=name, gainprm='0', biastype='affine',
-        biasprm=text_of(*_affine(load, position[link])),
+        biasprm=text_of(force, -stiffness, -float(load.damping)),
     )  # fmt: skip
-
-
-def _refuse(load: object) -> NoReturn:
-    raise ConfigurationError(
-        f'MJCF cannot hold {type(load).__name__}: only load curves, forces, damping and stiffness '
-        'of a link on the frame; leave the parameters of friction out'
-    )
-
-
-def _affine(load: LinkForce, start: float) -> tuple[float, float, float]:
-    """A force as a constant and its slopes over MuJoCo's position of a joint and over its rate.
-
-    MuJoCo counts this position from the start, without a jump from pi to -pi.
-    """
-    force, stiffness = float(load.force), float(load.stiffness)
-    if stiffness:
-        force += stiffness * (float(load.rest) + start - continuous(start, load.middle))
-    return force, -stiffness, -float(load.damping)
-
-
-def _sensors(links: Sequence[RigidLink]) -> list[ET.Element]:
-    """Sensors of what joint_states has."""
-    crank = links[0].name
-    kinds = (('jointpos', 'position'), ('jointvel', 'velocity'))
-    sensors = [
-        element(kind, name=f'{link.name}_{word}', joint=link.name)
-        for kind, word in kinds
-        for link in links
-    ]
-    return [*sensors, element('actuatorfrc', name=f'{crank}_effort', actuator=crank)]

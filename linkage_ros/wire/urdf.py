@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the URDF of a mechanism's open tree from its description."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
-from linkage_ros.model.parts import Body, Piston, Slider
+from linkage_ros.model.parts import Body
 from linkage_ros.model.structure import Link, Mechanism
 from linkage_ros.palette import color_of, fractions
 from linkage_ros.wire.codecs import ROOT_FRAME
@@ -71,37 +69,28 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
         The links; a mass or inertia of 0 is replaced by a small one.
     """
     joints = mechanism.structure().links
-    bodies: list[Body | Piston | Slider] = [getattr(mechanism, joint.name) for joint in joints]
+    bodies: list[Any] = [getattr(mechanism, joint.name) for joint in joints]
     width = min(body.length for body in bodies if isinstance(body, Body)) / 20
     least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
     names = joint_names(joints, joint_prefix)
-    return [
-        _rigid_link(joint, name, body, least_mass, width, layer)
-        for layer, (joint, name, body) in enumerate(zip(joints, names, bodies, strict=True))
-    ]
-
-
-def _rigid_link(
-    joint: Link, name: str, body: Body | Piston | Slider, least_mass: float, width: float,
-    layer: int,
-) -> RigidLink:  # fmt: skip
-    mass = body.mass or least_mass
-    zeros = [] if body.mass else ['mass']
-    if isinstance(body, Body):
-        center, inertia = body.center, body.inertia
-        length, height, middle = body.length, width, body.length / 2
-        if not inertia:
-            zeros.append('inertia')
-            inertia = max(least_mass * length**2 / 12, _LEAST)
-    else:  # it does not turn, so its inertia, here of a box, changes no motion
-        center, length, height, middle = (0.0, 0.0), 6 * width, 4 * width, 0.0
-        inertia = max(mass * math.hypot(length, height) ** 2 / 12, _LEAST)
-    note = f'{" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here'
-    box, place = (length, height, width), (middle, 0.0, layer * width)
-    color = ' '.join(f'{part:.3f}' for part in fractions(color_of(joint.name)))
-    return RigidLink(
-        joint, name, mass, inertia, center, note if zeros else '', box, place, f'{color} 1'
-    )
+    links = []
+    for layer, (joint, name, body) in enumerate(zip(joints, names, bodies, strict=True)):
+        turns, mass = isinstance(body, Body), body.mass or least_mass
+        # What slides does not turn: the inertia of a box changes no motion.
+        length, height = (body.length, width) if turns else (6 * width, 4 * width)
+        box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
+        inertia = (turns and body.inertia) or max(box / 12, _LEAST)
+        zeros = [word for word in ('mass', 'inertia') if getattr(body, word, 1.0) == 0]
+        note = f'{" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here'
+        color = ' '.join(f'{part:.3f}' for part in fractions(color_of(joint.name)))
+        links.append(
+            RigidLink(
+                joint, name, mass, inertia, body.center if turns else (0.0, 0.0),
+                note if zeros else '', (length, height, width),
+                (length / 2 if turns else 0.0, 0.0, layer * width), f'{color} 1',
+            )
+        )  # fmt: skip
+    return links
 
 
 def joint_names(joints: Iterable[Link], joint_prefix: str) -> tuple[str, ...]:
@@ -143,14 +132,12 @@ def make_urdf(
     links = rigid_links(mechanism, joint_prefix)
     # The loop closes nowhere beyond.
     reach = repr(math.fsum(link.box[0] for link in links if not link.joint.slides))
-    parts = [element('link', name=frame_id)]
+    parents = [frame_id, *(link_of(link.name) for link in links)]  # base_link first
+    robot = element('robot', element('link', name=frame_id), name='linkage')
     for link in links:
-        above = link.joint.parent
-        parent = frame_id if above is None else link_of(links[above].name)
-        parts += [_link(link), _joint(link, parent, reach)]
-    if ros2_control:
-        parts.append(_ros2_control(links[0].name))
-    robot = element('robot', *parts, name='linkage')
+        above = -1 if link.joint.parent is None else link.joint.parent
+        robot.extend([_link(link), _joint(link, parents[above + 1], reach)])
+    robot.extend([_ros2_control(links[0].name)] if ros2_control else [])
     ET.indent(robot)
     return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
 
@@ -194,20 +181,18 @@ def _link(link: RigidLink) -> ET.Element:
 
 def _joint(link: RigidLink, parent: str, reach: str) -> ET.Element:
     joint, limits = link.joint, list[ET.Element]()
-    kind, axis = ('prismatic', '1 0 0') if joint.slides else ('continuous', '0 0 1')
     if joint.slides:
-        limits = [element(
-            'limit', lower=f'-{reach}', upper=reach, effort=_NO_LIMIT, velocity=_NO_LIMIT
-        )]  # fmt: skip
+        span = {'lower': f'-{reach}', 'upper': reach}
+        limits = [element('limit', **span, effort=_NO_LIMIT, velocity=_NO_LIMIT)]
     return element(
         'joint',
         element('parent', link=parent),
         element('child', link=link_of(link.name)),
         _origin(joint.origin.real, joint.origin.imag, yaw=joint.angle),
-        element('axis', xyz=axis),
+        element('axis', xyz='1 0 0' if joint.slides else '0 0 1'),
         *limits,
         name=link.name,
-        type=kind,
+        type='prismatic' if joint.slides else 'continuous',
     )
 
 
