@@ -82,8 +82,10 @@ class TorqueStates:
         Raises:
             LogError: One is not a finite number, or the mechanism has no such coordinates.
         """
-        driven, (table, crank) = self._driven(segment), self._read(rows)
-        solver, moving = driven.solver, self._rows(driven)[: len(driven.links)]
+        self._driven, (table, crank) = self._described(segment), self._read(rows)
+        self._found = np.array([crank, *table[0, 1:], *table[1], table[3, 0]])
+        driven, solver = self._driven, self._driven.solver
+        moving = self._rows(driven)[: len(driven.links)]
         q, u, a, _ = (tuple(row[moving]) for row in table)
         if solver.coordinates == self._own.solver.coordinates:
             return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True))
@@ -93,7 +95,7 @@ class TorqueStates:
             crank = np.array([with_turns(x, turns_between(x, y)) for x, y in pairs])
         return own_coordinates(solver, state, crank)
 
-    def _driven(self, segment: TorqueSegment) -> DrivenMechanism:
+    def _described(self, segment: TorqueSegment) -> DrivenMechanism:
         """What moves, as a segment describes it.
 
         Raises:
@@ -132,20 +134,18 @@ class TorqueStates:
                 table[:3, i] += table[:3, link.parent]
         return table, crank
 
-    def follow(self, segment: TorqueSegment, ticks: list[int], rows: bytes) -> tuple[int, str]:
-        """Checks states whose messages are right, and advances.
+    def follow(self, ticks: list[int]) -> tuple[int, str]:
+        """Checks the first of the states that were read last, whose messages are right; advances.
 
         Args:
-            segment: In which they lie.
             ticks: Their numbers.
-            rows: Their bytes.
 
         Returns:
             The number of states that follow from their predecessors, and the error of the next.
         """
-        driven, (table, crank) = self._driven(segment), self._read(rows)
-        torques, lines = table[3, 0], self._motor.at(table[1, 0])
-        found = np.array([crank, *table[0, 1:], *table[1], torques - lines])
+        driven, found = self._driven, self._found[:, : len(ticks)]
+        torques, lines = found[-1].copy(), self._motor.at(found[len(self._links)])
+        found[-1] -= lines
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
         late = np.diff([self._simulator.elapsed(tick) for tick in (self._tick, *ticks)])
         if not self._recorded:  # for that time the plant stood still

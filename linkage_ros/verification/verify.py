@@ -193,8 +193,7 @@ class Verification:
                 self._pieces.take(number, ticks[:count])
                 wrong = ''
                 if self._torque:
-                    rows = rows[: count * self._layout.size]
-                    count, wrong = self._torque.follow(self._motions[number], ticks[:count], rows)
+                    count, wrong = self._torque.follow(ticks[:count])
                 break
         else:
             wrong = wrong or 'no tick and no measurement after the last one has that stamp'
