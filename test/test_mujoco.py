@@ -43,18 +43,14 @@ each = pytest.mark.parametrize('name', NAMES)
 MOTION = -11.0, 90.0
 
 
-def text(*numbers):
-    return ' '.join(repr(float(number)) for number in numbers)
-
-
 def urdf(mechanism):
     """Our URDF, with what URDF does not say and the engine has to know."""
     robot = ET.fromstring(make_urdf(mechanism))
     if isinstance(mechanism, SliderCrank):
         joint = robot.find("joint[@name='slider']")
-        ET.SubElement(joint, 'dynamics', damping=text(mechanism.slider.damping))
+        ET.SubElement(joint, 'dynamics', damping=repr(mechanism.slider.damping))
     extension = ET.SubElement(robot, 'mujoco')
-    ET.SubElement(extension, 'option', gravity=text(*mechanism.gravity, 0.0))
+    ET.SubElement(extension, 'option', gravity='{} {} 0'.format(*mechanism.gravity))
     return ET.tostring(robot, encoding='unicode')
 
 
@@ -142,7 +138,7 @@ def slipped(instance, name, part):
     if rest:
         changed = slipped(value, rest, part)
     elif isinstance(value, tuple):
-        changed = value[0], value[1] * (1 + part)
+        changed = tuple(x * (1 + part) for x in value)
     else:
         changed = value * (1 + part)
     return replace(instance, **{first: changed})
@@ -182,17 +178,6 @@ def test_slips_in_any_number_are_seen(name):
 
 
 # ---------------------------------------------------------------- the presets' URDF as it is
-
-
-@pytest.mark.parametrize('prefix', ['', 'left_'])
-@pytest.mark.parametrize('preset', preset_names())
-def test_the_urdf_of_every_preset_loads(preset, prefix):
-    mechanism = load(preset).mechanism
-    model = mujoco.MjModel.from_xml_string(make_urdf(mechanism, prefix))
-    joints = [model.joint(number).name for number in range(model.njnt)]
-    assert joints == [f'{prefix}{joint.name}' for joint in mechanism.structure().links]
-    bodies = {model.body(number).name for number in range(1, model.nbody)}
-    assert bodies == {f'{joint}_link' for joint in joints}
 
 
 @pytest.mark.parametrize('preset', [name for name in preset_names() if name != 'wind_pump'])
