@@ -24,7 +24,7 @@ from unittest.mock import MagicMock, patch
 
 from linkage_ros import executables
 from linkage_ros.controller import Settings
-from linkage_ros.lab.charts.stability import GRIDS
+from linkage_ros.lab.commands.stability import GRIDS
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.configuration import MechanismAndDrive, Session
 from linkage_ros.parameters.drives import DRIVES

@@ -16,7 +16,7 @@ from linkage_ros.quantities import Quantity
 
 _NAME = 'linkage_chart'
 # Of commands that have no module of their name.
-_MODULES = {'accuracy': 'methods', 'stability': 'methods', 'movie': 'motion'}
+_MODULES = {'movie': 'motion'}
 # What the options may be.
 _RPM = Quantity('number', "crank speed instead of the file's", 'rpm', -1e6, 1e6)
 _BESIDES = replace(_RPM, meaning="crank speeds besides the file's")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpmath import mp
 from oracle import Oracle
-from test_errata import DocumentOne
+from test_errata import CRANKS, B, positions
 
 from linkage_ros import ConfigurationError, Solver
 from linkage_ros.lab.methods import situations
@@ -166,12 +166,10 @@ def test_newton_raphson_stops_at_its_cap():
 
 def test_listing_of_document_1_is_as_printed():
     """It plots the real parts of complex angles: its errata, as a method."""
-    cranks = np.arange(100) * (math.tau / 100)
     guess = math.radians(15), math.radians(100)
-    locate = listing(LinkageCase(PRESETS['quadrilateral'], cranks, guess), {})
-    found = np.array([locate(crank) for crank in cranks.tolist()]).T
-    document = DocumentOne()
-    printed, _ = document.positions(document.b, is_real=False)
+    locate = listing(LinkageCase(PRESETS['quadrilateral'], CRANKS, guess), {})
+    found = np.array([locate(crank) for crank in CRANKS.tolist()]).T
+    printed, _ = positions(B, is_real=False)
     assert found == pytest.approx(printed.real, abs=1e-9)
     with pytest.raises(ConfigurationError, match='for a four-bar'):
         listing(LinkageCase(PRESETS['slider_crank'], (0.3,)), {})(0.3)

@@ -227,8 +227,8 @@ def test_the_real_node_publishes_the_states_of_the_textbook(folder):
 
 MEASURE = """
 import json
-from linkage_ros.lab.charts.accuracy import draw_accuracy
-from linkage_ros.lab.charts.stability import draw_stability
+from linkage_ros.lab.commands.accuracy import draw_accuracy
+from linkage_ros.lab.commands.stability import draw_stability
 from linkage_ros.lab.methods import accuracy, measure
 from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.lab.methods.situations import SITUATIONS

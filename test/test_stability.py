@@ -5,7 +5,7 @@
 import pytest
 from test_method_charts import run_quick
 
-from linkage_ros.lab.charts import stability as stability_chart
+from linkage_ros.lab.commands import stability as stability_chart
 from linkage_ros.lab.methods.loads import (
     CURVE_METHODS,
     CURVE_SITUATIONS,

@@ -11,6 +11,8 @@ independent implementation agree (test/test_integrators.py).
 
 from __future__ import annotations
 
+import itertools
+from contextlib import suppress
 from decimal import Context, Decimal, localcontext
 from typing import Any, TypeAlias
 
@@ -46,7 +48,6 @@ class MotionReference:
         self._span = self._longest = Decimal(longest)
         with localcontext(_CONTEXT):
             self._bodies = Multibody(problem.mechanism, _CONTEXT.create_decimal, unit)
-            self._motor = Decimal(problem.motor.torque), Decimal(problem.motor.damping)
             self._known = {Decimal(0): self._begin()}  # states by time
 
     def at(self, time: float) -> tuple[Decimal, ...]:
@@ -64,17 +65,15 @@ class MotionReference:
         Returns:
             Time, right to 1e-15 s; None: not until then.
         """
-        start, time = self._sine(0.0) > 0, 0.0
-        while time < until:
-            before, time = time, time + _LOOK
-            if (self._sine(time) > 0) != start:
-                return float(optimize.brentq(self._sine, before, time, xtol=1e-16))
-        return None
 
-    def _sine(self, time: float) -> float:
-        """The sine of the angle between coupler and third link at a time."""
-        (_, coupler, third, *_), _rates = self._split(self._state(time))
-        return float(cross(coupler, third))
+        def sine(time: float) -> float:
+            (_, coupler, third, *_), _rates = self._split(self._state(time))
+            return float(cross(coupler, third))
+
+        for before, time in itertools.pairwise(np.arange(0.0, until + _LOOK, _LOOK).tolist()):
+            if (sine(before) > 0) != (sine(time) > 0):
+                return float(optimize.brentq(sine, before, time, xtol=1e-16))
+        return None
 
     def _begin(self) -> _State:
         """Initial values: the crank angle, the position of each link as two numbers, all rates."""
@@ -100,14 +99,13 @@ class MotionReference:
 
     def _slope(self, state: _State) -> _State:
         places, rates = self._split(state)
-        torque, damping = self._motor
-        slides = self._bodies.slides
+        motor = self._problem.motor
+        rows, right = self._bodies.system(places, rates)
+        right[0] += Decimal(motor.torque) - Decimal(motor.damping) * rates[0]
         moving = [
             Vector(rate, Decimal(0)) if slid else place.left() * rate
-            for place, rate, slid in zip(places, rates, slides, strict=True)
+            for place, rate, slid in zip(places, rates, self._bodies.slides, strict=True)
         ]
-        rows, right = self._bodies.system(places, rates)
-        right[0] += torque - damping * rates[0]
         found = eliminate(rows, right)[: len(rates)]
         return np.array([rates[0], *(x for vector in moving for x in vector), *found])
 
@@ -123,10 +121,7 @@ class MotionReference:
             state = self._known[reached]
             while left := end - reached:
                 span = max(-self._span, min(self._span, left))
-                try:
-                    found, rows = self._extrapolated(state, span)
-                except ArithmeticError:  # of a step that went astray
-                    found = None
+                found, rows = self._extrapolated(state, span)
                 if found is not None:
                     state, reached = found, end if span == left else reached + span
                     self._span *= _GROWTH if rows <= _FEW and self._span < self._longest else 1
@@ -138,16 +133,17 @@ class MotionReference:
         return state
 
     def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
-        """The state after a step, and its extrapolation table; None: not converged."""
-        slope = self._slope(start)
+        """The state after a step, and rows of its extrapolation table; None: not converged."""
         above: list[_State] = []
-        for i in range(1, _ROWS + 1):
-            row = [self._midpoint(start, slope, span / (2 * i), 2 * i)]
-            for j, old in enumerate(above, 1):
-                row.append(row[-1] + (row[-1] - old) / (Decimal(i * i) / (i - j) ** 2 - 1))
-            if above and abs(row[-1] - above[-1]).max() <= _TOLERANCE:
-                return row[-1], i
-            above = row
+        with suppress(ArithmeticError):  # of a step that goes astray
+            slope = self._slope(start)
+            for i in range(1, _ROWS + 1):
+                row = [self._midpoint(start, slope, span / (2 * i), 2 * i)]
+                for j, old in enumerate(above, 1):
+                    row.append(row[-1] + (row[-1] - old) / (Decimal(i * i) / (i - j) ** 2 - 1))
+                if above and abs(row[-1] - above[-1]).max() <= _TOLERANCE:
+                    return row[-1], i
+                above = row
         return None, _ROWS
 
     def _midpoint(self, start: _State, slope: _State, h: Decimal, parts: int) -> _State:

@@ -1,9 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the outcome of each method in each situation, in several grids."""
+"""linkage_chart stability: the outcome of each method in each situation, in several grids."""
 
 from __future__ import annotations
 
+import argparse
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from linkage_ros.lab.charts.axes import chart
 from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, WIDTH
+from linkage_ros.lab.commands.output import folder, progress, save_records
 from linkage_ros.lab.methods.loads import (
     CURVE_METHODS,
     CURVE_SITUATIONS,
@@ -29,6 +31,7 @@ from linkage_ros.lab.methods.measure import (
     RIGHT,
     WRONG_BRANCH,
     Situation,
+    measure_outcomes,
 )
 from linkage_ros.lab.methods.motion_cases import MOTION_SITUATIONS
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
@@ -66,6 +69,31 @@ _WIDE, _HIGH = 92 / DPI, 53 / DPI
 _LEFT, _ABOVE = 1.2, 1.4
 _TOP, _FOOT = 0.5, 0.75
 _NAMES, _SAID = 16, 42  # letters in a line, of situations and of what is said of them
+
+
+def stability(options: argparse.Namespace) -> None:
+    """Runs all methods in all situations, draws the outcomes and writes the records.
+
+    Args:
+        options: Options of the command line.
+
+    Raises:
+        ConfigurationError: The folder cannot be written.
+    """
+    records, picture = options.out / 'stability.json', options.out / 'stability.png'
+    with folder(options.out):
+        cases = 2 if options.quick else 30
+        cells = [
+            cell for methods, situations in GRIDS
+            for cell in measure_outcomes(situations, methods, cases=cases, progress=progress)
+        ]  # fmt: skip
+        save_records(records, cells)
+        title = (
+            'Outcome of each method in each situation\n'
+            f'the worst of {cases} cases, or of a few motions, and the largest relative error'
+        )
+        draw_stability(cells, title, picture)
+    print(records, picture, sep='\n')
 
 
 def draw_stability(cells: Sequence[dict[str, Any]], title: str, path: Path) -> None:

@@ -1,9 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Speed against accuracy: a picture for each linkage, one for all motions, one for `follow`."""
+"""linkage_chart accuracy: a picture for each linkage, one for all motions, one for `follow`."""
 
 from __future__ import annotations
 
+import argparse
 import itertools
 import operator
 import textwrap
@@ -19,7 +20,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from linkage_ros.lab.charts.axes import chart
 from linkage_ros.lab.charts.sizes import SMALL, TEXT
-from linkage_ros.lab.methods.accuracy import NEAR, Point
+from linkage_ros.lab.commands.output import about, folder, progress, save_records
+from linkage_ros.lab.methods.accuracy import NEAR, Point, linkages, measure_accuracy, motions
+from linkage_ros.lab.methods.follow_accuracy import measure_follow
 from linkage_ros.lab.methods.measure import BATCH, LIMIT, ONE, Method, label
 from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
@@ -77,6 +80,41 @@ _ENCODERS = [
     for marker, color in zip('s^oDv', (VERMILION, ORANGE, GREEN, BLUE, PURPLE), strict=True)
 ]
 _ROLES = {DEFAULT: 'default', LIVE: 'live; star: steps of 1 ms', RECORDS: 'default for records'}
+
+
+def accuracy(options: argparse.Namespace) -> None:
+    """Measures speed and accuracy of all methods, draws them and writes the records.
+
+    Args:
+        options: Options of the command line.
+
+    Raises:
+        ConfigurationError: The folder cannot be written.
+    """
+    out, quick = options.out, options.quick
+    with folder(out):
+        solved, moved = (
+            measure_accuracy(cases, methods, quick=quick, progress=progress)
+            for cases, methods in (
+                (linkages(quick=quick), METHODS), (motions(quick=quick), INTEGRATORS),
+            )
+        )  # fmt: skip
+        written = [out / 'accuracy.json']
+        save_records(written[0], [*solved, *moved])
+        on = ', '.join(f'{name} {value}' for name, value in about().items())
+        for name in progress(
+            [*dict.fromkeys(p['mechanism'] for p in solved), 'motions'], 'pictures'
+        ):
+            points = [p for p in solved if p['mechanism'] == name] or moved
+            what = name.replace('_', '-') if points is not moved else 'motions under a torque'
+            written.append(out / f'accuracy_{name.replace(" ", "_")}.png')
+            draw_accuracy(points, f'Speed against accuracy: {what}\n{on}', written[-1])
+        errors, (slowest, fastest) = measure_follow(quick=quick, progress=progress)
+        written += (out / 'accuracy_follow.json', out / 'accuracy_follow.png')
+        save_records(written[-2], errors)
+        words = f'quadrilateral, {slowest:.0f} to {fastest:.0f} rpm, measured at 1 kHz'
+        draw_follow(errors, f'Torque of a crank that is measured: {words}', written[-1])
+    print(*written, sep='\n')
 
 
 def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
