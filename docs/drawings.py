@@ -93,6 +93,11 @@ class Picture(Sheet):
         tip = at + cmath.rect(radius / self.scale, middle)
         self.text(tip, words, color, shift=shift, anchor='start' if shift.real > 0 else 'end')
 
+    def texts(self, *texts: tuple[complex, str, Color, complex, str]) -> None:
+        """Words, each with its place, colour, shift in px, and anchor."""
+        for place, words, color, shift, anchor in texts:
+            self.text(place, words, color, shift=shift, anchor=anchor)
+
     def gravity(self, place: complex) -> None:
         """Where it points by default, from a place on the sheet."""
         length = 120 / self.scale
@@ -121,31 +126,39 @@ def four_bar() -> Picture:
     )
     names = {'A0': -28 + 0j, 'A': -22 + 8j, 'B0': 46 - 14j}
     sheet = Picture(mechanism, math.radians(65), (960, 700, 400, 120 + 470j), names)
-    at, (alpha, beta, gamma) = sheet.at, sheet.directions
+    at, (alpha, beta, gamma), center = sheet.at, sheet.directions, sheet.centers[2]
     crank, coupler, rocker = (COLORS[name] for name in ('crank', 'coupler', 'rocker'))
     sheet.arrow(0j, 0.75 + 0j, DARK)
-    sheet.text(0.75 + 0j, 'x of base_link', DARK, shift=8 - 8j, anchor='start')
     sheet.dashes(at['A0'], at['B0'])
-    sheet.along((at['A0'], at['A']), 'crank.length r', crank, 18)
-    sheet.along((at['A'], at['B']), 'coupler.length b', coupler, -18)
-    sheet.along((at['B'], at['B0']), 'rocker.length c', rocker, -18)
-    sheet.along((at['A0'], at['B0']), 'frame.length d', DARK, 18)
-    sheet.angle('A0', (0, alpha), 48, crank, 'alpha', 4 + 8j)
-    sheet.angle('A0', (0, mechanism.frame.angle), 250, DARK, 'frame.angle delta', 8 + 3j)
-    sheet.angle('A', (0, beta), 70, coupler, 'beta', 6 + 0j)
-    sheet.angle('B0', (0, gamma), 48, rocker, 'gamma', 22 + 0j)
-    sheet.angle('B', (beta + math.pi, gamma + math.pi), 60, BLACK, 'mu', -2 - 14j)
+    for first, last, words, color, side in (
+        ('A0', 'A', 'crank.length r', crank, 18),
+        ('A', 'B', 'coupler.length b', coupler, -18),
+        ('B', 'B0', 'rocker.length c', rocker, -18),
+        ('A0', 'B0', 'frame.length d', DARK, 18),
+    ):
+        sheet.along((at[first], at[last]), words, color, side)
+    for angle in (
+        ('A0', (0, alpha), 48, crank, 'alpha', 4 + 8j),
+        ('A0', (0, mechanism.frame.angle), 250, DARK, 'frame.angle delta', 8 + 3j),
+        ('A', (0, beta), 70, coupler, 'beta', 6 + 0j),
+        ('B0', (0, gamma), 48, rocker, 'gamma', 22 + 0j),
+        ('B', (beta + math.pi, gamma + math.pi), 60, BLACK, 'mu', -2 - 14j),
+    ):
+        sheet.angle(*angle)
     sheet.away(1, 'A', at['C'], coupler, 12)
-    sheet.text(at['C'], 'C: coupler.point = [along, across]', coupler, shift=-40 + 44j)
-    sheet.away(2, 'B0', sheet.centers[2], rocker, 0)
-    sheet.mass(sheet.centers[2], rocker)
-    sheet.text(sheet.centers[2], 'rocker.center,', rocker, shift=16 + 4j, anchor='start')
-    sheet.text(sheet.centers[2], 'here across < 0', rocker, shift=16 - 20j, anchor='start')
-    sheet.text(at['B'], 'B of assembly: open', shift=18 + 12j, anchor='start')
-    sheet.text(sheet.other['B'], 'B of assembly: crossed', shift=18 - 4j, anchor='start')
+    sheet.away(2, 'B0', center, rocker, 0)
+    sheet.mass(center, rocker)
     sheet.gravity(1.95 + 0.25j)
     sheet.arc(0j, 85, (math.radians(200), math.radians(305)), crank)
-    sheet.text(0j, 'driving torque', crank, shift=-20 - 105j)
+    sheet.texts(
+        (at['C'], 'C: coupler.point = [along, across]', coupler, -40 + 44j, 'middle'),
+        (0j, 'driving torque', crank, -20 - 105j, 'middle'),
+        (0.75 + 0j, 'x of base_link', DARK, 8 - 8j, 'start'),
+        (center, 'rocker.center,', rocker, 16 + 4j, 'start'),
+        (center, 'here across < 0', rocker, 16 - 20j, 'start'),
+        (at['B'], 'B of assembly: open', BLACK, 18 + 12j, 'start'),
+        (sheet.other['B'], 'B of assembly: crossed', BLACK, 18 - 4j, 'start'),
+    )
     return sheet
 
 
@@ -159,43 +172,51 @@ def slider_crank() -> Picture:
         mechanism, delta + math.radians(72), (1060, 460, 340, 380 + 335j),
         {'A0': 32 - 16j, 'A': -24 + 16j},
     )  # fmt: skip
-    at, (crank_angle, beta) = sheet.at, sheet.directions
+    at, (crank_angle, beta), center = sheet.at, sheet.directions, sheet.centers[1]
     crank, coupler, slider = (COLORS[name] for name in ('crank', 'coupler', 'slider'))
     guide = cmath.rect(1, delta)
-    foot = 1j * e * guide
-    sheet.dashes(-0.5 * guide, 1.05 * guide)
-    sheet.dashes(foot - 1.0 * guide, foot + 1.3 * guide)
-    sheet.arrow(0j, 0.75 + 0j, DARK)
-    sheet.text(0.75 + 0j, 'x of base_link', DARK, shift=8 - 4j, anchor='start')
+    foot, left = 1j * e * guide, -0.32 * guide
+    middle, edge = left + foot / 2 - 0.03 * guide, at['B'] + (0.14 + 0.06j) * guide
+    above = edge + 0.1j * guide
+    for start, end, color in (
+        (-0.5 * guide, 1.05 * guide, GREY),
+        (foot - 1.0 * guide, foot + 1.3 * guide, GREY),
+        (at['A'], at['A'] + 0.24 * guide, GREY),
+        (0j, foot, slider),
+    ):
+        sheet.dashes(start, end, color=color)
+    for start, end, color in (
+        (0j, 0.75 + 0j, DARK),
+        (foot, at['B'], slider),
+        (edge, edge + 0.2 * guide, slider),
+        (above + 0.2 * guide, above, slider),
+    ):
+        sheet.arrow(start, end, color)
+    sheet.arrow(left, left + foot, slider, both=True)
     sheet.angle('A0', (0, delta), 230, DARK, 'frame.angle', 8 + 2j)
     sheet.angle('A0', (delta, crank_angle), 48, crank, 'alpha', 4 + 8j)
-    sheet.text(0.45 * at['A'], 'crank.length r', crank, shift=-12 + 0j, anchor='end')
     sheet.arc(0j, 85, (math.radians(215), math.radians(320)), crank)
-    sheet.text(0j, 'driving torque', crank, shift=-105j)
-    sheet.dashes(at['A'], at['A'] + 0.24 * guide)
     sheet.arc(at['A'], 60, (delta, beta), coupler)
-    sheet.text(at['A'] + 0.2 * guide, 'beta, here < 0', coupler, shift=20j)
-    sheet.along((at['A'], at['B']), 'coupler.length b', coupler, -18)
-    sheet.away(1, 'A', sheet.centers[1], coupler, 0)
-    sheet.mass(sheet.centers[1], coupler)
-    words = 'coupler.center = [along, across]'
-    sheet.text(sheet.centers[1], words, coupler, shift=16 + 34j, anchor='start')
-    left = -0.32 * guide
-    sheet.arrow(left, left + foot, slider, both=True)
-    middle = left + foot / 2 - 0.03 * guide
-    sheet.along((middle - 0.4 * guide, middle), 'slider.offset e', slider, 0)
-    sheet.dashes(0j, foot, color=slider)
-    sheet.arrow(foot, at['B'], slider)
-    sheet.along((foot, foot + 1.2 * guide), 'slider position x', slider, 15)
-    sheet.text(at['B'], 'B of assembly: open', shift=-10 - 66j)
-    sheet.text(sheet.other['B'], 'B of assembly: crossed', shift=-36 - 60j, anchor='start')
-    edge = at['B'] + (0.14 + 0.06j) * guide
-    sheet.arrow(edge, edge + 0.2 * guide, slider)
-    sheet.text(edge + 0.2 * guide, 'slider.force', slider, shift=8 + 4j, anchor='start')
-    above = edge + 0.1j * guide
-    sheet.arrow(above + 0.2 * guide, above, slider)
-    sheet.text(above + 0.2 * guide, 'slider.damping', slider, shift=8 + 4j, anchor='start')
+    for ends, words, color, side in (
+        ((at['A'], at['B']), 'coupler.length b', coupler, -18),
+        ((middle - 0.4 * guide, middle), 'slider.offset e', slider, 0),
+        ((foot, foot + 1.2 * guide), 'slider position x', slider, 15),
+    ):
+        sheet.along(ends, words, color, side)
+    sheet.away(1, 'A', center, coupler, 0)
+    sheet.mass(center, coupler)
     sheet.gravity(1.7 + 0.2j)
+    sheet.texts(
+        (0.75 + 0j, 'x of base_link', DARK, 8 - 4j, 'start'),
+        (0.45 * at['A'], 'crank.length r', crank, -12 + 0j, 'end'),
+        (0j, 'driving torque', crank, -105j, 'middle'),
+        (at['A'] + 0.2 * guide, 'beta, here < 0', coupler, 20j, 'middle'),
+        (center, 'coupler.center = [along, across]', coupler, 16 + 34j, 'start'),
+        (at['B'], 'B of assembly: open', BLACK, -10 - 66j, 'middle'),
+        (sheet.other['B'], 'B of assembly: crossed', BLACK, -36 - 60j, 'start'),
+        (edge + 0.2 * guide, 'slider.force', slider, 8 + 4j, 'start'),
+        (above + 0.2 * guide, 'slider.damping', slider, 8 + 4j, 'start'),
+    )
     return sheet
 
 
@@ -211,28 +232,36 @@ def wind_pump() -> Picture:
         mechanism, math.radians(60), (960, 620, 400, 200 + 400j),
         {'A0': -30 - 4j, 'A': -4 + 24j, 'D': 24 - 40j},
     )  # fmt: skip
-    at, (phi1, phi2, phi3) = sheet.at, sheet.directions
+    at, (phi1, phi2, phi3), (counterweight, _, center) = sheet.at, sheet.directions, sheet.centers
     crank, coupler, rod, slider = (COLORS[n] for n in ('crank', 'coupler', 'rod', 'slider'))
     sheet.arrow(0j, at['D'], slider)
-    sheet.text(0.8 + 0j, 'slider.position xD', slider, shift=15j)
-    sheet.along((0j, at['A']), 'crank.length l1', crank, 18)
-    sheet.along((at['A'], at['B']), 'coupler.length l2', coupler, 18)
-    sheet.along((at['B'], at['D']), 'rod.length l3', rod, -18)
-    sheet.angle('A0', (0, phi1), 48, crank, 'phi1', 6 + 8j)
-    sheet.angle('A', (0, phi2), 70, coupler, 'phi2', 6 + 0j)
-    sheet.angle('B', (0, phi3), 60, rod, 'phi3, here < 0', 8 + 0j)
-    sheet.mass(sheet.centers[2], rod)
-    sheet.text(sheet.centers[2], 'rod.center', rod, shift=16 + 12j, anchor='start')
-    sheet.dashes(0j, sheet.centers[0], color=crank)
-    sheet.mass(sheet.centers[0], crank)
-    sheet.text(sheet.centers[0], 'crank.center, here along < 0', crank, shift=14 - 26j)
-    sheet.arc(0j, 85, (math.radians(140), math.radians(215)), crank)
-    sheet.text(0j, 'motor.torque', crank, shift=-90 + 76j)
-    sheet.text(at['B'], 'B of assembly: open', shift=22j)
-    sheet.text(sheet.other['B'], 'B of assembly: crossed', shift=18 - 8j, anchor='start')
     sheet.arrow(at['D'] + 0.34, at['D'] + 0.12, slider)
-    sheet.text(at['D'] + 0.34, 'slider.damping', slider, shift=14 + 40j, anchor='end')
+    for first, last, words, color, side in (
+        ('A0', 'A', 'crank.length l1', crank, 18),
+        ('A', 'B', 'coupler.length l2', coupler, 18),
+        ('B', 'D', 'rod.length l3', rod, -18),
+    ):
+        sheet.along((at[first], at[last]), words, color, side)
+    for angle in (
+        ('A0', (0, phi1), 48, crank, 'phi1', 6 + 8j),
+        ('A', (0, phi2), 70, coupler, 'phi2', 6 + 0j),
+        ('B', (0, phi3), 60, rod, 'phi3, here < 0', 8 + 0j),
+    ):
+        sheet.angle(*angle)
+    sheet.dashes(0j, counterweight, color=crank)
+    sheet.mass(center, rod)
+    sheet.mass(counterweight, crank)
+    sheet.arc(0j, 85, (math.radians(140), math.radians(215)), crank)
     sheet.gravity(1.7 + 0.75j)
+    sheet.texts(
+        (0.8 + 0j, 'slider.position xD', slider, 15j, 'middle'),
+        (center, 'rod.center', rod, 16 + 12j, 'start'),
+        (counterweight, 'crank.center, here along < 0', crank, 14 - 26j, 'middle'),
+        (0j, 'motor.torque', crank, -90 + 76j, 'middle'),
+        (at['B'], 'B of assembly: open', BLACK, 22j, 'middle'),
+        (sheet.other['B'], 'B of assembly: crossed', BLACK, 18 - 8j, 'start'),
+        (at['D'] + 0.34, 'slider.damping', slider, 14 + 40j, 'end'),
+    )
     return sheet
 
 

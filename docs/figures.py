@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -22,7 +21,7 @@ from linkage_ros.lab.methods.registry import DEFAULT, LIVE, METHODS, RECORDS
 
 DOCS = Path(__file__).parent
 NUMBER = r'\d+(?:\.\d+)?(?:e-?\d+)?'
-Figure: TypeAlias = tuple[str, tuple[float, ...]]  # a sentence and its numbers
+Figure: TypeAlias = tuple[str, list[float]]  # a sentence and its numbers
 
 _ONE, _BATCH = 'one at a time', 'batch'
 _LONG, _LOOP = 'long free run', 'loop after a long run'
@@ -46,12 +45,8 @@ def _points(method: str, mechanism: str, quantity: str, mode: str) -> list[dict[
 
 def _share(method: str, quantity: str, mode: str) -> float:
     """The time of a method on the quadrilateral, over the default's."""
-    times = (
-        _points(name, 'quadrilateral', quantity, mode)[0]['us_per_state']
-        for name in (method, DEFAULT)
-    )
-    one, default = times
-    return float(one / default)
+    one, default = (_points(x, 'quadrilateral', quantity, mode)[0] for x in (method, DEFAULT))
+    return float(one['us_per_state'] / default['us_per_state'])
 
 
 def _best(method: str, quantity: str) -> float:
@@ -79,78 +74,74 @@ def _cell(method: str, situation: str) -> float:
     return float(cell['worst_error'])
 
 
-def methods_figures() -> Iterator[Figure]:
+def methods_figures() -> list[Figure]:
     """The sentences of methods.md."""
-    circles = 'two circles'
-    others = [m.name for m in METHODS if m.name != DEFAULT]
-    errors = [
-        point['max_error'] for name in others for point in _points(name, NEAR, 'position', _ONE)
-    ]
-    yield 'the best of the others is off by {} rad', (min(e for e in errors if e),)
-    yield (
-        'place the quadrilateral in {} of its time, and in {} as an array',
-        (_share(circles, 'position', _ONE), _share(circles, 'position', _BATCH)),
-    )
-    yield (
-        'driving torque they take {} of its time, and {} as an array',
-        (_share(circles, 'torque', _ONE), _share(circles, 'torque', _BATCH)),
-    )
-    yield (
-        "`float32` takes {} of the default's time",
-        (_share('factored, float32', 'torque', _BATCH),),
-    )
-    pump, quadrilateral = 'wind_pump', 'quadrilateral'
+    circles, pump, quadrilateral = 'two circles', 'wind_pump', 'quadrilateral'
     mean, slowest = 'motion', 'motion, slowest ms'
-    yield (
-        '{} of the time of the live default on the pump, {} of it on the quick quadrilateral',
-        (_over_live(RECORDS, pump, mean), _over_live(RECORDS, quadrilateral, mean)),
-    )
-    yield (
-        'takes {} times as long as that of the live default on the pump, and {} times on the',
-        (_over_live(RECORDS, pump, slowest), _over_live(RECORDS, quadrilateral, slowest)),
-    )
-    ratios = (_over_live(name, quadrilateral, mean, 'tolerance 1e-09') for name in _MULTIPLIERS)
-    yield 'multipliers take {} times, with Baumgarte {} times, projected {} times', tuple(ratios)
+    others = [method.name for method in METHODS if method.name != DEFAULT]
+    errors = [p['max_error'] for name in others for p in _points(name, NEAR, 'position', _ONE)]
     listing = _points("document 1's listing", quadrilateral, 'position', _ONE)
-    yield 'they are off by {} rad', (listing[0]['max_error'],)
-    yield (
-        'give a rate to {} and an acceleration to {} at best',
-        (_best('central differences', 'rate'), _best('central differences', 'acceleration')),
-    )
-    yield (
-        "to {} crank lengths in the long run. Baumgarte's equation keeps {}, projections {}",
-        tuple(_cell(name, _LOOP) for name in _MULTIPLIERS),
-    )
     (vector_c,) = (r['ratio'] for r in records('peers') if r['peer'] == 'C, vector math')
-    yield 'Vectorised C takes {} of our time for an array', (vector_c,)
+    ratios = [_over_live(name, quadrilateral, mean, 'tolerance 1e-09') for name in _MULTIPLIERS]
+    return [
+        ('the best of the others is off by {} rad', [min(e for e in errors if e)]),
+        (
+            'place the quadrilateral in {} of its time, and in {} as an array',
+            [_share(circles, 'position', mode) for mode in (_ONE, _BATCH)],
+        ),
+        (
+            'driving torque they take {} of its time, and {} as an array',
+            [_share(circles, 'torque', mode) for mode in (_ONE, _BATCH)],
+        ),
+        (
+            "`float32` takes {} of the default's time",
+            [_share('factored, float32', 'torque', _BATCH)],
+        ),
+        (
+            '{} of the time of the live default on the pump, {} of it on the quick quadrilateral',
+            [_over_live(RECORDS, name, mean) for name in (pump, quadrilateral)],
+        ),
+        (
+            'takes {} times as long as that of the live default on the pump, and {} times on the',
+            [_over_live(RECORDS, name, slowest) for name in (pump, quadrilateral)],
+        ),
+        ('multipliers take {} times, with Baumgarte {} times, projected {} times', ratios),
+        ('they are off by {} rad', [listing[0]['max_error']]),
+        (
+            'give a rate to {} and an acceleration to {} at best',
+            [_best('central differences', order) for order in ('rate', 'acceleration')],
+        ),
+        (
+            "to {} crank lengths in the long run. Baumgarte's equation keeps {}, projections {}",
+            [_cell(name, _LOOP) for name in _MULTIPLIERS],
+        ),
+        ('Vectorised C takes {} of our time for an array', [vector_c]),
+    ]
 
 
-def dynamics_figures() -> Iterator[Figure]:
+def dynamics_figures() -> list[Figure]:
     """The sentences of dynamics.md."""
     live = _points(LIVE, 'quadrilateral', 'trajectory', 'motion')
     (each,) = (p['us_per_state'] for p in live if p['setting'].startswith('step 0.001,'))
-    yield 'it takes {} % of a core for the quadrilateral at 150 rpm', (each / 10,)
-    yield (
-        'are right to {} in a record and to {} live, for motor lines and guides alike',
-        tuple(
-            max(_cell(name, 'steep motor line'), _cell(name, 'stiff guide'))
-            for name in (RECORDS, LIVE)
-        ),
-    )
-    yield (
-        'keep their energy to {} in a record and to {} live',
-        (_cell(RECORDS, _LONG), _cell(LIVE, _LONG)),
-    )
-    yield (
-        'through such points to {} in a record and to {} live',
-        (_cell(RECORDS, 'stretched dyad'), _cell(LIVE, 'stretched dyad')),
-    )
     late = {r['delay_ticks']: 100 * r['largest_deviation'] for r in records('delay')}
-    yield 'within {} % where it is that of the middle', (late[0.0],)
-    yield (
-        "It is {} % off where it is that of the tick's start, and {} % one tick later",
-        (late[0.5], late[1.5]),
-    )
+    kinds = RECORDS, LIVE
+    return [
+        ('it takes {} % of a core for the quadrilateral at 150 rpm', [each / 10]),
+        (
+            'are right to {} in a record and to {} live, for motor lines and guides alike',
+            [max(_cell(k, 'steep motor line'), _cell(k, 'stiff guide')) for k in kinds],
+        ),
+        ('keep their energy to {} in a record and to {} live', [_cell(k, _LONG) for k in kinds]),
+        (
+            'through such points to {} in a record and to {} live',
+            [_cell(k, 'stretched dyad') for k in kinds],
+        ),
+        ('within {} % where it is that of the middle', [late[0.0]]),
+        (
+            "It is {} % off where it is that of the tick's start, and {} % one tick later",
+            [late[0.5], late[1.5]],
+        ),
+    ]
 
 
 FIGURES = {'methods': methods_figures, 'dynamics': dynamics_figures}

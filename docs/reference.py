@@ -12,14 +12,17 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import re
 import runpy
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING
 from functools import partial
 from importlib import import_module
+from itertools import takewhile
 from pathlib import Path
+from typing import cast
 from unittest.mock import MagicMock, patch
 
 from linkage_ros import executables
@@ -34,13 +37,11 @@ from linkage_ros.wire.topics import (
     JOINT_COMMANDS,
     SIMULATED_CLOCK,
     TOPICS,
-    Topic,
     effort_commands,
     trajectory_commands,
 )
 
 _LAUNCH = Path(__file__).parents[1] / 'launch'
-_LARGE = 1e6  # from here on, a power of ten is easier to read than zeros
 
 # A table stands between a line that names it and a line that ends it.
 _PLACE = re.compile(r'(?<=<!-- table: )(\w+)( -->\n\n).*?(?=\n\n<!-- end -->)', re.DOTALL)
@@ -64,7 +65,7 @@ def _parameters(cls: type) -> str:
 def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
     """One parameter: name, valid values, default and meaning."""
     name, quantity, default = leaf
-    span = f'{brief(quantity.low)} to {brief(quantity.high)} {quantity.unit}'.rstrip()
+    span = re.sub(r'e\+?(-?)0*', r'e\1', quantity.span)  # 1e-9, not 1e-09
     values = {
         'number': span,
         'whole': span,
@@ -74,43 +75,26 @@ def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
         'text': f'`{quantity.pattern}`' if quantity.pattern else 'text',
         'switch': '`true`, `false`',
     }[quantity.kind]
-    if default is MISSING:
-        shown = 'required'
-    else:
-        shown = '-' if default is None else f'`{in_yaml(default)}`'
+    shown = {MISSING: 'required', None: '-', '': "`''`"}.get(default)
+    if shown is None:
+        shown = f'`{default if isinstance(default, str) else json.dumps(default)}`'
     live = '; may be set while the node runs' if quantity.live else ''
     return f'`{name}`', values, shown, quantity.meaning + live
-
-
-def brief(number: float) -> str:
-    """A float in few characters: 1e-9, 0, 1000, 1e12."""
-    mantissa, _, power = f'{number:g}'.partition('e')
-    return f'{mantissa}e{int(power)}' if power else mantissa
-
-
-def in_yaml(value: object) -> str:
-    """A value as a parameter file may hold it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(value) if abs(value) < _LARGE else brief(value).replace('e', '.0e')
-    return (value or "''") if isinstance(value, str) else str(list(value))
 
 
 def _presets() -> str:
     """The presets, each with the comment at the top of its file."""
     rows = []
     for name in preset_names():
-        words = []
-        for line in preset_path(name).read_text().splitlines():
-            if not line.startswith('# '):
-                break
-            words.append(line[2:])
-        rows.append((f'[`{name}`](../config/{name}.yaml)', ' '.join(words)))
+        lines = takewhile(
+            lambda line: line[:2] == '# ', preset_path(name).read_text().splitlines()
+        )
+        words = ' '.join(line[2:] for line in lines)
+        rows.append((f'[`{name}`](../config/{name}.yaml)', words))
     return _table('preset, description', rows)
 
 
-def _sections(word: str, classes: dict[str, type]) -> str:
+def _sections(word: str, classes: Mapping[str, type]) -> str:
     """A heading and a table for each class."""
     return '\n\n'.join(
         f'#### `{word}: {name}`\n\n{_parameters(cls)}' for name, cls in classes.items()
@@ -121,27 +105,18 @@ def _sections(word: str, classes: dict[str, type]) -> str:
 
 
 def _topics() -> str:
-    published = (
-        *TOPICS,
+    commands = (
         effort_commands('effort_command_topic'),
         trajectory_commands('trajectory_command_topic'),
     )
-    return _table(
-        'topic, type, content',
-        [
-            *(_topic_row(topic, '') for topic in published),
-            *(_topic_row(topic, ' (subscribed)') for topic in (JOINT_COMMANDS, SIMULATED_CLOCK)),
-        ],
-    )
-
-
-def _topic_row(topic: Topic, direction: str) -> tuple[str, str, str]:
-    package, _, kind = topic.interface.name.split('/')
-    notes = [
-        '; transient local' * topic.latched,
-        '; published while there is a subscriber, always logged' * topic.on_demand,
-    ]
-    return f'`{topic.name}`{direction}', f'{package}/{kind}', topic.meaning + ''.join(notes)
+    rows = []
+    for topic in (*TOPICS, *commands, JOINT_COMMANDS, SIMULATED_CLOCK):
+        direction = ' (subscribed)' if topic in (JOINT_COMMANDS, SIMULATED_CLOCK) else ''
+        latched = '; transient local' * topic.latched
+        live = '; published while there is a subscriber, always logged' * topic.on_demand
+        kind = topic.interface.name.replace('/msg/', '/')
+        rows.append((f'`{topic.name}`{direction}', kind, topic.meaning + latched + live))
+    return _table('topic, type, content', rows)
 
 
 # ---------------------------------------------------------------- executables
@@ -199,8 +174,7 @@ def launch_arguments(path: Path) -> dict[str, tuple[str, str]]:
     names = ('launch', 'launch.actions', 'launch.events', 'launch.events.process', 'launch_ros')
     modules = {name: MagicMock() for name in (*names, 'launch_ros.actions')}
     with patch.dict(sys.modules, modules):
-        arguments: dict[str, tuple[str, str]] = runpy.run_path(str(path))['ARGUMENTS']
-    return arguments
+        return cast('dict[str, tuple[str, str]]', runpy.run_path(str(path))['ARGUMENTS'])
 
 
 def _launch_files() -> str:
