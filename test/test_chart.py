@@ -18,6 +18,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image, ImageSequence
+from ros_harness import assert_refused
 
 from linkage_ros import (
     Body,
@@ -52,14 +53,6 @@ linkage_node:
 """
 
 
-def chart(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, 'argv', ['linkage_chart', *map(str, arguments)])
-    try:
-        return chart_tool.main()
-    except SystemExit as error:
-        return error.code
-
-
 def table(path):
     with path.open(newline='') as stream:
         names, *rows = csv.reader(stream)
@@ -88,7 +81,9 @@ def drawn(tmp_path_factory):
             patch.setattr(
                 Figure, 'savefig', lambda page, path, to=pages: to.append(page) or save(page, path)
             )
-            assert chart(patch, 'motion', preset, *options, '--out', folder) == 0
+            words = ['motion', preset, *options, '--out', folder]
+            patch.setattr(sys, 'argv', ['linkage_chart', *map(str, words)])
+            assert chart_tool.main() == 0
         *_, picture, written = said.getvalue().splitlines()
         pixels = matplotlib.image.imread(picture)[..., :3]
         charts[preset] = Drawn(said.getvalue(), table(Path(written)), pixels, *pages)
@@ -257,38 +252,33 @@ def test_no_spike_next_to_a_change_point_is_missed(gap):
     assert period.mean_power == 0.0
 
 
-def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, monkeypatch, capsys):
+def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, called):
     odd = tmp_path / 'cost_$5_$x{.yaml'  # a file's name is no mathematics
     odd.write_text(CHANGE_POINT)
-    assert chart(monkeypatch, 'motion', odd, '--rpm', '6', '--out', tmp_path) == 0
+    code, out, _ = called(chart_tool, 'motion', odd, '--rpm', '6', '--out', tmp_path)
+    assert code == 0
+    assert 'change-point' in out
     columns = table(tmp_path / 'cost_$5_$x{_motion.csv')
     assert columns['crank_angle [rad]'][-1] == 4 * math.pi
     rocker = columns['rocker.position [rad]']
     assert np.abs(np.diff(rocker)).max() < 0.03
     assert rocker[-1] == pytest.approx(rocker[0], abs=1e-13)
-    assert 'change-point' in capsys.readouterr().out
-
-
-def test_forces_without_bounds_are_refused(tmp_path, monkeypatch, capsys):
-    (tmp_path / 'folding.yaml').write_text(CHANGE_POINT)
-    options = ['motion', tmp_path / 'folding.yaml', '--reactions', '--out', tmp_path / 'out']
-    assert chart(monkeypatch, *options) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert 'change point' in line
-    assert 'leave the reactions out' in line
+    given = called(chart_tool, 'motion', odd, '--reactions', '--out', tmp_path / 'out')
+    assert_refused(*given, 'change point.*leave the reactions out')
     assert not (tmp_path / 'out').exists()
 
 
 @pytest.mark.parametrize(('preset', 'way'), [('compressor', 1), ('wind_pump', 1), ('wiper', -1)])
-def test_a_movie_shows_even_steps_of_time(tmp_path, monkeypatch, capsys, preset, way):
+def test_a_movie_shows_even_steps_of_time(tmp_path, monkeypatch, called, preset, way):
     shown, move = [], linkage.LinkagePicture.move
     monkeypatch.setattr(movie, 'SECONDS', 0.5)
     monkeypatch.setattr(
         linkage.LinkagePicture, 'move', lambda it, i: shown.append((it, i)) or move(it, i)
     )
     options = ('--rpm', -30) if way < 0 else ()
-    assert chart(monkeypatch, 'movie', preset, tmp_path / 'made.gif', *options) == 0
-    said, path = capsys.readouterr().out.splitlines()
+    code, out, _ = called(chart_tool, 'movie', preset, tmp_path / 'made.gif', *options)
+    said, path = out.splitlines()
+    assert code == 0
     assert said.startswith(preset)
     with Image.open(path) as file:
         frames = [np.array(frame.convert('RGB'), int) for frame in ImageSequence.Iterator(file)]
@@ -303,13 +293,10 @@ def test_a_movie_shows_even_steps_of_time(tmp_path, monkeypatch, capsys, preset,
     assert apart == pytest.approx(apart.mean(), abs=2 * sample)
 
 
-def test_several_mechanisms_stand_beside_each_other_and_in_one_table(
-    tmp_path, monkeypatch, capsys
-):
+def test_several_mechanisms_stand_beside_each_other_and_in_one_table(tmp_path, called):
     names = ['quadrilateral', 'compressor', 'wiper']
-    assert chart(monkeypatch, 'motion', *names, '--reactions', '--out', tmp_path) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert said[0].split() == names
+    _, out, _ = called(chart_tool, 'motion', *names, '--reactions', '--out', tmp_path)
+    assert out.splitlines()[0].split() == names
     with (tmp_path / 'comparison.csv').open() as stream:
         rows = {row['design']: row for row in csv.DictReader(stream)}
     assert [*rows] == names
@@ -318,24 +305,22 @@ def test_several_mechanisms_stand_beside_each_other_and_in_one_table(
         speed = configuration.drive.rpm * math.pi / 30
         period = SpeedDrivenPeriod(configuration.mechanism, speed, reactions=True)
         found, columns = travel(period.solver), period.columns
-        way, unit = found.extremes[1] - found.extremes[0], 'swing [deg]'
-        if found.slides:
-            unit = 'stroke [m]'
-            assert row['swing [deg]'] == ''
-        way = way if found.slides else math.degrees(way)
-        assert float(row[unit]) == pytest.approx(way, rel=1e-6)
-        assert float(row['time ratio']) == found.time_ratio
-        low, high = map(math.degrees, found.transmission)
-        sharpest = float(row['least transmission angle [deg]'])
-        assert sharpest == pytest.approx(min(low, 180 - high))
-        torque = columns['driving_torque'].values
-        assert float(row['peak torque [N m]']) == pytest.approx(np.abs(torque).max(), rel=1e-4)
-        assert float(row['rms torque [N m]']) == pytest.approx(
-            math.sqrt(np.mean(torque[1:] ** 2)), rel=1e-6
-        )
-        assert float(row['mean power [W]']) == pytest.approx(period.mean_power)
+        way, torque = np.ptp(found.extremes), columns['driving_torque'].values
         forces = [columns[f'shaking_force.{axis}'].values for axis in 'xy']
-        assert float(row['peak shaking force [N]']) == np.hypot(*forces).max()
+        low, high = map(math.degrees, found.transmission)
+        expected = {
+            'stroke [m]' if found.slides else 'swing [deg]': (
+                way if found.slides else math.degrees(way)
+            ),
+            'time ratio': found.time_ratio,
+            'least transmission angle [deg]': min(low, 180 - high),
+            'peak torque [N m]': np.abs(torque).max(),
+            'rms torque [N m]': math.sqrt(np.mean(torque[1:] ** 2)),
+            'mean power [W]': period.mean_power,
+            'peak shaking force [N]': np.hypot(*forces).max(),
+        }
+        given = {word: float(cell) for word, cell in row.items() if word != 'design' and cell}
+        assert given == pytest.approx(expected, rel=1e-4)
     pixels = matplotlib.image.imread(tmp_path / 'comparison.png')[..., :3]
     assert all((edge == 1.0).all() for edge in (pixels[:3], pixels[-3:]))
     for color in DESIGN_COLORS[: len(names)]:  # the curves of each
@@ -381,30 +366,24 @@ def elapsed(crank, speed):
         ([], 'COMMAND'),
     ],
 )
-def test_what_cannot_be_drawn_is_one_line(monkeypatch, capsys, arguments, words):
-    assert chart(monkeypatch, *arguments) == 2
-    out, err = capsys.readouterr()
-    (line,) = err.splitlines()
-    assert words in line
-    assert line.startswith('linkage_chart')
-    assert out == ''
+def test_what_cannot_be_drawn_is_one_line(called, arguments, words):
+    assert_refused(*called(chart_tool, *arguments), re.escape(words))
 
 
 @pytest.mark.parametrize('command', [['motion'], ['movie', 'crank.gif']])
 @pytest.mark.parametrize('drive', ['torque', 'follow'])
 def test_a_crank_without_a_speed_of_its_own_needs_one(
-    tmp_path, monkeypatch, capsys, command, drive
+    tmp_path, monkeypatch, called, command, drive
 ):
     monkeypatch.chdir(tmp_path)
     Path('crank.yaml').write_text(f'/**: {{ros__parameters: {{drive: {drive}}}}}')
     kind, *rest = command
-    assert chart(monkeypatch, kind, 'crank.yaml', *rest) == 2
-    expected = 'crank.yaml has no crank speed of its own: at which speed to draw it? Add --rpm 60'
-    assert expected in capsys.readouterr().err
+    words = 'crank.yaml has no crank speed of its own: at which speed to draw it. Add --rpm 60'
+    assert_refused(*called(chart_tool, kind, 'crank.yaml', *rest), words)
 
 
-def test_a_pump_that_starts_at_rest_says_which_parameter_to_set(tmp_path, monkeypatch, capsys):
+def test_a_pump_that_starts_at_rest_says_which_parameter_to_set(tmp_path, called):
     text = preset_path('wind_pump').read_text()
     (tmp_path / 'still.yaml').write_text(re.sub('start_rpm: .*', 'start_rpm: 0.0', text))
-    assert chart(monkeypatch, 'motion', tmp_path / 'still.yaml', '--out', tmp_path) == 2
-    assert ': start_rpm = 0: must be above 0 rpm' in capsys.readouterr().err
+    given = called(chart_tool, 'motion', tmp_path / 'still.yaml', '--out', tmp_path)
+    assert_refused(*given, ': start_rpm = 0: must be above 0 rpm')
