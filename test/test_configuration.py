@@ -91,14 +91,10 @@ def clean(name, value):
 # ---------------------------------------------------------------- defaults and presets
 
 
-def test_without_a_mechanism_the_preset_runs():
-    assert configure({}).parameters() == QUADRILATERAL
+@pytest.mark.parametrize('changes', [{}, {'rpm': 60.0, 'rocker.mass': 1.0}])
+def test_without_a_mechanism_values_change_the_preset(changes):
+    assert configure(changes).parameters() == {**QUADRILATERAL, **changes}
     assert configure({}) == load(DEFAULT_PRESET)
-
-
-def test_without_a_mechanism_values_change_the_preset():
-    changed = configure({'rpm': 60.0, 'rocker.mass': 1.0}).parameters()
-    assert changed == {**QUADRILATERAL, 'rpm': 60.0, 'rocker.mass': 1.0}
 
 
 def test_with_a_mechanism_nothing_comes_from_the_preset():
@@ -131,7 +127,9 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
         'frame_id': 'base_link',
         **REQUIRED,
     }
-    configuration = configure(REQUIRED)
+    of_every_node = {'use_sim_time': True, 'start_type_description_service': True}
+    configuration = configure({**REQUIRED, **of_every_node})
+    assert configuration == configure(REQUIRED)
     assert configuration.drive.start_rpm is None
     assert configuration.mechanism.coupler.point is None
 
@@ -161,11 +159,6 @@ def test_every_hint_is_a_parameter():
     names = {leaf.name for kind in kinds for leaf in parameter_leaves(kind)}
     parts = {part for name in names for part in (name, name.split('.')[0], name.split('.')[-1])}
     assert {meant for row in unknown_names._MEANINGS.values() for meant in row} <= parts
-
-
-@pytest.mark.parametrize('name', ['use_sim_time', 'start_type_description_service'])
-def test_the_parameters_of_every_node_pass(name):
-    assert configure({**REQUIRED, name: True}) == configure(REQUIRED)
 
 
 # ---------------------------------------------------------------- declarations

@@ -177,16 +177,16 @@ def test_wrong_values_are_refused_before_anything_is_started(launched, tmp_path,
 
 
 def test_a_killed_launch_leaves_no_file(tmp_path):
+    """A file of its parameters is in memory, and so is nothing in the folder for such files."""
     code = (
         'import time\n'
         'from linkage_ros.parameters.launched import parameter_file\n'
         "print(parameter_file({'rpm': 60.0}), flush=True)\n"
         'time.sleep(60)'
     )
-    with subprocess.Popen(
-        [sys.executable, '-c', code], env={**os.environ, 'TMPDIR': str(tmp_path)},
-        stdout=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
+    environ = {**os.environ, 'TMPDIR': str(tmp_path)}
+    command = [sys.executable, '-c', code]
+    with subprocess.Popen(command, env=environ, stdout=subprocess.PIPE, text=True) as process:
         path = Path(process.stdout.readline().strip())
         assert yaml.safe_load(path.read_text()) == {'/**': {'ros__parameters': {'rpm': 60.0}}}
         process.kill()

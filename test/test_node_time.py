@@ -24,34 +24,6 @@ MS = 10**6
 START = 50 * 10**9
 
 
-class FakeClock:
-    """Publishes /clock as a simulator does."""
-
-    def __init__(self, listener):
-        self._listener = listener
-        self._publisher = listener.node.create_publisher(Clock, '/clock', 10)
-        self.now = START
-
-    def publish(self, seconds, rest):
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = seconds, rest
-        self._publisher.publish(message)
-
-    def tell(self):
-        self.publish(*divmod(self.now, 10**9))
-
-    def reach(self, now):
-        """Tells a time until there is a state of it: who lags hears the latest time only."""
-        self.now = now
-        wait_for(lambda: self.tell() or stamps(self._listener)[-1:] == [now])
-
-    def run(self, seconds, rate=1.0, step=0.01):
-        """Lets it run for a while of its own time, at a rate of real time or slower."""
-        for _ in range(round(seconds / step)):
-            time.sleep(step / rate)
-            self.reach(self.now + round(step * 1e9))
-
-
 def stamps(listener):
     return [stamp for stamp, _ in decoded(listener.received[STATES])]
 
@@ -62,20 +34,33 @@ def simulated(tmp_path_factory):
     path = tmp_path_factory.mktemp('simulated') / 'run.mcap'
     arguments = node_arguments(use_sim_time='true', log=path)
     with watched([STATES, DESCRIPTION], *arguments) as (listener, process):
+        publisher = listener.node.create_publisher(Clock, '/clock', 10)
+
+        def tell(now):
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = divmod(now, 10**9)
+            publisher.publish(message)
+            return stamps(listener)[-1:] == [now]
+
+        def run(begin, steps, pause):
+            """Tells times 10 ms apart, each until there is a state of it."""
+            for now in range(begin, begin + (steps + 1) * 10 * MS, 10 * MS):
+                wait_for(lambda now=now: tell(now))
+                time.sleep(pause)
+
         wait_for(lambda: listener.received[DESCRIPTION])  # it does not wait for the clock
         assert stamps(listener) == []  # no clock, no time
-        clock = FakeClock(listener)
-        clock.reach(START)
-        clock.run(0.5, rate=0.5)
+        run(START, 50, 0.02)
         for _ in range(20):
-            clock.tell()
+            tell(START + 500 * MS)
             time.sleep(0.01)
         assert len(stamps(listener)) == 101  # it stood still
-        clock.reach(START - 10**9)
-        clock.run(0.2)
+        run(START - 10**9, 20, 0.01)
         for seconds, rest in ((2**31 - 1, 2**32 - 1), (-1, 0)):
-            clock.publish(seconds, rest)
-        clock.run(0.05)
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = seconds, rest
+            publisher.publish(message)
+        run(START - 10**9 + 210 * MS, 4, 0.01)
         code, output = stop(process)
     assert code == 0, output
     return stamps(listener), path, output

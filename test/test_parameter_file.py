@@ -301,12 +301,6 @@ STRICTER = {
     'document of one word': (own('a: 1') + '--- hello\n', 'likewise'),
 }
 
-# What rcl reads, but the node cannot use: not for the reader to say.
-LOOSER = {
-    'use_sim_time': own('use_sim_time: 5'),
-    'start_type_description_service': own('start_type_description_service: x'),
-}
-
 # Where PyYAML without libyaml refuses a little more yet.
 PURE = {'tab before a value'}
 
@@ -323,7 +317,7 @@ def outcome(path, node='linkage_node'):
 def files(tmp_path_factory):
     """Each case's file; those of a namespace have the namespace in their name."""
     folder = tmp_path_factory.mktemp('parameters')
-    texts = AGREED | LOOSER | {case: text for case, (text, _) in STRICTER.items()}
+    texts = AGREED | {case: text for case, (text, _) in STRICTER.items()}
     for section, namespace in itertools.product((NODES + NAMESPACED).split(), NAMESPACES):
         texts[section, namespace] = own('a: 1', section)
     paths = {'directory': folder, 'missing': folder / 'missing.yaml'}
@@ -377,13 +371,6 @@ def test_agrees_with_rcl(files, answers, loader):
 def test_refuses_what_rcl_garbles(files, answers, loader):
     assert [case for case in STRICTER if not isinstance(answers[case], dict)] == []
     assert [case for case in STRICTER if not isinstance(outcome(files[case]), str)] == []
-
-
-@pytest.mark.parametrize('name', ['use_sim_time', 'start_type_description_service'])
-def test_values_that_only_the_node_refuses_are_read(name, files, answers):
-    assert name in answers[name]
-    assert 'params file' not in answers[name]
-    assert set(outcome(files[name])) == {name}
 
 
 def test_the_table_holds_accepted_and_refused_files(answers):

@@ -61,7 +61,8 @@ class Session(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.viewer and not is_viewer(self.viewer):
+        is_place = is_recording(self.viewer) or viewer_address(self.viewer) is not None
+        if self.viewer not in ('', SPAWN, WEB) and not is_place:
             raise ConfigurationError(viewer_error(self.viewer))
         if self.log and self.viewer.endswith('.rrd') and is_same_file(self.log, self.viewer):
             raise ConfigurationError(
@@ -109,11 +110,6 @@ def viewer_address(target: str) -> tuple[str, int] | None:
 def is_recording(target: str) -> bool:
     """Returns whether a viewer has the form of a file's path."""
     return Path(target).suffix == '.rrd' and '://' not in target
-
-
-def is_viewer(target: str) -> bool:
-    """Returns whether a viewer has one of the forms of VIEWERS."""
-    return target in (SPAWN, WEB) or is_recording(target) or viewer_address(target) is not None
 
 
 def viewer_error(target: str) -> str:
