@@ -268,29 +268,6 @@ def test_text_that_lacks_a_required_setting_is_refused(name):
         from_strings(strings)
 
 
-@pytest.mark.parametrize(
-    ('log', 'viewer'),
-    [
-        ('run.rrd', 'run.rrd'),
-        ('./a/../run.rrd', 'run.rrd'),
-        ('link.rrd', 'run.rrd'),
-        ('run.mcap', 'run.rrd'),
-    ],
-)
-def test_log_and_viewer_are_never_one_file(tmp_path, monkeypatch, log, viewer):
-    monkeypatch.chdir(tmp_path)
-    Path('a').mkdir()
-    Path('link.rrd').symlink_to('run.rrd')
-    if log == 'run.mcap':  # a hard link
-        Path('run.rrd').touch()
-        Path('run.mcap').hardlink_to('run.rrd')
-    words = (
-        r"^log and viewer are one file, 'run\.rrd': give the log another path, that of an \.mcap"
-    )
-    with pytest.raises(ConfigurationError, match=words):
-        configure({'log': log, 'viewer': viewer})
-
-
 VIEWERS = r'spawn, web, rerun\+http://HOST:PORT/proxy or a \.rrd path'
 
 

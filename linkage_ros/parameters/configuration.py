@@ -12,9 +12,9 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.motion.drives import Drive, TorqueDrive
+from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.torque_driven import start
-from linkage_ros.parameters.drives import DRIVES, SpeedFeedForward
+from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
 from linkage_ros.parameters.session import Session
@@ -131,9 +131,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
             Solver(mechanism).accelerations(q, u, drive.motor.at(u[0]))
         except UnreachableError as error:
             raise ConfigurationError(f'no motion starts there: {error}') from error
-    elif isinstance(drive, SpeedFeedForward):
+    elif isinstance(drive, SpeedDrive):
         Solver(mechanism).reach.require_full_turn()
-        drive.require_rate(session.rate_hz)
     return Configuration(kind, mechanism, drive, session)
 
 

@@ -6,9 +6,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
-from linkage_ros.quantities import Checked, quantity, shown
+from linkage_ros.quantities import Checked, quantity
 
 _NAME = '[A-Za-z_][A-Za-z0-9_]*'
 _TOPIC = f'(/?{_NAME}(/{_NAME})*)?'
@@ -50,21 +49,6 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
         'number', 'time ahead that the motion reaches; half of it is between messages', 's',
         span=(0.01, 10.0), default=0.5,
     )  # fmt: skip
-
-    def require_rate(self, rate_hz: float) -> None:
-        """Refuses a rate at which a trajectory would end before the next one arrives.
-
-        Args:
-            rate_hz: States a second.
-
-        Raises:
-            ConfigurationError: The horizon is shorter than four periods.
-        """
-        if self.trajectory_command_topic and self.trajectory_horizon * rate_hz < 4:
-            raise ConfigurationError(
-                f'trajectory_horizon = {shown(self.trajectory_horizon)}: must be at least '
-                f'{4 / rate_hz:g} s, four periods of rate_hz = {rate_hz:g}'
-            )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import is_same_file
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.wire.codecs import ROOT_FRAME
@@ -64,11 +63,6 @@ class Session(Checked):
         is_place = is_recording(self.viewer) or viewer_address(self.viewer) is not None
         if self.viewer not in ('', SPAWN, WEB) and not is_place:
             raise ConfigurationError(viewer_error(self.viewer))
-        if self.log and self.viewer.endswith('.rrd') and is_same_file(self.log, self.viewer):
-            raise ConfigurationError(
-                f'log and viewer are one file, {shown(self.viewer)}: give the log another path, '
-                'that of an .mcap file'
-            )
 
     def require_names(self, mechanism: Mechanism) -> None:
         """Refuses a frame_id or crank_joint that is another name of the linkage.
