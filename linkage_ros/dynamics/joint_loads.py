@@ -160,7 +160,7 @@ def _exerted(
     """The load that forces of some magnitudes make, with a share of the coefficients."""
     inner, outer = [ZERO] * links, [ZERO] * links
     for contact, size in zip(contacts, sizes, strict=True):
-        row = inner if contact.is_inner else outer
+        row = inner if len(contact.levers) > 1 else outer
         for j, lever in contact.levers.items():
             row[j] += lever * (share * size)
     return FoundLoad(tuple(inner), tuple(outer))

@@ -157,23 +157,13 @@ class Code(NamedTuple):
     """A compiled program whose constants are not bound yet.
 
     Attributes:
-        text: Source code of the functions `bind` and `program`.
-        bind: Computes what depends on constants alone, by name.
-        program: The program, with texts of these names in place of numbers.
-        space: The other names that it reads.
+        text: Its source code.
+        bound: From the numbers of the constants, and from functions by name that the program
+            calls, to the program.
     """
 
     text: str
-    bind: Callable[..., dict[str, Any]]
-    program: Any
-    space: dict[str, Any]
-
-    def bound(self, numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
-        """The program with numbers in it: Python reads these faster than variables."""
-        values = self.bind(*numbers)
-        code, space = self.program.__code__, {**self.space, **values, **others}
-        code = code.replace(co_consts=transformed(lambda x: values.get(x, x), code.co_consts))
-        return FunctionType(code, space, code.co_name, self.program.__defaults__)
+    bound: Callable[..., Callable[..., Any]]
 
 
 def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_math: bool) -> Code:
@@ -191,8 +181,16 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     exec(compile(bind + quoted, path, 'exec'), space)  # noqa: S102
     text = bind + program
     linecache.cache[path] = len(text), None, text.splitlines(keepends=True), path
-    name = program[len('def ') : program.index('(')]
-    return Code(text, space.pop('bind'), space.pop(name), space)
+    run = space[program[len('def ') : program.index('(')]]
+
+    def bound(numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
+        """Puts numbers in place of the texts: Python reads these faster than variables."""
+        values = space['bind'](*numbers)
+        constants = transformed(lambda x: values.get(x, x), run.__code__.co_consts)
+        code = run.__code__.replace(co_consts=constants)
+        return FunctionType(code, {**space, **values, **others}, argdefs=run.__defaults__)
+
+    return Code(text, bound)
 
 
 class Program:

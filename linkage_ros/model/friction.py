@@ -83,10 +83,10 @@ class Rubbing(NamedTuple):
             apart = rates[first] - (rates[others[0]] if others else ZERO)
             lever = self.arm * _sign(apart)
             levers = {first: -lever, **dict.fromkeys(others, lever)}
-            contacts.append(Contact(pin.name, bool(others), levers))
+            contacts.append(Contact(pin.name, levers))
         for j, link in enumerate(links):
             if link.slides and self.guide is not ZERO:
-                contacts.append(Contact(link.name, False, {j: -(self.guide * _sign(rates[j]))}))
+                contacts.append(Contact(link.name, {j: -(self.guide * _sign(rates[j]))}))
         return contacts
 
 

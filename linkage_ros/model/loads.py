@@ -50,14 +50,12 @@ class Contact(NamedTuple):
 
     Attributes:
         joint: Name of the pin; of a guide, of the link that slides on it.
-        is_inner: Whether the joint is a pin between two links that turn; else the frame exerts
-            the load.
         levers: The load on links per force in the joint, by the index of the link: m, of a link
-            that slides a number.
+            that slides a number. On two links it is that of a pin between them; on one, the frame
+            exerts it.
     """
 
     joint: str
-    is_inner: bool
     levers: dict[int, Real]
 
 
