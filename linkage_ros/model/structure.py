@@ -239,12 +239,8 @@ class Mechanism(Checked):
         Raises:
             ConfigurationError: There is no such link, or it already has a load.
         """
-        part = getattr(self, name, None)
-        if part is None:
-            names = [link.name for link in self.structure().links]
-            raise ConfigurationError(
-                f'a load on link {shown(name)}: this mechanism has the links {", ".join(names)}'
-            )
+        self.output(name, 'load.link')
+        part = getattr(self, name)
         if any(getattr(part, field) for field in part.load_fields):
             raise ConfigurationError(
                 f'the load on the {name} is given twice: in {name} and in loads'
@@ -293,7 +289,7 @@ class Mechanism(Checked):
         middle = self.swing_middle(f'{name}.stiffness') if stiffness else None
         if middle is not None:
             rest -= round((rest - middle) / (2 * math.pi)) * 2 * math.pi
-        link = self.output(name, 'a load on link')
+        link = self.output(name, name)
         return LinkForce(link, force, damping, stiffness, rest, middle)
 
     def joint_loads(self) -> tuple[JointLoad, ...]:

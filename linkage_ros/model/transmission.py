@@ -162,11 +162,12 @@ class Transmission(NamedTuple):
         """
         if self.turns_fully:
             return ((0.0, 2 * math.pi),)
-        middle, nearest, farthest = self.reference[0], 0.0, 0.0
-        if self.sin.limits:
-            nearest = 2 * math.atan2(math.sqrt(-self.sin.least), math.sqrt(self.sin.most))
-        if self.cos.limits:
-            farthest = 2 * math.atan2(math.sqrt(self.cos.most), math.sqrt(-self.cos.least))
+        middle, lacks = (
+            self.reference[0],
+            [max(-float(x.least), 0.0) for x in (self.sin, self.cos)],
+        )
+        nearest = 2 * math.atan2(math.sqrt(lacks[0]), math.sqrt(self.sin.most))
+        farthest = 2 * math.atan2(math.sqrt(self.cos.most), math.sqrt(lacks[1]))
         if not self.sin.limits:
             return (_turned(middle - farthest, middle + farthest),)
         if not self.cos.limits:
