@@ -176,6 +176,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     for name, function in _FUNCTIONS.items():
         space[name] = getattr(math, name)
         space[f'array_{name}'] = by_element(space[name]) if by_math else function
+    # In the program, texts stand for the numbers that depend on constants alone.
     numbers = '|'.join(writer.numbers()) or '$'
     quoted = re.sub(rf'\b({numbers})\b(?!\()', r"'\1'", program)
     exec(compile(bind + quoted, path, 'exec'), space)  # noqa: S102
@@ -222,17 +223,17 @@ class Program:
         """The program for floats: a function of all numbers of the arguments, one by one."""
         return self.code().bound(self.constants.numbers)
 
-    def entry(self, *head: str, otherwise: Callable[..., Any]) -> Callable[..., Any]:
+    def entry(self, *head: str, **functions: Callable[..., Any]) -> Callable[..., Any]:
         """The program for floats as a function of other arguments.
 
         Args:
             *head: Its definition, and lines that give the program's arguments their values.
-            otherwise: A function that these lines may call by this name.
+            **functions: What these lines may call.
 
         Returns:
             The function.
         """
-        return self.code(head=head).bound(self.constants.numbers, otherwise=otherwise)
+        return self.code(head=head).bound(self.constants.numbers, **functions)
 
     @property
     def tape(self) -> Tape:

@@ -211,24 +211,16 @@ class Solver:
         given = {'q': q, 'u': u, 'torque': torque}
         return cast('State', self._calls.run(equations.driven_state, by_math=by_math, **given))
 
-    def forward(self, y: Sequence[float], torque: float) -> tuple[float, ...]:
+    @functools.cached_property
+    def forward(self) -> Callable[[Sequence[float], float], tuple[float, ...]]:
         """The accelerations under a torque, for integrators: floats without checks.
 
-        Args:
-            y: Coordinates, then their rates.
-            torque: N m.
-
-        Returns:
-            The accelerations.
-
-        Raises:
-            LinkageError: As for `accelerations`.
+        A function of y, the coordinates and then their rates, and of the torque, N m; it raises
+        errors as `accelerations` does.
         """
-        return self._forward(*y, torque)
-
-    @functools.cached_property
-    def _forward(self) -> Callable[..., tuple[float, ...]]:
-        return self._calls.program(equations.forward, 'q', 'u', 'torque').scalar
+        program = self._calls.program(equations.forward, 'q', 'u', 'torque')
+        *given, torque = program.names
+        return program.entry(f'def forward(y, {torque}):', f'{", ".join(given)} = y')
 
     def meetings(self, y: Sequence[float]) -> tuple[Meeting, ...]:
         """The angles at which the links of each dyad of the structure meet.
