@@ -5,7 +5,6 @@
 import cmath
 import math
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
 
@@ -17,12 +16,10 @@ from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.numeric import real_numbers, require_finite, wrap
 from linkage_ros.quantities import shown
 
-Positions: TypeAlias = tuple[float, ...]
-
 _SAME = 16 * 2.0**-53  # relative; a few roundings of an angle of one turn
 
 
-def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[Positions, ...]:
+def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[float, ...], ...]:
     """Finds the positions in which the links can be put together at a crank angle.
 
     Document 2 counts them: two, the open assembly and then the crossed one; one, where coupler
@@ -59,7 +56,7 @@ def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[Position
     return tuple(both[:1] if apart <= near else both)
 
 
-def _in_line(mechanism: FourBar | SliderCrank, crank: float) -> Positions:
+def _in_line(mechanism: FourBar | SliderCrank, crank: float) -> tuple[float, ...]:
     """The position at the end of a crank's reach: both assemblies meet there."""
     angle, pin = mechanism.frame.angle, cmath.rect(mechanism.crank.length, crank)
     b = mechanism.coupler.length

@@ -60,7 +60,7 @@ from linkage_ros.model.structure import (
     direction,
 )
 from linkage_ros.model.swing import middle, swing
-from linkage_ros.model.transmission import Halves, Square, Transmission
+from linkage_ros.model.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
@@ -162,7 +162,7 @@ class FourBarLoop(NamedTuple):
         )
 
     def _careful_mean(
-        self, halves: Halves, slopes: tuple[Real, Real], square: Real
+        self, halves: tuple[Real, ...], slopes: tuple[Real, Real], square: Real
     ) -> tuple[Real, Real]:
         """(1 - nu) / 2 and its derivative where A passes B0 closely, L much shorter than d.
 

@@ -69,26 +69,6 @@ class Square(NamedTuple):
         return sqrt(square)
 
 
-class Halves(NamedTuple):
-    """Half the crank angle and half the transmission angle.
-
-    Attributes:
-        sin_h: Sine of half the crank angle, from the reference line.
-        cos_h: Cosine of half the crank angle.
-        sin_m: Sine of half the transmission angle.
-        cos_m: Cosine of half the transmission angle.
-        u: kappa cos h / cos m.
-        v: kappa sin h / sin m.
-    """
-
-    sin_h: Real
-    cos_h: Real
-    sin_m: Real
-    cos_m: Real
-    u: Real
-    v: Real
-
-
 class Transmission(NamedTuple):
     """The constants of the map.
 
@@ -108,15 +88,15 @@ class Transmission(NamedTuple):
     sin: Square
     refuse: Opaque
 
-    def place(self, crank: Real) -> Halves:
-        """Half the crank angle and half the transmission angle.
+    def place(self, crank: Real) -> tuple[Real, ...]:
+        """Half the crank angle, from the reference line, and half the transmission angle.
 
         Args:
             crank: Crank angle, rad.
 
         Returns:
-            Sines and cosines, right to an ulp next to change points too, because the rounding
-            error of crank - reference is carried along.
+            sin h, cos h, sin m, cos m, u and v, right to an ulp next to change points too, because
+            the rounding error of crank - reference is carried along.
         """
         high, low = self.reference
         half, error = two_sum(0.5 * crank, -0.5 * high)
@@ -128,9 +108,9 @@ class Transmission(NamedTuple):
         sin_m = self.sin.root(x, y, self.refuse, crank)
         u = 1.0 if self.cos.least is ZERO else y / cos_m
         v = 1.0 if self.sin.least is ZERO else x / sin_m
-        return Halves(sin_h, cos_h, sin_m, cos_m, u, v)
+        return sin_h, cos_h, sin_m, cos_m, u, v
 
-    def slopes(self, at: Halves, factor: float = 1.0) -> tuple[Real, Real]:
+    def slopes(self, at: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
         """How the transmission angle changes with the crank.
 
         Args:
