@@ -6,12 +6,10 @@ LINKAGE_ROS_CASES=10000 tries so many cases instead of a hundred. Watched from o
 limits of time and memory, benchmarks/reliability/fuzz.py tries the same ones.
 """
 
-import json
 import os
 import random
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import hostile
@@ -24,8 +22,7 @@ from hypothesis import strategies as st
 from ros_harness import fresh_domain
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.parameters.configuration import load
 from linkage_ros.verification.verify import verify
 
 CASES = int(os.environ.get('LINKAGE_ROS_CASES', '100'))
@@ -111,27 +108,6 @@ def test_any_tree_as_a_parameter_file(tmp_path_factory, tree, own):
     for content in (tree, {'linkage_node': {'ros__parameters': own}}):
         path.write_text(yaml.safe_dump(content, allow_unicode=True), errors='replace')
         hostile_outcomes.parameter_file(path)
-
-
-@MORE
-@given(st.dictionaries(st.sampled_from(hostile.NAMES) | ANY, TREE))
-def test_any_settings(settings_):
-    def texts():
-        return {name: json.dumps(value, default=str) for name, value in settings_.items()}
-
-    hostile_outcomes.outcome(lambda: configure(settings_))
-    hostile_outcomes.outcome(lambda: from_strings({**to_strings(load('compressor')), **texts()}))
-
-
-@MORE
-@given(st.binary(max_size=300), st.integers(0, 300))
-def test_any_bytes_as_a_message(data, at):
-    simulator = Simulator(load('quadrilateral'))
-    good = simulator.snapshot_at(simulator.begin(0), 0).messages[0]
-    mixed = good[:at] + data + good[at + len(data) :]
-    for message in (data, mixed):
-        with suppress(ValueError):
-            assert len(simulator.joint_states.decode(message)[1]) == 9
 
 
 # ---------------------------------------------------------------- bombs

@@ -45,8 +45,9 @@ _KINDS: dict[int, Any] = {
 }
 # The records in a chunk, and their smallest lengths.
 _IN_CHUNKS = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 0, Opcode.CHANNEL: 0}
-# Reading a message takes as long as unpacking 5000 bytes, parsing a byte as long as 250.
-_MESSAGE_COST, _PARSING_COST = 5000, 250
+# Reading a message takes as long as unpacking 5000 bytes, parsing a byte as long as 250. That
+# counts as 1000, so that an index which names one large record many times is soon refused.
+_MESSAGE_COST, _PARSING_COST = 5000, 1000
 _FREE, _COST_PER_BYTE = 1 << 30, 1000
 # The beginning of a chunk or of a metadata record of linkage_ros, wherever it is.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)

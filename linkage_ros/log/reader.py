@@ -118,13 +118,15 @@ class LogReader(AbstractContextManager['LogReader']):
             raise LogError('it is damaged: its metadata records are not those of its index')
         about = [r.metadata for r in records if r.name == CONFIGURATION_RECORD]
         if len(about) != 1:
-            count = f'{len(about)} configuration records instead of one'
-            raise LogError(f'it is no log of linkage_ros: it has {count}')
+            raise LogError(
+                f'it is no log of linkage_ros: it has {len(about)} configuration records instead '
+                'of one'
+            )
         self.version, self.configuration = decode_configuration(about[0])
         self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
-        ends = [int(unseal(r.metadata)['messages']) for r in records if r.name == END_RECORD]
-        self.lost = ends[0] - statistics.message_count if ends else 0
+        ends = [unseal(record.metadata) for record in records if record.name == END_RECORD]
+        self.lost = sum(int(end['messages']) - statistics.message_count for end in ends)
         schemas = {schema.id: schema for schema in summary[Schema]}
         channels = {channel.id: channel for channel in summary[Channel]}
         self.topics = tuple(_topic(c, schemas, statistics) for c in channels.values())
