@@ -137,19 +137,17 @@ class McapFile:
         """
         opcode, length = HEAD.unpack(self._read(at, HEAD.size))
         _check_size(length)
-        body = self._read(at + HEAD.size, length)
-        content, size = None, length
+        body, content = self._read(at + HEAD.size, length), None
+        sizes = {Opcode.DATA_END: 4, Opcode.MESSAGE_INDEX: 6 + int.from_bytes(body[2:6], 'little')}
+        if len(body) != length:
+            raise ValueError('a record is longer than the file')
         if opcode == Opcode.CHUNK:
             content = unpack(parsed(opcode, body))
             self.spend(len(content))
         elif opcode in _KINDS:
             self.spend(length * _PARSING_COST)
             content = parsed(opcode, body)
-        elif opcode == Opcode.MESSAGE_INDEX:
-            size = 6 + int.from_bytes(body[2:6], 'little')
-        else:
-            size = {Opcode.DATA_END: 4}[opcode]
-        if not len(body) == length == size:
+        elif length != sizes[opcode]:
             raise ValueError('the length of a record is wrong')
         return opcode, content, at + HEAD.size + length
 
