@@ -28,10 +28,8 @@ from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
-from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.rerun_layout import layout
+from linkage_ros.view.picture import TIMELINE, Picture
 from linkage_ros.view.rerun_view import View
-from linkage_ros.view.scene import TIMELINE
 from linkage_ros.view.viewer_process import ViewerProcess, find_viewer, free_address
 
 # Imported where it is used, after a View has told it not to warn of what is meant.
@@ -65,7 +63,7 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
     import rerun as rr
     import rerun.blueprint as rrb
 
-    usual = layout(configuration, Drawing(configuration.mechanism))
+    usual = Picture(configuration).layout()
     linkage, first, _ = usual.root_container.contents
     torque = first.contents[0]
     start, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in _SHOWN)
@@ -92,7 +90,7 @@ def _connect(program: ViewerProcess, url: str) -> ViewerClient:
 
     deadline = time.monotonic() + _PATIENCE
     while time.monotonic() < deadline:
-        program.check()
+        program.runs()
         try:
             client = ViewerClient.connect(url)
             state = client.get_state()
@@ -106,7 +104,7 @@ def _connect(program: ViewerProcess, url: str) -> ViewerClient:
 
 def _frames(files: list[Path]) -> Iterator[Image.Image]:
     """The viewer's pictures of a turn, evenly spaced in time."""
-    host, port, _ = free_address('127.0.0.1')
+    host, port = free_address('127.0.0.1')
     options = ['--headless', '--window-size', _SIZE, '--bind', host, '--port', str(port)]
     program = ViewerProcess([find_viewer(), *files, *options], outlives=False)
     try:

@@ -156,7 +156,7 @@ class LinkageNode(ParameterNode):
         finally:
             succeeded = self._log.close()
             if self._view is not None:
-                self._view.close()
+                self._view.close(timeout=5.0)
         return 0 if succeeded and not self._ticker.error else 1
 
     def _report_totals(self) -> None:
@@ -214,7 +214,7 @@ class LinkageNode(ParameterNode):
                 publisher.publish(message)
         self._log.offer(row)
         if self._view is not None:
-            self._view.offer(messages[0])
+            self._view.offer((0, messages[0]))
 
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes and logs a message outside the ticks."""

@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 import os
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from importlib.util import find_spec
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
@@ -19,7 +18,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.session import VIEWERS
 from linkage_ros.playback.feed import Excerpt, excerpt_of, feed
 from linkage_ros.playback.keyboard import Keyboard
-from linkage_ros.playback.player import KEYS, MAX_RATE, MIN_RATE, Pace, Player, Show, Sink
+from linkage_ros.playback.player import KEYS, MAX_RATE, MIN_RATE, Pace, Show, Sink, play
 from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.quantities import Quantity
 from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
@@ -27,7 +26,6 @@ from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_replay'
 _CLOCK_HZ = 40.0
-_SHOW_SECONDS = 1.0
 _OFFSET = Quantity('number', 'skip the beginning', 's of the log', 0.0, 1e9)
 _DURATION = replace(_OFFSET, meaning='play this much from there, the end excluded', low=1e-9)
 _OPTIONS: list[cli.Option] = [
@@ -60,18 +58,16 @@ def _status(log: LogReader, excerpt: Excerpt, pace: Pace) -> Iterator[Show]:
     end = (min(excerpt.end, log.end) - log.start) / NS_PER_S
     bar = progress_bar(
         total=max(end, 1e-9),
+        miniters=0,
         bar_format='{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s{postfix}',
     )  # fmt: skip
-    due, shown = 0.0, ''
 
     def show(moment: int) -> None:
-        nonlocal due, shown
-        words = f'rate {pace.rate:g}{", paused" if pace.paused else ""}'
-        if bar.disable or (words == shown and time.monotonic() < due):
-            return
-        due, shown = time.monotonic() + _SHOW_SECONDS, words
-        bar.n = max(0.0, min((moment - log.start) / NS_PER_S, end))
-        bar.set_postfix_str(words)
+        if not bar.disable:
+            bar.update(max(0.0, min((moment - log.start) / NS_PER_S, end)) - bar.n)
+            words = f'rate {pace.rate:g}{", paused" if pace.paused else ""}'
+            if words != bar.postfix:
+                bar.set_postfix_str(words)
 
     with bar:
         yield show
@@ -94,14 +90,18 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
     length = (log.end - log.start) / NS_PER_S
     replace(_OFFSET, high=length).clean('--start-offset', options.start_offset)
     names = [topic.name for topic in log.topics]
-    if missing := [name for name in options.topics or () if name not in names]:
-        raise ConfigurationError(f'--topics {missing[0]}: the log has {", ".join(names)}')
-    if options.no_ros and not options.viewer:
-        raise ConfigurationError('--no-ros leaves nothing to do: give --viewer as well')
-    if options.no_ros and options.clock is not None:
-        raise ConfigurationError('--clock publishes a topic, which --no-ros rules out')
-    if options.start_paused and not os.isatty(0):
-        raise ConfigurationError('--start-paused needs a terminal, whose space bar goes on')
+    unknown = [name for name in options.topics or () if name not in names]
+    for is_wrong, words in (
+        (unknown, f'--topics {" ".join(unknown)}: the log has {", ".join(names)}'),
+        (options.no_ros and not options.viewer,
+         '--no-ros leaves nothing to do: give --viewer as well'),
+        (options.no_ros and options.clock is not None,
+         '--clock publishes a topic, which --no-ros rules out'),
+        (options.start_paused and not os.isatty(0),
+         '--start-paused needs a terminal, whose space bar goes on'),
+    ):  # fmt: skip
+        if is_wrong:
+            raise ConfigurationError(words)
 
 
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
@@ -115,27 +115,21 @@ def _sinks(
     stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
     excerpt: Excerpt, pace: Pace,
 ) -> list[Sink]:  # fmt: skip
-    publishing = None
-    if not options.no_ros:
-        try:
-            from linkage_ros.playback.republish import republishing
-        except ModuleNotFoundError as error:
-            if not options.viewer or options.clock is not None:
-                words = 'rclpy is not installed, so there are no topics: give --viewer'
-                no_clock = ', and no --clock' if options.clock is not None else ''
-                raise ConfigurationError(words + no_clock) from error
-        else:
-            publishing = republishing(
-                _NAME, ros_arguments, log, excerpt.topics, pace, options.clock
-            )
+    # Without ROS there is still a view.
+    publishes = not options.no_ros and (
+        find_spec('rclpy') or options.clock is not None or not options.viewer
+    )
     # The viewer is opened first, because its errors come at once; but topics get messages first.
     sinks: list[Sink] = []
     if options.viewer:
-        from linkage_ros.playback.replay_view import ReplayView
+        from linkage_ros.playback.replay_view import showing
 
-        view = ReplayView(_NAME, log, options.viewer, alone=publishing is None)
+        view = showing(_NAME, log, options.viewer, alone=not publishes)
         sinks.append(stack.enter_context(view))
-    if publishing:
+    if publishes:
+        from linkage_ros.playback.republish import republishing
+
+        publishing = republishing(_NAME, ros_arguments, log, excerpt.topics, pace, options.clock)
         with waiting('looks for listeners'):
             sinks.insert(0, stack.enter_context(publishing))
     return sinks
@@ -148,11 +142,6 @@ def _run(arguments: list[str]) -> int:
     with ExitStack() as stack:
         log = stack.enter_context(LogReader(options.log))
         _check(options, log)
-        if any(b.stamp < a.stamp for a, b in itertools.pairwise(log.motions)):
-            cli.print_error(
-                _NAME, 'the clock was set back during this run: messages are played in the order '
-                'of their log times, which mixes what came before and after',
-            )  # fmt: skip
         excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
         pace = Pace(excerpt.start, options.rate)
         sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace)
@@ -165,8 +154,7 @@ def _run(arguments: list[str]) -> int:
                 stop.wait(options.delay)
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))
-        player = Player(pace, keyboard, stop, show)
-        count = player.play(items, sinks, paused=options.start_paused)
+        count = play(items, sinks, pace, keyboard, stop, show, paused=options.start_paused)
     print(f'{options.log}: {count} messages replayed')
     return 0
 

@@ -16,7 +16,7 @@ from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.playback.feed import Item, excerpt_of, feed
 from linkage_ros.playback.keyboard import RIGHT
-from linkage_ros.playback.player import MAX_RATE, Pace, Player
+from linkage_ros.playback.player import MAX_RATE, Pace, play
 from linkage_ros.record import record
 
 PERIOD = 5_000_000
@@ -46,14 +46,10 @@ def test_feed_yields_the_messages_and_excerpts_join(log):
     items = taken(log, excerpt_of(log, 0, None, None))
     assert [item.message for item in items] == stored
     assert [item.time for item in items] == [message.time for message in stored]
+    assert excerpt_of(log, 0.5, 1e9, None) == excerpt_of(log, 0.5, None, None)
     parts = [taken(log, excerpt_of(log, at, 0.5, STATES)) for at in (0, 0.5, 1.0, 1.5)]
     assert [len(part) for part in parts] == [100] * 4
     assert list(itertools.chain(*parts)) == taken(log, excerpt_of(log, 0, None, STATES))
-
-
-def test_excerpt_may_be_longer_than_the_log(log):
-    assert excerpt_of(log, 0.5, 1e9, None) == excerpt_of(log, 0.5, None, None)
-    assert excerpt_of(log, 0.5, None, None).end == 400 * PERIOD
 
 
 def test_rounds_of_a_loop_join_at_one_period(log):
@@ -131,10 +127,9 @@ def running(rate=1.0, start=0):
 def test_starts_paused():
     clock = Clock()
     pace = Pace(7, 1.0, clock)
-    pace.set_next(S)
     clock.time += 5 * S
-    assert (pace.position(), pace.paused) == (7, True)
     assert pace.seconds_until(7) == pace.seconds_until(S) == math.inf  # not even the first message
+    assert (pace.position(), pace.paused) == (7, True)
     pace.toggle()
     clock.time += S // 2
     assert (pace.position(), pace.paused) == (7 + S // 2, False)
@@ -146,62 +141,32 @@ def test_deadlines_are_absolute(rate):
     begin = clock.time
     for n in range(1, 1000):
         due = 50 + n * 5 * MS
-        pace.set_next(due)
         clock.time += round(pace.seconds_until(due) * S) + MS  # each wait wakes 1 ms late
         assert pace.seconds_until(due) <= 0
         assert clock.time - begin == pytest.approx(n * 5 * MS / rate + MS, abs=2)
 
 
-def test_position_waits_for_the_message():
+@pytest.mark.parametrize(('late', 'left'), [(99, -0.094), (101, 0.005)])
+def test_position_waits_for_the_message_and_only_a_small_lag_is_caught_up(late, left):
     pace, clock = running()
-    pace.set_next(5 * MS)
-    clock.time += 9 * MS
+    pace.seconds_until(5 * MS)
+    clock.time += (5 + late) * MS
     assert pace.position() == 5 * MS
-    pace.set_next(10 * MS)
-    assert pace.position() == 9 * MS
+    assert pace.seconds_until(5 * MS) == pytest.approx(-late / 1000)
+    assert pace.seconds_until(10 * MS) == pytest.approx(left)
 
 
-def test_small_lag_is_caught_up_and_large_lag_is_not():
-    for late, seconds_until in ((99, -0.094), (101, 0.005)):
-        pace, clock = running()
-        pace.set_next(5 * MS)
-        clock.time += (5 + late) * MS
-        assert pace.seconds_until(5 * MS) == pytest.approx(-late / 1000)
-        pace.set_next(10 * MS)
-        assert pace.seconds_until(10 * MS) == pytest.approx(seconds_until)
-
-
-def test_pausing_keeps_the_position():
+def test_pausing_keeps_the_position_and_splits_no_log_time():
     pace, clock = running(2.0)
-    pace.set_next(S)
     clock.time += 100 * MS
+    assert pace.seconds_until(200 * MS) <= 0
     pace.toggle()
     clock.time += 3600 * S
-    assert pace.position() == 200 * MS
+    assert pace.seconds_until(200 * MS) <= 0  # another message of that time
     assert pace.seconds_until(S) == math.inf
+    assert pace.position() == 200 * MS
     pace.toggle()
     assert pace.seconds_until(S) == pytest.approx(0.4)
-
-
-def test_messages_of_one_time_come_together_even_when_paused():
-    pace, clock = running()
-    pace.set_next(5 * MS)
-    clock.time += 5 * MS
-    assert pace.seconds_until(5 * MS) <= 0
-    pace.toggle()
-    assert pace.seconds_until(5 * MS) <= 0
-
-
-def test_step_goes_to_the_next_message_only():
-    pace, clock = running()
-    pace.toggle()
-    pace.set_next(5 * MS)
-    pace.jump_to(5 * MS)
-    assert pace.position() == 5 * MS
-    assert pace.seconds_until(5 * MS) == 0
-    pace.set_next(10 * MS)
-    clock.time += S
-    assert (pace.position(), pace.seconds_until(10 * MS)) == (5 * MS, math.inf)
 
 
 class HeldKey:
@@ -219,15 +184,15 @@ def test_right_arrow_steps_only_while_paused(paused):
     keyboard, played = HeldKey(), []
     pace = Pace(0, 1.0, lambda: keyboard.clock)
     item = Item(10**9, LoggedMessage('/topic', 10**9, b'', 10**9))
-    player = Player(pace, keyboard, threading.Event(), lambda _: None)
-    assert player.play([item], [played.append], paused=paused) == 1
+    stop = threading.Event()
+    assert play([item], [played.append], pace, keyboard, stop, print, paused=paused) == 1
     assert played == [item]
     assert (keyboard.clock < 10**9) == paused
 
 
 def test_rate_changes_by_tenths_and_back():
     pace, clock = running()
-    pace.set_next(10 * S)
+    pace.seconds_until(10 * S)
     clock.time += S
     pace.change_rate(0.1)
     assert pace.rate == 1.1
@@ -247,19 +212,14 @@ def test_rate_changes_by_tenths_and_back():
 def test_position_never_goes_back(actions):
     pace, clock = running()
     expected, before = 0, 0
-    pace.set_next(expected)
+    pace.seconds_until(expected)
+    keys = pace.toggle, lambda: pace.change_rate(0.1), lambda: pace.change_rate(-0.1), pace.step
     for action, nanoseconds in actions:
         clock.time += nanoseconds
-        if action == 0:
-            pace.toggle()
-        elif action == 1:
-            pace.change_rate(0.1)
-        elif action == 2:
-            pace.change_rate(-0.1)
-        elif action == 3:
-            pace.jump_to(expected)
+        if action < len(keys):
+            keys[action]()
         elif pace.seconds_until(expected) <= 0:
             expected += nanoseconds
-            pace.set_next(expected)
+            pace.seconds_until(expected)
         assert before <= pace.position() <= expected
         before = pace.position()

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real linkage_replay as a process; a subscriber in this one compares bytes and times."""
 
-import itertools
 import os
 import re
 import shlex
@@ -13,7 +12,6 @@ import time
 import tracemalloc
 from bisect import bisect
 from itertools import pairwise
-from types import SimpleNamespace
 
 import pytest
 from ros_harness import (
@@ -35,10 +33,10 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.playback import replay_view, republish
 from linkage_ros.playback.feed import excerpt_of, feed
-from linkage_ros.playback.replay_view import ReplayView
+from linkage_ros.playback.replay_view import showing
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.view import rerun_sender
+from linkage_ros.view import rerun_view
 from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
 
@@ -231,68 +229,61 @@ def test_keys_change_the_rate_and_ctrl_c_restores_the_terminal(player):
 class View:
     """Takes what a view is given, or fails."""
 
-    page, dropped, period = None, 0, 0.03
-    sender = SimpleNamespace(trouble='')
+    dropped, period, trouble, page = 0, 0.03, '', ''
 
-    def __init__(self, shown, *, fails=False):
-        self._shown, self._fails = shown, fails
+    def __init__(self):
+        self.shown, self.fails = [], False
 
     def consume(self, samples):
-        if samples and self._fails:
+        if samples and self.fails:
             raise ViewerError('no window could be opened')
-        self._shown.extend(samples)
+        self.shown.extend(samples)
 
     def close(self):
         pass
 
 
-def test_view_of_a_loop_has_rising_stamps(log, monkeypatch):
-    shown = []
-    monkeypatch.setattr(replay_view, 'View', lambda *_: View(shown))
-    with LogReader(log) as reader:
-        piece = excerpt_of(reader, 0, 0.1, None)
-        with (
-            ReplayView('replay', reader, 'spawn', alone=True) as sink,
-            feed(reader, piece, loop=True) as items,
-        ):
-            while len(shown) < 50:
-                sink(next(items))
+@pytest.fixture
+def view(monkeypatch):
+    view = View()
+    monkeypatch.setattr(replay_view, 'View', lambda *_: view)
+    return view
+
+
+def shown(log, alone, until):
+    """Shows a loop over 0.1 s of a log until a condition holds."""
+    with (
+        LogReader(log) as reader,
+        showing('linkage_replay', reader, 'spawn', alone=alone) as sink,
+        feed(reader, excerpt_of(reader, 0, 0.1, None), loop=True) as items,
+    ):
+        for count, item in enumerate(items):
+            if until(count):
+                break
+            sink(item)
+            time.sleep(0.001)
+
+
+def test_view_of_a_loop_has_rising_stamps_and_what_it_missed_is_reported(log, view, capsys):
+    view.dropped = 7
+    shown(log, True, lambda _: len(view.shown) > 50)
     codec = JointStateCodec(('crank', 'coupler', 'rocker'))
-    stamps = [shift + codec.decode(data)[0] for shift, data in shown]
+    stamps = [shift + codec.decode(data)[0] for shift, data in view.shown]
     assert stamps == [n * 5_000_000 for n in range(len(stamps))]
+    words = 'linkage_replay: 7 states were not shown: the viewer lagged or ended\n'
+    assert capsys.readouterr().err == words
 
 
 @pytest.mark.parametrize('alone', [True, False])
-def test_failed_view_ends_the_replay_only_without_topics(log, monkeypatch, capsys, alone):
-    monkeypatch.setattr(replay_view, 'View', lambda *_: View([], fails=True))
-
-    def play():
-        with ReplayView('linkage_replay', reader, 'spawn', alone=alone) as sink:
-            for item in itertools.islice(items, 300):
-                sink(item)
-                time.sleep(0.001)
-
-    with (
-        LogReader(log) as reader,
-        feed(reader, excerpt_of(reader, 0, 0.5, None), loop=True) as items,
-    ):
-        if alone:
-            with pytest.raises(ViewerError, match='the view ended: no window could be opened'):
-                play()
-        else:
-            play()
+def test_failed_view_ends_the_replay_only_without_topics(log, view, capsys, alone):
+    view.fails = True
+    if alone:
+        with pytest.raises(ViewerError, match='the view ended: no window could be opened'):
+            shown(log, alone, lambda count: count > 300)
+    else:
+        shown(log, alone, lambda count: count > 300)
     words = 'linkage_replay: the view ends here, the topics go on: no window could be opened\n'
     assert capsys.readouterr().err == ('' if alone else words)
-
-
-def test_states_that_a_viewer_missed_are_reported(log, monkeypatch, capsys):
-    view = View([])
-    view.dropped = 7
-    monkeypatch.setattr(replay_view, 'View', lambda *_: view)
-    with LogReader(log) as reader, ReplayView('linkage_replay', reader, 'spawn', alone=True):
-        pass
-    words = 'linkage_replay: 7 states were not shown: the viewer lagged or ended\n'
-    assert capsys.readouterr().err == words
 
 
 def test_commands_in_a_log_are_not_shown(called, tmp_path):
@@ -317,18 +308,12 @@ def test_commands_in_a_log_are_not_shown(called, tmp_path):
 
 
 def test_memory_does_not_grow_with_the_log(tmp_path):
-    configuration, path = configure({'rpm': 60.0}), tmp_path / 'long.mcap'
-    motion = Simulator(configuration).begin(0)
-    data = Simulator(configuration).snapshot_at(motion, 0).messages[0]
-    with LogWriter(path, configuration, overwrite=True) as log:
-        channel = log.add_topic(JOINT_STATES, '/joint_states')
-        log.write_motion(motion.segment)
-        for tick in range(20_000):  # in Python more than 7 MB
-            log.write(channel, tick * 5_000_000, data)
+    path = tmp_path / 'long.mcap'
+    record(configure({'rate_hz': 1000.0}), path, duration=20.0)  # in Python more than 7 MB
     tracemalloc.start()
     try:
         with LogReader(path) as log:
-            excerpt = excerpt_of(log, 0, None, None)
+            excerpt = excerpt_of(log, 0, None, [STATES])
             with feed(log, excerpt, loop=False) as items:
                 assert sum(1 for _ in items) == 20_000
         # A chunk of 1 MB, and what was read of it.
@@ -367,7 +352,7 @@ def test_bad_options_are_one_line_and_code_2(log, called, monkeypatch, options, 
 
 
 def test_absent_viewer_is_one_line_before_the_replay(log, called, monkeypatch):
-    monkeypatch.setattr(rerun_sender, '_ANSWER_SECONDS', 0.1)
+    monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.1)
     url = f'rerun+http://127.0.0.1:{free_port()}/proxy'
     words = f'no viewer answers at {re.escape(url)}: start one there first, with `rerun`'
     assert_refused(*called(replay, log, '--no-ros', '--viewer', url), words)
@@ -385,18 +370,6 @@ def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_p
     assert code == 2
     assert 'a message on /driving_torque is not of its type' in err
     assert 'Traceback' not in err
-
-
-@pytest.mark.parametrize('step', [-1_000_000_000, 1_000_000_000])
-def test_clock_set_back_is_reported(called, tmp_path, step):
-    path, configuration = tmp_path / 'run.mcap', configure({})
-    motion = Simulator(configuration).begin(10**10)
-    with LogWriter(path, configuration, overwrite=False) as writer:
-        writer.write_motion(motion.segment)
-        writer.write_motion(motion.restamp(10**10, 10**10 + step).segment)
-    code, _, err = called(replay, path, '--viewer', tmp_path / 'view.rrd', '--no-ros')
-    assert code == 0
-    assert ('the clock was set back during this run' in err) == (step < 0)
 
 
 def test_file_that_is_not_a_log_is_one_line(called, tmp_path):

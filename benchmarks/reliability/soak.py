@@ -82,7 +82,7 @@ def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float,
 @contextmanager
 def server():
     """Rerun's server without a window; yields its URL."""
-    _, port, _ = free_address('127.0.0.1')
+    _, port = free_address('127.0.0.1')
     words = ['--serve-grpc', '--bind', '127.0.0.1', '--port', str(port)]
     process = subprocess.Popen(
         [find_viewer(), *words, '--server-memory-limit', '64MB'], stderr=subprocess.DEVNULL,

@@ -100,22 +100,15 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
 
 
 def _batches(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[list[Item]]:
-    yield _latched(log, excerpt)
-    for turn in itertools.count():
-        shift = turn * (excerpt.end - excerpt.start)
-        messages = log.messages(excerpt.topics, excerpt.start, excerpt.end)
-        size = 1  # the first are needed at once
-        while batch := [Item(m.time + shift, m) for m in itertools.islice(messages, size)]:
-            yield batch
-            size = min(2 * size, _BATCH)
-        if not loop or size == 1:  # in a round without a message, the next would have none either
-            return
-
-
-def _latched(log: LogReader, excerpt: Excerpt) -> list[Item]:
-    """Latched messages that a subscriber would have received before the excerpt begins."""
+    # Latched messages that a subscriber would have received before the excerpt begins.
     names = [topic.name for topic in log.topics if topic.latched and topic.name in excerpt.topics]
-    if not names or excerpt.start <= log.start:
-        return []
-    last = {message.topic: message for message in log.messages(names, end=excerpt.start)}
-    return [Item(excerpt.start, message) for message in last.values()]
+    before = log.messages(names, end=excerpt.start) if excerpt.start > log.start else ()
+    last = {message.topic: message for message in before}
+    yield [Item(excerpt.start, message) for message in last.values()]
+    shift, count = 0, 1
+    while count and (loop or not shift):  # another round without a message would have none either
+        messages, count = log.messages(excerpt.topics, excerpt.start, excerpt.end), 0
+        while batch := [Item(m.time + shift, m) for m in itertools.islice(messages, _BATCH)]:
+            yield batch
+            count += 1
+        shift += excerpt.end - excerpt.start

@@ -17,7 +17,6 @@ SPACE, RIGHT, UP, DOWN = b' ', b'\x1b[C', b'\x1b[A', b'\x1b[B'
 
 # Terminals send the cursor keys with [ or O.
 _KEY = re.compile(rb' |\x1b[\[O][ABC]')
-_PARTIAL_KEY = re.compile(rb'(\x1b[\[O]?)?\Z')  # the rest of a cursor key is still to come
 
 
 class Keyboard(AbstractContextManager['Keyboard']):
@@ -68,9 +67,9 @@ class Keyboard(AbstractContextManager['Keyboard']):
         os.kill(os.getpid(), signal.SIGSTOP)
 
     def _restore(self) -> None:
-        if self._saved is not None and self._is_in_foreground():
+        if self._take_terminal():
             with suppress(termios.error):
-                termios.tcsetattr(self._descriptor, termios.TCSANOW, self._saved)
+                termios.tcsetattr(self._descriptor, termios.TCSANOW, self._saved or [])
 
     def _receive(self) -> None:
         data = b''
@@ -81,23 +80,19 @@ class Keyboard(AbstractContextManager['Keyboard']):
             self._saved = None
 
     def _next_key(self) -> bytes | None:
-        if found := _KEY.search(self._pending):
-            self._pending = self._pending[found.end() :]
-            return found[0].replace(b'O', b'[')
-        partial = _PARTIAL_KEY.search(self._pending)
-        self._pending = partial[0] if partial else b''
-        return None
-
-    def _is_in_foreground(self) -> bool:
-        with suppress(OSError):
-            return os.tcgetpgrp(self._descriptor) == os.getpgrp()
-        return True  # a terminal without job control
+        found = _KEY.search(self._pending)
+        # Without a key, the end may be the first two bytes of one.
+        self._pending = self._pending[found.end() :] if found else self._pending[-2:]
+        return found[0].replace(b'O', b'[') if found else None
 
     def _take_terminal(self) -> bool:
         """Switches the terminal to single keys without echo; returns whether there is one."""
-        # A process in the background would be stopped (SIGTTOU) for touching the terminal.
-        if self._saved is None or not self._is_in_foreground():
+        if self._saved is None:
             return False
+        with suppress(OSError):  # a terminal without job control
+            # A process in the background would be stopped (SIGTTOU) for touching the terminal.
+            if os.tcgetpgrp(self._descriptor) != os.getpgrp():
+                return False
         with suppress(termios.error):
             tty.setcbreak(self._descriptor, termios.TCSANOW)
         return True

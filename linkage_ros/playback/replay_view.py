@@ -4,10 +4,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from linkage_ros import cli
 from linkage_ros.errors import ViewerError
 from linkage_ros.log.reader import LogReader, paired
 from linkage_ros.playback.feed import Item
+from linkage_ros.playback.player import Sink
 from linkage_ros.run.worker import Worker
 from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.wire.topics import JOINT_STATES
@@ -16,62 +20,52 @@ _CAPACITY = 1_000_000  # samples
 _CLOSE_SECONDS = 10.0
 
 
-class ReplayView:
-    """A view of a log, as a sink for its messages."""
+@contextmanager
+def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[Sink]:
+    """Shows messages in a view, served to this machine alone.
 
-    def __init__(self, name: str, log: LogReader, target: str, *, alone: bool) -> None:
-        """Opens the view, served to this machine alone.
+    Args:
+        name: Name of the program, for its messages to the user.
+        log: The log.
+        target: As for a View.
+        alone: Whether this is the only sink, so that the replay ends with the view.
 
-        Args:
-            name: Name of the program, for its messages to the user.
-            log: The log.
-            target: As for a View.
-            alone: Whether this is the only sink, so that the replay ends with the view.
+    Yields:
+        The function that shows a message, if it contains joint states.
 
-        Raises:
-            ViewerError: No viewer answers, or the view cannot be opened.
-        """
-        self._name, self._alone = name, alone
-        # Commands have the same type.
-        self._topics = {channel.name for channel, _ in paired(log, [JOINT_STATES])}
-        self._view = View(log.configuration, target)
-        if self._view.sender.trouble:
-            raise ViewerError(
-                f'no viewer answers at {target}: start one there first, with `rerun`'
-            )
-        if self._view.page:
-            print(f'watch it in a browser: {self._view.page}', flush=True)
-        self._worker: Worker[Sample] = Worker(
-            'view', self._view, capacity=_CAPACITY, period=self._view.period, on_error=self._report
-        )
+    Raises:
+        ViewerError: No viewer answers, the view cannot be opened, or it has ended and is the only
+            sink.
+    """
 
-    def __call__(self, item: Item) -> None:
-        """Shows a message, if it contains joint states.
+    def report(error: Exception) -> None:
+        if not alone:
+            cli.print_error(name, f'the view ends here, the topics go on: {error}')
 
-        Raises:
-            ViewerError: The view has ended, and it is the only sink.
-        """
-        self._check()
-        if item.message.topic in self._topics:
+    def check() -> None:
+        if alone and worker.error:
+            raise ViewerError(f'the view ended: {worker.error}') from worker.error
+
+    def show(item: Item) -> None:
+        check()
+        if item.message.topic in topics:
             # In a loop, each round follows the one before.
-            self._worker.offer((item.time - item.message.time, item.message.data))
+            worker.offer((item.time - item.message.time, item.message.data))
 
-    def __enter__(self) -> ReplayView:
-        return self
-
-    def __exit__(self, kind: type | None, *_: object) -> None:
-        self._worker.close(_CLOSE_SECONDS)
-        lost = self._worker.dropped + self._view.dropped
-        if lost and self._worker.error is None:
-            words = f'{lost} states were not shown: the viewer lagged or ended'
-            cli.print_error(self._name, words)
-        if kind is None:
-            self._check()
-
-    def _check(self) -> None:
-        if self._alone and self._worker.error:
-            raise ViewerError(f'the view ended: {self._worker.error}') from self._worker.error
-
-    def _report(self, error: Exception) -> None:
-        if not self._alone:
-            cli.print_error(self._name, f'the view ends here, the topics go on: {error}')
+    topics = {channel.name for channel, _ in paired(log, [JOINT_STATES])}  # and not of commands
+    view = View(log.configuration, target)
+    if view.trouble:
+        raise ViewerError(f'no viewer answers at {target}: start one there first, with `rerun`')
+    if view.page:
+        print(f'watch it in a browser: {view.page}', flush=True)
+    worker: Worker[Sample] = Worker(
+        'view', view, capacity=_CAPACITY, period=view.period, on_error=report
+    )
+    try:
+        yield show
+    finally:
+        worker.close(_CLOSE_SECONDS)
+        lost = worker.dropped + view.dropped
+        if lost and worker.error is None:
+            cli.print_error(name, f'{lost} states were not shown: the viewer lagged or ended')
+    check()

@@ -68,7 +68,17 @@ def republishing(
         stack.enter_context(spinning(node))
         publishers = _publishers(node, log, set(topics))
         if clock_hz is not None:
-            stack.enter_context(_clock(node, pace, clock_hz))
+            clock = create_publisher(node, SIMULATED_CLOCK)
+
+            def tell() -> None:
+                clock.publish(encode_clock(pace.position()))
+
+            # The node's own clock may be /clock. The position is published while paused as well,
+            # and once more at the end.
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            timer = node.create_timer(1 / clock_hz, tell, clock=steady)
+            stack.callback(tell)
+            stack.callback(timer.cancel)
         if not wait_for_subscribers(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
             node.get_logger().info('nobody listens so far; --delay S gives them time')
 
@@ -92,31 +102,15 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
     interfaces = (topic.interface for topic in (*TOPICS, effort_commands('')))
     known = {interface.name: interface for interface in interfaces}
     publishers = {}
-    for channel in (channel for channel in log.topics if channel.name in topics):
-        name, latched = channel.name, channel.latched
-        if channel.type not in known:
-            raise LogError(f'{log.path}: {name} has the foreign type {channel.type}')
-        topic = Topic(name, known[channel.type], latched, 1 if latched else 10)
-        try:
-            publishers[name] = create_publisher(node, topic)
-        except USER_ERRORS as error:
-            words = str(error).partition('\n')[0]
-            raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error
+    for channel in log.topics:
+        name, kind, latched = channel.name, channel.type, channel.latched
+        if name in topics:
+            try:
+                topic = Topic(name, known[kind], latched, 1 if latched else 10)
+                publishers[name] = create_publisher(node, topic)
+            except KeyError as error:
+                raise LogError(f'{log.path}: {name} has the foreign type {kind}') from error
+            except USER_ERRORS as error:
+                words = str(error).partition('\n')[0]
+                raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error
     return publishers
-
-
-@contextmanager
-def _clock(node: Node, pace: Pace, frequency: float) -> Iterator[None]:
-    """Publishes the position on /clock, also while paused, and once more at the end."""
-    publisher = create_publisher(node, SIMULATED_CLOCK)
-
-    def publish() -> None:
-        publisher.publish(encode_clock(pace.position()))
-
-    real_time = Clock(clock_type=ClockType.STEADY_TIME)  # the node's own may be /clock
-    timer = node.create_timer(1 / frequency, publish, clock=real_time)
-    try:
-        yield
-    finally:
-        timer.cancel()
-        publish()

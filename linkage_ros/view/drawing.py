@@ -10,47 +10,35 @@ from __future__ import annotations
 import cmath
 import math
 from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from linkage_ros.model.structure import Mechanism, Point, Structure
 from linkage_ros.numeric import Array
-from linkage_ros.view.load_arrows import LoadArrows, plane
+from linkage_ros.view.load_arrows import Complex, LoadArrows
 from linkage_ros.view.reach import reach
 
 # Shares of the width of all that moves: size of a pivot's triangle (a mark), and the greatest
 # length of the scale.
 _MARK, _SCALE = 0.04, 0.25
-# In marks: height of a pivot with its ground; distance of a name from its pin, and from that of a
-# slider's block, and from a pivot, beside it; height of a name.
-_PIVOT_HEIGHT, _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_ASIDE, _LABEL_HEIGHT = (
-    1.4,
-    1.5,
-    1.9,
-    2.5,
-    1.4,
-)
-
-_Complex: TypeAlias = npt.NDArray[np.complex128]
+_PIVOT_HEIGHT = 1.4  # of a pivot with its ground, marks
+# Distance of a name from its pin, and from that of a slider's block; height of a name; marks.
+_LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
 
 
 class Drawing:
     """The picture of one mechanism.
 
     Attributes:
-        structure: Links and points of the mechanism.
         joints: Names of the joints, in the order of positions.
         turning: Names of the links that have a direction: all but a slider.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pivot_names: Their names.
         pivot_labels: Positions of their labels; shape as pivots, m.
         pins: Names of the moving points, in the order of `place`.
-        ends: First and second pin of each link that turns.
+        ends: The pins of each link that turns, in the order of the loop.
         owners: Links that determine the colours of the paths, by moving point; not of points on
             the circle of the crank pin.
-        output: Name of the output link.
         loaded: Names of the links on which loads act.
         paths: Closed paths of the output link's pin and of the coupler point C, by the name of
             the link whose point it is; shape (n, 2), m. Empty for a mechanism with a free slider.
@@ -69,51 +57,48 @@ class Drawing:
             crank_angle: Crank angle at the start, rad; it selects the arc of a crank that cannot
                 turn fully.
         """
-        self.structure = structure = mechanism.structure()
-        self.joints = tuple(link.name for link in structure.links)
-        self.turning = tuple(link.name for link in structure.links if not link.slides)
-        points = structure.points
-        fixed = {name: point.fixed for name, point in points.items() if not any(point.weights)}
-        moving = {name: point for name, point in points.items() if name not in fixed}
-        self.pins, self.pivot_names = tuple(moving), tuple(fixed)
-        self._weights = np.array([point.weights for point in moving.values()])
-        self._fixed = np.array([point.fixed for point in moving.values()])
-        self.pivots = plane(np.array(list(fixed.values())))
-        self.ends = _ends(structure)
-        self.owners = self._find_owners(moving)
-        self.output = self.joints[-1]
-        pin_of = {link: pin for pin, link in self.owners.items()}
-        self._output_pin = pin_of[self.output]
-        self._corners = {link: self._corners_of(link) for link in self.turning}
-        sides = [side for corners in self._corners.values() for side in pairwise(corners)]
-        self._neighbours = {
-            pin: sorted({end for side in sides if pin in side for end in side} - {pin})
-            for pin in self.pins
-        }
+        structure = mechanism.structure()
+        self._links, points = structure.links, structure.points
+        self.joints = tuple(link.name for link in self._links)
+        self.turning = tuple(link.name for link in self._links if not link.slides)
+        self.pins = tuple(name for name, point in points.items() if any(point.weights))
+        self.pivot_names = tuple(name for name in points if name not in self.pins)
+        self._weights = np.array([points[name].weights for name in self.pins])
+        self._fixed = np.array([points[name].fixed for name in self.pins])
+        self.pivots = plane(np.array([points[name].fixed for name in self.pivot_names]))
+        loop = _pins_of_the_loop(structure)
+        self.ends = dict(zip(self.turning, pairwise(loop), strict=True))
+        # The next link for pins between two links, the own link for other points.
+        self.owners = dict(zip(loop[2:], self.joints[2:], strict=False))
+        asides = {name: self.joints[np.flatnonzero(points[name].weights)[-1]] for name in self.pins
+                  if name not in loop}  # fmt: skip
+        self.owners |= asides
 
         positions = reach(mechanism, crank_angle)
         swept = self.place(positions)
-        traced = self.owners.items() if mechanism.reach() else ()
-        self.paths = {link: swept[:, self.pins.index(pin)] for pin, link in traced}
         everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         self._mark = mark = _MARK * np.ptp(everything, axis=0).max()
+        self.paths = {
+            link: swept[:, self.pins.index(pin)]
+            for pin, link in self.owners.items()
+            if mechanism.reach()
+        }
+        self._output = self.pins.index(loop[len(self.joints) - 1])  # the output link's pin
+        self._connect(asides)
         self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
-        self._block: _Complex | None = None
-        self._blocked_directions: tuple[
-            complex, ...
-        ] = ()  # directions that a slider's name must avoid
-        if structure.links[-1].slides:
-            axis = cmath.rect(1.0, structure.links[-1].angle)
-            self._block = mark * axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j])
-            self._blocked_directions = axis, -axis, -1j * axis
-            self.ground += _rail(swept[:, self.pins.index(self._output_pin)], axis, mark)
-        middle = swept.reshape(-1, 2).mean(axis=0)
-        self.pivot_labels = np.array([_pivot_label(pivot, middle, mark) for pivot in self.pivots])
-        end = self._by_name(swept)[self._output_pin]
-        self._arrows = LoadArrows(mechanism, mark, positions, end)
+        if self._links[-1].slides:
+            axis = cmath.rect(1.0, self._links[-1].angle)
+            self.ground += _rail(swept[:, self._output] @ (1, 1j), axis, mark)
+        # Names of pivots are below them, or above if the links are below.
+        is_low = swept[..., 1].mean() < self.pivots[:, 1:]
+        above = np.where(is_low, _LABEL_DISTANCE + _LABEL_HEIGHT, -_PIVOT_HEIGHT)
+        self.pivot_labels = self.pivots + mark * above * [0.0, 1.0]
+        self._arrows = LoadArrows(mechanism, mark, positions)
         self.loaded = self._arrows.links
-        room = self._arrows.room
-        everything = np.concatenate([everything, *self.ground, self.pivot_labels, room])
+        everything = np.concatenate([everything, *self.ground, self.pivot_labels])
+        if self.joints[-1] in self.loaded and self._links[-1].slides:
+            far = plane(np.array(self._arrows.farthest))
+            everything = np.concatenate([everything, swept[:, self._output] + far])
         low, high = everything.min(axis=0), everything.max(axis=0)
         room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # for the names of the pins
         self.scale_length = length = _round_below(_SCALE * (high - low).max())
@@ -121,18 +106,34 @@ class Drawing:
         self.scale = low - room + np.array([(0, end), (0, 0), (length, 0), (length, end)])
         self.bounds = np.array([low - room - [mark, 2 * mark], high + room])
 
-    def _find_owners(self, moving: dict[str, Point]) -> dict[str, str]:
-        """Finds the owners: the next link for outer pins, the own link for other points."""
-        owners = {
-            self.ends[link][1]: after
-            for link, after in pairwise(self.joints[1:])
-            if link in self.ends
-        }
-        on_line = {pin for ends in self.ends.values() for pin in ends}
-        for name, point in moving.items():
-            if name not in on_line:
-                owners[name] = self.joints[np.flatnonzero(point.weights)[-1]]
-        return owners
+    def _connect(self, asides: dict[str, str]) -> None:
+        """Determines the corners of the links and the directions that names must avoid.
+
+        Corners are the pins, the pivots and, around a slider's pin, the four of its block and the
+        middles of three of its sides.
+        """
+        names = [*self.pins, *self.pivot_names]
+        self._corners: dict[str, list[int]] = {}
+        ways: list[set[int]] = [set() for _ in names]
+        for link, (start, end) in self.ends.items():
+            aside = [pin for pin, owner in asides.items() if owner == link]
+            shape = [start, end, *aside, *([start] if aside else [])]
+            self._corners[link] = corners = [names.index(name) for name in shape]
+            for one, other in pairwise(corners):
+                ways[one].add(other)
+                ways[other].add(one)
+        self._around, distances = np.zeros((0, 2)), np.full(len(self.pins), _LABEL_DISTANCE)
+        if self._links[-1].slides:
+            axis = self._mark * cmath.rect(1.0, self._links[-1].angle)
+            block = axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
+            self._around = plane(block)
+            first = len(names)
+            self._corners[self.joints[-1]] = [first, first + 1, first + 2, first + 3, first]
+            ways[self._output] |= {first + 4, first + 5, first + 6}
+            distances[self._output] = _LABEL_BEYOND_BLOCK
+        most = max(map(len, ways))
+        self._ways = [([*way] * most)[:most] for way in ways[: len(self.pins)]]
+        self._distances = self._mark * distances[:, np.newaxis]
 
     def place(self, position: Array) -> Array:
         """Computes the positions of the moving points.
@@ -144,8 +145,7 @@ class Drawing:
             The pins, in the order of `pins`; shape (n, pins, 2), m.
         """
         # A slider's position is not an angle, but no point depends on it: its weights are 0.
-        slides = [link.slides for link in self.structure.links]
-        turned = np.exp(1j * np.where(slides, 0.0, position))
+        turned = np.exp(1j * np.where([link.slides for link in self._links], 0.0, position))
         return plane(turned @ self._weights.T + self._fixed)
 
     def links_from_joints(self, position: Array) -> Array:
@@ -158,7 +158,7 @@ class Drawing:
             Directions in base_link, rad, and slides, m; as `place` takes them.
         """
         links: Array = position.copy()
-        for i, link in enumerate(self.structure.links):
+        for i, link in enumerate(self._links):
             if link.parent is not None:
                 links[:, i] += links[:, link.parent]
         return links
@@ -173,15 +173,8 @@ class Drawing:
             Lines of shape (n, 2, 2), m. A coupler with a point is a triangle, (n, 4, 2), a
             slider a block, (n, 5, 2).
         """
-        at = self._by_name(points)
-        lines = {
-            link: plane(np.stack([at[pin] for pin in pins], axis=1))
-            for link, pins in self._corners.items()
-        }
-        if self._block is not None:
-            middle = at[self._output_pin][:, np.newaxis]
-            lines[self.output] = plane(middle + self._block[[0, 1, 2, 3, 0]])
-        return lines
+        corners = self._all_corners(points)
+        return {link: corners[:, shape] for link, shape in self._corners.items()}
 
     def loads(self, points: Array, positions: Array, rates: Array) -> dict[str, Array]:
         """The arrows of the loads, by the names of the links on which they act.
@@ -194,7 +187,10 @@ class Drawing:
         Returns:
             Lines of shape (n, k, 2), m.
         """
-        return self._arrows.lines(positions, rates, self._by_name(points)[self._output_pin])
+        if not self.loaded:
+            return {}
+        arrows = self._arrows.lines(positions, rates, points[:, self._output] @ (1, 1j))
+        return {link: plane(lines) for link, lines in arrows.items()}
 
     def labels(self, points: Array) -> Array:
         """Positions of the pins' labels, in the widest gap between the links.
@@ -205,62 +201,36 @@ class Drawing:
         Returns:
             Positions of the same shape, m.
         """
-        at = self._by_name(points)
-        return plane(np.stack([self._label(at, pin) for pin in self.pins], axis=1))
-
-    def _label(self, at: dict[str, _Complex], pin: str) -> _Complex:
-        ways = [at[other] - at[pin] for other in self._neighbours[pin]]
-        blocked = self._blocked_directions if pin == self._output_pin else ()
-        ways += [np.full_like(at[pin], wall) for wall in blocked]
-        angles = np.sort(np.angle(ways), axis=0)
-        gaps = np.diff(angles, axis=0, append=angles[:1] + 2 * math.pi)
-        widest, column = gaps.argmax(axis=0), np.arange(gaps.shape[1])
-        middle = angles[widest, column] + 0.5 * gaps[widest, column]
+        ways = self._all_corners(points)[:, self._ways] - points[:, :, np.newaxis]
+        angles = np.sort(np.arctan2(ways[..., 1], ways[..., 0]), axis=2)
+        gaps = np.diff(angles, axis=2, append=angles[:, :, :1] + 2 * math.pi)
+        widest = gaps.argmax(axis=2)[:, :, np.newaxis]
+        middle = np.take_along_axis(angles + 0.5 * gaps, widest, axis=2)
+        away = self._distances * np.concatenate([np.cos(middle), np.sin(middle)], axis=2)
         # A name hangs: its middle is below its place.
-        way = (_LABEL_BEYOND_BLOCK if blocked else _LABEL_DISTANCE) * np.exp(
-            1j * middle
-        ) + 0.5j * _LABEL_HEIGHT
-        place: _Complex = at[pin] + self._mark * way
-        return place
+        return np.asarray(points + away + [0.0, 0.5 * _LABEL_HEIGHT * self._mark])
 
-    def _corners_of(self, link: str) -> tuple[str, ...]:
-        """The points of a turning link."""
-        ends = self.ends[link]
-        aside = [pin for pin, owner in self.owners.items() if owner == link and pin not in ends]
-        return (*ends, *aside, *(ends[:1] if aside else ()))
-
-    def _by_name(self, points: Array) -> dict[str, _Complex]:
-        at = dict(zip(self.pins, (points @ (1, 1j)).T, strict=True))
-        for name, pivot in zip(self.pivot_names, self.pivots @ (1, 1j), strict=True):
-            at[name] = np.full(len(points), pivot)
-        return at
+    def _all_corners(self, points: Array) -> Array:
+        pivots = np.broadcast_to(self.pivots, (len(points), *self.pivots.shape))
+        around = points[:, self._output, np.newaxis] + self._around
+        return np.concatenate([points, pivots, around], axis=1)
 
 
-def _ends(structure: Structure) -> dict[str, tuple[str, str]]:
-    """First and second pin of each link that turns, in the order of the loop."""
+def plane(points: Complex) -> Array:
+    """Converts points x + iy to rows of x and y."""
+    return np.stack([points.real, points.imag], axis=-1)
+
+
+def _pins_of_the_loop(structure: Structure) -> list[str]:
+    """The pins between the links that turn, in the order of the loop."""
     names = {point: name for name, point in structure.points.items()}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
-
-    def pin_after(count: int) -> tuple[str, bool]:
-        """The pin after some links, and whether it is counted from the loop's end."""
+    found = []
+    for count in range(sum(map(bool, way)) + 1):  # a pin may be described from either end
         there = names.get(Point(way[:count] + rest[count:]))
         back = Point(rest[:count] + tuple(-w for w in way[count:]), -structure.closure.fixed)
-        return (there, False) if there else (names[back], True)
-
-    ends: dict[str, tuple[str, str]] = {}
-    for j, link in enumerate(structure.links):
-        if way[j]:
-            (start, is_back), (end, _) = pin_after(j), pin_after(j + 1)
-            ends[link.name] = (end, start) if is_back else (start, end)
-    return ends
-
-
-def _pivot_label(pivot: Array, middle: Array, mark: float) -> Array:
-    """Position of a fixed pivot's label: below it, or beside it if the links are below."""
-    if middle[1] >= pivot[1]:
-        return np.array([pivot[0], pivot[1] - _PIVOT_HEIGHT * mark])
-    aside = math.copysign(_LABEL_ASIDE, pivot[0] - middle[0])
-    return np.array([pivot[0] + aside * mark, pivot[1] + 0.5 * _LABEL_HEIGHT * mark])
+        found.append(there or names[back])
+    return found
 
 
 def _pivot(pivot: Array, size: float) -> list[Array]:
@@ -279,9 +249,9 @@ def _round_below(length: float) -> float:
     return max(digit * decade for digit in (1.0, 2.0, 5.0) if digit * decade <= length)
 
 
-def _rail(path: Array, axis: complex, size: float) -> list[Array]:
+def _rail(path: Complex, axis: complex, size: float) -> list[Array]:
     """Hatched ground below a slider, as long as its stroke."""
-    along = (path[:, 0] + 1j * path[:, 1]) * axis.conjugate()
+    along = path * axis.conjugate()
     below = 1j * (along.imag.mean() - 0.6 * size)
     start, end = along.real.min() - 1.6 * size, along.real.max() + 1.6 * size
     marks = np.linspace(start, end, round((end - start) / (0.8 * size)) + 1)[1:]

@@ -17,7 +17,7 @@ from linkage_ros.dynamics.state import State
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 
-_Complex: TypeAlias = npt.NDArray[np.complex128]
+Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
 
 # In marks (see `drawing`): the longest straight arrow and the room between it and the slider's
 # pin; the radius of a curved arrow; a head.
@@ -32,23 +32,19 @@ class LoadArrows:
     """Arrows as long as the sum of all loads on a link, but for those that joint forces make.
 
     The largest load so far has the longest arrow. Loads that do not depend on speed are known from
-    the start.
+    the start. Points are x + iy, m.
 
     Attributes:
         links: Names of the links on which loads act.
-        room: Farthest points of straight arrows, shape (n, 2), m.
     """
 
-    def __init__(
-        self, mechanism: Mechanism, mark: float, positions: Array, output_pin: _Complex
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, mark: float, positions: Array) -> None:
         """Finds the loads.
 
         Args:
             mechanism: The mechanism.
             mark: The unit of sizes, m.
             positions: Positions that the links can take, shape (n, links), rad and m.
-            output_pin: The pin of the output link there, x + iy, m, shape (n,).
         """
         bare: Any = mechanism
         if mechanism.joint_loads():
@@ -59,32 +55,34 @@ class LoadArrows:
         for rate in (_HARDLY, -_HARDLY):
             self._shares(positions, np.full_like(positions, rate))
         self.links = tuple(self._largest)
-        last = self._solver.structure.links[-1]
-        # Beyond the slider as seen from the crank, where no link is.
+        # Straight arrows lie beyond the slider as seen from the crank, where no link is.
         self._side = math.copysign(1.0, positions[:, -1].mean())
-        self._outwards = cmath.rect(self._side, last.angle)
-        far = output_pin + (_BESIDE_PIN + _LONGEST) * mark * self._outwards
-        is_straight = last.slides and last.name in self.links
-        self.room = plane(far if is_straight else output_pin)
+        self._outwards = cmath.rect(self._side, self._solver.structure.links[-1].angle)
 
-    def lines(self, positions: Array, rates: Array, output_pin: _Complex) -> dict[str, Array]:
+    @property
+    def farthest(self) -> complex:
+        """The far end of the longest straight arrow, from the slider's pin."""
+        return (_BESIDE_PIN + _LONGEST) * self._mark * self._outwards
+
+    def lines(self, positions: Array, rates: Array, slider_pin: Complex) -> dict[str, Complex]:
         """Draws the arrows.
 
         Args:
             positions: Positions of the links, shape (n, links), rad and m.
             rates: Their rates, rad/s and m/s.
-            output_pin: The pin of the output link, x + iy, m, shape (n,).
+            slider_pin: The pin of the slider, if there is one, shape (n,).
 
         Returns:
-            Lines of shape (n, points, 2), m, by the name of the loaded link.
+            Lines of shape (n, points), by the name of the loaded link.
         """
-        links, found = self._solver.structure.links, {}
+        found = {}
         for name, share in self._shares(positions, rates).items():
             j = self._solver.links.index(name)
-            if links[j].slides:
-                found[name] = self._straight(output_pin, share)
+            link = self._solver.structure.links[j]
+            if link.slides:
+                found[name] = self._straight(slider_pin, share)
             else:
-                found[name] = self._curved(links[j].origin, positions[:, j], share)
+                found[name] = self._curved(link.origin, positions[:, j], share)
         return found
 
     def _shares(self, positions: Array, rates: Array) -> dict[str, Array]:
@@ -99,7 +97,7 @@ class LoadArrows:
                 found[link] = forces / np.where(largest[1:] > 0, largest[1:], 1.0)
         return found
 
-    def _straight(self, pin: _Complex, share: Array) -> Array:
+    def _straight(self, pin: Complex, share: Array) -> Complex:
         """Arrows that push or pull the slider."""
         near = pin + np.where(share, _BESIDE_PIN * self._mark, 0.0) * self._outwards
         far = near + abs(share) * _LONGEST * self._mark * self._outwards
@@ -108,20 +106,14 @@ class LoadArrows:
         forward = np.where(pulls, 1.0, -1.0) * self._outwards
         return self._with_head(body, forward, abs(share) * _LONGEST)
 
-    def _curved(self, pivot: complex, angle: Array, share: Array) -> Array:
+    def _curved(self, pivot: complex, angle: Array, share: Array) -> Complex:
         """Arrows about a pivot, from the link in the direction of the torque."""
         turned = np.exp(1j * (angle[:, np.newaxis] + share[:, np.newaxis] * _SWEEP))
-        body = pivot + _RADIUS * self._mark * turned
         forward = 1j * np.sign(share) * turned[:, -1]
+        body = pivot + _RADIUS * self._mark * turned
         return self._with_head(body, forward, abs(share) * _RADIUS * _SWEEP[-1])
 
-    def _with_head(self, body: _Complex, forward: _Complex, length: Array) -> Array:
+    def _with_head(self, body: Complex, forward: Complex, length: Array) -> Complex:
         """Lines of arrows of given lengths, in marks, with a head in a given direction."""
         size = np.minimum(_HEAD, length) * self._mark
-        sides = (size * forward)[:, np.newaxis] * _SIDES
-        return plane(np.concatenate([body, body[:, -1:] + sides], axis=1))
-
-
-def plane(points: _Complex) -> Array:
-    """Converts points x + iy to rows of x and y."""
-    return np.stack([points.real, points.imag], axis=-1)
+        return np.concatenate([body, body[:, -1:] + (size * forward)[:, np.newaxis] * _SIDES], 1)

@@ -35,10 +35,6 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Array:
     if solver.mobility is None:
         (place,), _ = mechanism.start()
         return _area(solver, place)
-    return _path(solver, crank_angle)
-
-
-def _path(solver: Solver, crank_angle: float) -> Array:
     if solver.reach.turns_fully:
         crank = solver.reach.samples(_STEPS_PER_TURN)
     else:
@@ -67,9 +63,8 @@ def _area(solver: Solver, start: float) -> Array:
     middle = int(abs(places - start).argmin())
     possible = closes.all(axis=1) if closes[middle].all() else closes.any(axis=1)
     gaps = np.flatnonzero(~possible)
-    first = gaps[gaps < middle].max(initial=-1) + 1
-    last = gaps[gaps > middle].min(initial=_POSITIONS)
-    return np.array([position for row in rows[first:last] for position in row if position])
+    first, last = gaps[gaps < middle].max(initial=-1), gaps[gaps > middle].min(initial=_POSITIONS)
+    return np.array([place for row in rows[first + 1 : last] for place in row if place])
 
 
 def _position(solver: Solver, angle: float, place: float) -> tuple[float, ...]:

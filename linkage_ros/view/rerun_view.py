@@ -1,36 +1,43 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The view of a run in Rerun: a window, a browser, a remote viewer, or a file."""
+"""The view of a run in Rerun: a window, a browser, a remote viewer, or a file.
+
+By itself, the Rerun SDK waits without limit for a viewer that has stopped reading: when logging,
+when disconnecting, and in an exit handler. Therefore a batch is sent only after `flush`, with a
+timeout, has reported that the last one has left; the exit handler is removed; and disconnecting
+happens in a thread that can be abandoned.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import BinaryIO, TypeAlias
 
 import numpy as np
 import rerun as rr
+from rerun import FileSink, GrpcSink  # missing in old versions
 
 from linkage_ros.errors import ViewerError
+from linkage_ros.files import create_file
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.parameters.session import SPAWN, WEB
+from linkage_ros.parameters.session import SPAWN, WEB, is_recording, viewer_address, viewer_error
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.view.rerun_layout import fixed_components, layout
-from linkage_ros.view.rerun_sender import Sender
-from linkage_ros.view.scene import JOINT_FIELDS, Scene
-from linkage_ros.view.viewer_process import (
-    ViewerProcess,
-    find_viewer,
-    open_window,
-    require_screen,
-    serve_page,
-)
+from linkage_ros.view.picture import TIMELINE, Picture, Rows
+from linkage_ros.view.viewer_process import ViewerProcess, open_viewer
 
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, count from a start
 _BATCH = 20_000  # greatest number of samples sent at once
 # s between batches. A file takes four times the space with small ones; live, each costs as much
 # processor time as fifty samples, and the linkage moves twenty times a second.
 _PERIOD, _FILE_PERIOD = 0.05, 1.0
+_SEND_SECONDS, _WRITE_SECONDS = 2.0, 5.0  # a viewer, and a disk, may delay a batch for so long
+_CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # for the rest at the end, and if the viewer lags
+_ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about one
 
 
 # CDR bytes of a message on joint_states, and the time by which its stamp is to be shifted, ns.
@@ -40,22 +47,20 @@ Sample: TypeAlias = tuple[int, bytes]
 class View:
     """Shows one run; it may be created in one thread and used in another.
 
-    'spawn' serves the data and opens a viewer window on it. As usual with Rerun, the window stays
-    open with its contents when the run ends, and closing it does not disturb the run. 'web'
-    serves the data and Rerun's page for a browser while the run lasts. A URL names a viewer;
-    samples are dropped while it does not answer. A file keeps everything but the last two seconds,
-    however the run ends. It has no index, which would grow in memory; `rerun rrd optimize` adds
-    one.
+    'spawn' opens a viewer window. As usual with Rerun, the window stays open with its contents
+    when the run ends, and closing it does not disturb the run. 'web' serves Rerun's page for a
+    browser while the run lasts. A URL names a viewer; samples are dropped while it does not
+    answer. A file keeps everything but the last two seconds, however the run ends. It has no
+    index, which would grow in memory; `rerun rrd optimize` adds one.
 
-    Stamps are times of day; if the first is too small for that, they are durations: a record
-    from 0 is marked 0 s, 1 s, 2 s and not with dates in 1970.
+    Stamps are times of day; those too small for that are durations: a record from 0 is marked
+    0 s, 1 s, 2 s and not with dates in 1970.
 
     Attributes:
-        sender: The connection to viewers, with its address and problems.
-        page: URL of the page for a browser; None: there is none.
+        page: URL of the page for a browser; empty: there is none.
+        trouble: Why nothing can be sent now; empty: it can.
         dropped: Number of samples dropped because the viewer lagged or was absent.
-        period: Time between calls of `consume`, s: a file takes four times the space with small
-            batches.
+        period: Time between calls of `consume`, s.
     """
 
     def __init__(
@@ -77,23 +82,27 @@ class View:
         Raises:
             ViewerError: The target is none of these or cannot be opened, or Rerun is missing.
         """
-        self.page: str | None = None
-        self.dropped = 0
-        self._target = target
-        self._configuration, self._scene = configuration, Scene(configuration)
+        rr.unregister_shutdown()
+        self.page = self.trouble = ''
+        self.dropped, self.period = 0, _PERIOD
+        self._picture, self._target = Picture(configuration), target
         self._codec = Simulator(configuration).joint_states
-        self._wall_clock: bool | None = None
-        if target == SPAWN:
-            require_screen()
-        binary = find_viewer() if target in (SPAWN, WEB) else None
-        self.sender = Sender(target, bind, self._send_static, overwrite=overwrite)
-        self.period = _FILE_PERIOD if self.sender.is_file else _PERIOD
         self._process: ViewerProcess | None = None
-        url = self.sender.url
-        if binary and url and target == SPAWN:
-            self._process = open_window(binary, url)
-        elif binary and url:
-            self._process, self.page = serve_page(binary, url, bind)
+        self._file: BinaryIO | None = None  # locked, so that other runs cannot replace it
+        self._stream = rr.RecordingStream('linkage_ros')
+        if target in (SPAWN, WEB):
+            self._process, host, port, self.page = open_viewer(bind, window=target == SPAWN)
+            self._target = f'rerun+http://{host}:{port}/proxy'
+        self._address = viewer_address(self._target)
+        if self._address:
+            self._connected = self._connect(self._address, _ANSWER_SECONDS)
+        elif not is_recording(target):
+            raise ViewerError(viewer_error(target))
+        else:
+            cure = 'delete it first (linkage_node: or set log_overwrite)'
+            self._file = create_file(target, ViewerError, overwrite=overwrite, cure=cure)
+            self._connected, self.period = True, _FILE_PERIOD
+            self._use(FileSink(target, write_footer=False))
 
     def consume(self, samples: Sequence[Sample]) -> None:
         """Shows the samples since the last call, if any.
@@ -104,42 +113,106 @@ class View:
         Raises:
             ViewerError: The window could not open, the page's server ended, or the disk is full.
         """
-        if self._process:
-            self._process.check()
+        if self._process and not self._process.runs():
+            return  # the user has closed the window
         for start in range(0, len(samples), _BATCH):
             batch = samples[start : start + _BATCH]
-            if self.sender.ready():
+            if self._is_ready():
                 self._send(batch)
             else:
                 self.dropped += len(batch)
 
     def close(self) -> None:
         """Sends the rest and disconnects within 3 s, even if the viewer hangs."""
-        if self._process:
-            self._process.close()
-            self._process = None
-        self.sender.close()
+        thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
+        thread.start()
+        thread.join(_LAST_SECONDS if self.trouble else _CLOSE_SECONDS)
+        for part in (self._file, self._process):
+            if part:
+                part.close()
 
     def discard(self) -> None:
         """Closes the view and removes its file, if any."""
         self.close()
-        if self.sender.is_file:
+        if self._file:
             Path(self._target).unlink(missing_ok=True)
 
-    def _send_static(self, stream: rr.RecordingStream) -> None:
-        drawing = self._scene.drawing
-        stream.send_blueprint(layout(self._configuration, drawing))
-        for entity, components in fixed_components(drawing).items():
-            stream.log(entity, components, static=True, strict=True)
+    def _is_ready(self) -> bool:
+        """Returns whether a viewer is connected and has received everything sent so far.
+
+        Raises:
+            ViewerError: The disk is full.
+        """
+        if self._address and not self._connected:
+            self._connected = self._connect(self._address, 0.0)
+        if not self._connected:
+            return False
+        try:
+            self._stream.flush(timeout_sec=_SEND_SECONDS if self._address else _WRITE_SECONDS)
+            self.trouble = ''
+        except RuntimeError as error:
+            if not self._address:
+                raise ViewerError(f'{self._target} takes no more: is the disk full?') from error
+            self.trouble = (
+                f'the viewer at {self._target} does not read: states are left out until it does'
+            )
+            # The SDK may not notice that a viewer was killed.
+            is_cut = 'severed' in str(error) or 'disconnected' in str(error)
+            self._connected = not is_cut and _is_reachable(self._address, 0.0)
+        return not self.trouble
+
+    def _connect(self, address: tuple[str, int], timeout: float) -> bool:
+        """Connects to the viewer if it answers in time; returns whether it does."""
+        if not _is_reachable(address, timeout):
+            self.trouble = (
+                f'no viewer answers at {self._target}: states are left out until one does'
+            )
+            return False
+        self._use(GrpcSink(self._target))
+        return True
+
+    def _use(self, sink: GrpcSink | FileSink) -> None:
+        self._stream.set_sinks(sink)
+        self._stream.send_blueprint(self._picture.layout())
+        for entity, components in self._picture.constants().items():
+            self._stream.log(entity, *components, static=True, strict=True)
 
     def _send(self, samples: Sequence[Sample]) -> None:
-        try:
-            stamps, numbers = self._codec.decode_all(b''.join([data for _, data in samples]))
-        except ValueError as error:
-            raise ViewerError(f'a message of joint states is {error}') from error
+        stamps, numbers = self._codec.decode_all(b''.join([data for _, data in samples]))
         stamps += np.array([shift for shift, _ in samples])
-        values = np.split(numbers, len(JOINT_FIELDS), axis=1)
-        if self._wall_clock is None:
-            self._wall_clock = bool(stamps[0] >= _WALL_CLOCK)
-        for rows in self._scene.advance(stamps, *values):
-            self.sender.send(rows, wall_clock=self._wall_clock)
+        self._send_rows(self._picture.rows(stamps, *np.split(numbers, 3, axis=1)))
+
+    def _send_rows(self, rows: Iterable[Rows]) -> None:
+        for entity, stamps, columns in rows:
+            if stamps[0] >= _WALL_CLOCK:
+                index = rr.TimeColumn(TIMELINE, timestamp=stamps.astype('datetime64[ns]'))
+            else:
+                index = rr.TimeColumn(TIMELINE, duration=stamps.astype('timedelta64[ns]'))
+            self._stream.send_columns(entity, [index], columns, strict=True)
+
+    def _disconnect(self) -> None:
+        if not self.trouble:
+            self._send_rows(self._picture.curves())
+        with contextlib.suppress(RuntimeError):
+            self._stream.flush(timeout_sec=_CLOSE_SECONDS - _LAST_SECONDS)
+        self._stream.disconnect()
+
+
+def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
+    """Waits until something accepts connections at an address, a host and a port.
+
+    Args:
+        address: Host and port.
+        timeout: Longest time, s; there is at least one attempt.
+
+    Returns:
+        Whether something accepts connections.
+    """
+    deadline = time.monotonic() + timeout
+    while True:
+        with contextlib.suppress(OSError, UnicodeError):  # UnicodeError: an impossible host name
+            socket.create_connection(address, timeout=1).close()
+            return True
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.1)

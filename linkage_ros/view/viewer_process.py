@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import ipaddress
 import os
 import shutil
@@ -15,10 +14,11 @@ import tempfile
 import urllib.parse
 from pathlib import Path
 
-from linkage_ros.errors import ViewerError, missing_library
+from linkage_ros.errors import ViewerError
 from linkage_ros.quantities import shown
 
-_MEMORY = '1GB'  # beyond which a window drops its oldest data
+_WINDOW_MEMORY = '1GB'  # beyond which a window drops its oldest data
+_SERVED_MEMORY = '64MB'  # of the past, for browsers and windows that connect late
 _TIMEOUT = 1.0  # s for a page's server to end
 # Exit codes of a window that the user has closed, or ended with a signal.
 _CLOSED_BY_USER = (0, *(-number for number in (
@@ -27,20 +27,18 @@ _CLOSED_BY_USER = (0, *(-number for number in (
 
 
 class ViewerProcess:
-    """Rerun's viewer in a separate process, which shows data served at an address."""
+    """Rerun's viewer in a separate process."""
 
     def __init__(self, command: list[str | Path], *, outlives: bool) -> None:
         """Starts the viewer.
 
         Args:
-            command: The binary, the source of its data, and options.
+            command: The binary and its arguments.
             outlives: Whether it survives this process, even after a signal of the terminal.
 
         Raises:
             ViewerError: The program cannot be run.
         """
-        # With `CI` set, the viewer sends no usage statistics, and the user's settings stay.
-        environment = {**os.environ, 'RUST_LOG': 'error', 'CI': '1'}
         setpriv = None if outlives else shutil.which('setpriv')
         prefix = [setpriv, '--pdeathsig', 'TERM'] if setpriv else []
         self._outlives = outlives
@@ -51,22 +49,23 @@ class ViewerProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=self._errors,
-                env=environment,
+                # With `CI` set, it sends no usage statistics, and the user's settings stay.
+                env={**os.environ, 'RUST_LOG': 'error', 'CI': '1'},
                 start_new_session=True,  # Ctrl-C in the terminal is not for it
             )
         except OSError as error:
             self._errors.close()
             raise ViewerError(f'{command[0]} cannot be run: {error.strerror or error}') from error
 
-    def check(self) -> None:
-        """Checks that it runs, or that the user has closed its window.
+    def runs(self) -> bool:
+        """Returns whether it runs; if not, the user has closed its window.
 
         Raises:
             ViewerError: It has failed, or a page's server has ended.
         """
         code = self.process.poll()
         if code is None or (self._outlives and code in _CLOSED_BY_USER):
-            return
+            return code is None
         if code > 0:
             self._errors.seek(0)
             *_, cause = [b'no reason given', *self._errors.read().splitlines()]
@@ -87,42 +86,34 @@ class ViewerProcess:
         self._errors.close()
 
 
-def open_window(binary: Path, data: str) -> ViewerProcess:
-    """Opens a window, which stays open with its contents after this process.
+def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, str]:
+    """Opens a window, which stays open with its contents, or serves a page while this runs.
 
     Args:
-        binary: Binary of the viewer.
-        data: URL of its data.
+        bind: Address on which it takes and serves data, and serves the page.
+        window: Whether it is a window.
 
     Returns:
-        The process.
+        The process; host and port at which it takes data; the page's URL, empty for a window.
 
     Raises:
-        ViewerError: The program cannot be run.
+        ViewerError: There is no screen, no such address or no program.
     """
-    # It also accepts data itself, at a port that must not be open to other machines.
-    options = ['--bind', '127.0.0.1', '--port', 'auto', '--hide-welcome-screen']
-    return ViewerProcess([binary, data, *options, '--memory-limit', _MEMORY], outlives=True)
-
-
-def serve_page(binary: Path, data: str, bind: str) -> tuple[ViewerProcess, str]:
-    """Serves Rerun's page to browsers while this process runs.
-
-    Args:
-        binary: Binary of the viewer.
-        data: URL of its data.
-        bind: Address to serve it on, as for `free_address`.
-
-    Returns:
-        The process, and the page's URL.
-
-    Raises:
-        ViewerError: The program cannot be run.
-    """
-    host, port, _ = free_address(bind)
-    options = ['--serve-web', '--bind', bind, '--web-viewer-port', str(port), '--port', 'auto']
-    page = f'http://{public_host(host)}:{port}/?url={urllib.parse.quote(data, safe="")}'
-    return ViewerProcess([binary, data, *options], outlives=False), page
+    if window:
+        require_screen()
+    host, port = free_address(bind)
+    data = ['--bind', bind, '--port', str(port), '--server-memory-limit', _SERVED_MEMORY]
+    if window:
+        options, page = ['--hide-welcome-screen', '--memory-limit', _WINDOW_MEMORY], ''
+    else:
+        page_port = str(free_address(bind)[1])
+        options = ['--serve-web', '--web-viewer-port', page_port]
+        # This machine's name stands for all addresses.
+        name = socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
+        url = urllib.parse.quote(f'rerun+http://{name}:{port}/proxy', safe='')
+        page = f'http://{name}:{page_port}/?url={url}'
+    process = ViewerProcess([find_viewer(), *data, *options], outlives=window)
+    return process, host, port, page
 
 
 def require_screen() -> None:
@@ -147,23 +138,23 @@ def find_viewer() -> Path:
     Raises:
         ViewerError: It is not installed.
     """
-    named, package = os.environ.get('RERUN_CLI_PATH'), importlib.util.find_spec('rerun_cli')
-    if not (named or (package and package.origin)):
-        raise ViewerError(missing_library('rerun'))
-    path = Path(named or Path(str(package and package.origin)).with_name('rerun'))
+    import rerun
+
+    package = Path(rerun.__file__).parents[1] / 'rerun_cli'
+    path = Path(os.environ.get('RERUN_CLI_PATH') or package / 'rerun')
     if not path.is_file():
         raise ViewerError(f'no viewer program at {path}: pip install --force-reinstall rerun-sdk')
     return path
 
 
-def free_address(bind: str) -> tuple[str, int, bool]:
+def free_address(bind: str) -> tuple[str, int]:
     """Finds a free port.
 
     Args:
         bind: An IP address of this machine.
 
     Returns:
-        The address as written in URLs, a free port, and whether other machines can reach it.
+        The address as written in URLs, and a free port.
 
     Raises:
         ViewerError: It is not an address of this machine.
@@ -179,10 +170,4 @@ def free_address(bind: str) -> tuple[str, int, bool]:
             f'viewer_bind = {shown(bind)} is not an address of this machine: 127.0.0.1 serves '
             'this machine alone, 0.0.0.0 every network it is in'
         ) from error
-    host = f'[{address}]' if address.version == 6 else str(address)
-    return host, port, not address.is_loopback
-
-
-def public_host(host: str) -> str:
-    """The host for a URL: this machine's name if `host` means all addresses."""
-    return socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
+    return f'[{bind}]' if address.version == 6 else bind, port

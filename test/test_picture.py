@@ -1,12 +1,14 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the view shows of every mechanism: the drawing, the curves, and when they have a gap."""
+"""What the view shows of every mechanism: the drawing and the curves."""
 
+import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import rerun as rr
 from test_rerun_view import read, run_of, show
 
 from linkage_ros.dynamics.solver import Solver
@@ -14,8 +16,9 @@ from linkage_ros.model.friction import Friction
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.view.scene import Directions, Scene
+from linkage_ros.view.picture import Picture
 
 PUMP = load('wind_pump')
 TURN = 2 * math.pi
@@ -56,26 +59,18 @@ MECHANISMS = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope='module')
-def pumped():
-    """The pump's first 15 s: six turns, on the way to its slow state."""
-    return run_of(PUMP, 3000)[0]
-
-
-def arrays(samples):
-    return [np.array(column) for column in zip(*samples, strict=True)]
-
-
-def advanced(configuration, samples, batch):
-    """All rows of a scene: {entity: (stamps, values)}."""
-    scene, found = Scene(configuration), {}
-    for start in range(0, len(samples), batch):
-        for rows in scene.advance(*arrays(samples[start : start + batch])):
-            found.setdefault(rows.entity, []).append((rows.stamps, rows.values))
-    return {
-        entity: tuple(np.concatenate(parts) for parts in zip(*pieces, strict=True))
-        for entity, pieces in found.items()
-    }
+def rows_of(configuration, messages, batch):
+    """All rows of a picture: {entity: (stamps, rows of the first component)}."""
+    picture, found = Picture(configuration), {}
+    codec = Simulator(configuration).joint_states
+    numbers = [codec.decode_all(b''.join(messages[n : n + batch]))
+               for n in range(0, len(messages), batch)]  # fmt: skip
+    parts = [picture.rows(stamps, *np.split(values, 3, axis=1)) for stamps, values in numbers]
+    for entity, stamps, columns in itertools.chain(*parts, picture.curves()):
+        values = columns[0].as_arrow_array().to_pylist()
+        found.setdefault(entity, []).extend(zip(stamps, values, strict=True))
+    return {entity: [np.array(part) for part in zip(*rows, strict=True)]
+            for entity, rows in found.items()}  # fmt: skip
 
 
 # ---------------------------------------------------------------- drawings
@@ -85,35 +80,54 @@ def advanced(configuration, samples, batch):
 def drawn(request, tmp_path_factory):
     """A run of 2 s in a file: configuration, solved states and what Rerun reads."""
     configuration = MECHANISMS[request.param]
-    samples, states = run_of(configuration, 400)
+    stamps, messages, states = run_of(configuration, 400)
     path = tmp_path_factory.mktemp('drawn') / 'run.rrd'
-    assert show(path, samples, configuration).dropped == 0
+    assert show(path, messages, configuration).dropped == 0
     found = read(path)
     # 200 states a second, 50 drawings.
-    stamps = [sample.stamp for sample in samples[::4]]
-    assert found['/linkage/pins']['ros2_timestamp'] == stamps
+    assert found[MOVING]['ros2_timestamp'] == stamps[::4]
     return configuration, states[::4], found, read(path, blueprint=True)
 
 
-def complex_of(entity, column):
-    """Points of an entity as complex numbers."""
-    return np.array(entity[column], float) @ (1, 1j)
+MOVING, FIXED = '/linkage/moving', '/linkage/fixed'
 
 
-def lines_of(found, link):
-    (strips,) = np.moveaxis(complex_of(found[f'/linkage/{link}'], 'LineStrips2D:strips'), 1, 0)
-    return strips
+def points_of(entity):
+    """Positions of names and of pins, as complex numbers."""
+    points = np.array(entity['Points2D:positions']) @ (1, 1j)
+    count = len(entity['Points2D:labels'][0])
+    return points[:, :count], points[:, count:]
+
+
+def lines_of(configuration, found):
+    """Lines of the links and arrows of the loads, as complex numbers, by link."""
+    drawing = Drawing(configuration.mechanism)
+    lines = [np.array(line) @ (1, 1j)
+             for line in zip(*found[MOVING]['LineStrips2D:strips'], strict=True)]  # fmt: skip
+    count = len(drawing.joints)
+    assert len(found[MOVING]['LineStrips2D:colors'][0]) == len(lines)
+    return (dict(zip(drawing.joints, lines, strict=False)),
+            dict(zip(drawing.loaded, lines[count:], strict=True)))  # fmt: skip
+
+
+def test_components_have_the_types_that_rerun_draws(drawn):
+    """It draws nothing of another one, not even where only the nullability differs."""
+    columns = (*rr.Points2D.columns(positions=[[0.0, 0.0]]),
+               *rr.LineStrips2D.columns(strips=[np.zeros((2, 2))]))  # fmt: skip
+    for column in columns:
+        name = column.component_descriptor().component
+        assert drawn[2][MOVING][f'{name} type'] == str(column.as_arrow_array().type)
 
 
 def test_pins_are_where_the_solver_puts_them(drawn):
     configuration, states, found, _ = drawn
     solver = Solver(configuration.mechanism)
-    (names,) = found['/linkage/pins/names']['Points2D:labels']
-    pins = complex_of(found['/linkage/pins'], 'Points2D:positions')
+    (names,) = found[MOVING]['Points2D:labels']
+    _, pins = points_of(found[MOVING])
     for name, place in zip(names, pins.T, strict=True):
         exact = [complex(*solver.point(state, name).position) for state in states]
         assert abs(place - exact).max() < 3e-7
-    fixed = complex_of(found['/linkage/pivots'], 'Points2D:positions').ravel()
+    fixed = points_of(found[FIXED])[1].ravel()
     frame = getattr(configuration.mechanism, 'frame', None)
     far = frame.length * np.exp(1j * frame.angle) if hasattr(frame, 'length') else 0.0
     assert fixed == pytest.approx([0.0, far] if far else [0.0], abs=3e-7)
@@ -122,12 +136,11 @@ def test_pins_are_where_the_solver_puts_them(drawn):
 def test_links_have_their_lengths_and_end_at_pins(drawn):
     configuration, _, found, _ = drawn
     mechanism = configuration.mechanism
-    pins = complex_of(found['/linkage/pins'], 'Points2D:positions')
-    fixed = complex_of(found['/linkage/pivots'], 'Points2D:positions').ravel()
+    _, pins = points_of(found[MOVING])
+    fixed = points_of(found[FIXED])[1].ravel()
     pins = np.hstack([pins, np.broadcast_to(fixed, (len(pins), len(fixed)))])
-    (joints,) = found['/joint_states/position']['SeriesLines:names']
-    for joint in joints:
-        line = lines_of(found, joint)
+    lines, _ = lines_of(configuration, found)
+    for joint, line in lines.items():
         if joint == 'slider':
             line = line[:, :4].mean(axis=1, keepdims=True)
         else:
@@ -136,20 +149,10 @@ def test_links_have_their_lengths_and_end_at_pins(drawn):
         for corner in line.T:
             assert abs(pins.T - corner).min(axis=0).max() < 3e-7
     if getattr(mechanism.coupler, 'point', None):
-        start, end, point, again = lines_of(found, 'coupler').T
+        start, end, point, again = lines['coupler'].T
         assert (again == start).all()
         exact = complex(*mechanism.coupler.point) / mechanism.coupler.length
         assert abs((point - start) / (end - start) - exact).max() < 1e-5
-
-
-def points_of(found):
-    """All points that are drawn of a linkage at any time; shape (n, 2)."""
-    points = []
-    for name, columns in found.items():
-        for column in ('Points2D:positions', 'LineStrips2D:strips'):
-            if name.startswith('/linkage/') and column in columns:
-                points += [np.reshape(np.concatenate(row), (-1, 2)) for row in columns[column]]
-    return np.concatenate(points)
 
 
 def test_drawing_fits_its_window_and_fills_it(drawn):
@@ -164,7 +167,12 @@ def test_drawing_fits_its_window_and_fills_it(drawn):
     ]
     ranges = [[*one['x_range'], *one['y_range']] for one in shown]
     assert pytest.approx([left, right, -high, -low]) in ranges
-    points = points_of(found)
+    drawn_points = [
+        np.reshape(np.concatenate(row), (-1, 2))
+        for entity in (MOVING, FIXED)
+        for row in (*found[entity]['Points2D:positions'], *found[entity]['LineStrips2D:strips'])
+    ]
+    points = np.concatenate(drawn_points)
     margins = [points.min(axis=0) - drawing.bounds[0], drawing.bounds[1] - points.max(axis=0)]
     width = np.ptp(drawing.bounds, axis=0).max()
     assert np.min(margins) > 0.6 * drawing._mark
@@ -177,9 +185,7 @@ def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
     loads = tuple(load for load in mechanism.loads if not isinstance(load, Friction))
     solver, mark = Solver(replace(mechanism, loads=loads)), Drawing(mechanism)._mark
     forces = [solver.load_forces(state) for state in states]
-    arrows = {
-        name.split('/')[-1]: lines_of(found, name[9:]) for name in found if '/loads/' in name
-    }
+    _, arrows = lines_of(configuration, found)
     assert arrows.keys() == forces[0].keys()
     for link, lines in arrows.items():
         exerted = np.array([row[link] for row in forces])
@@ -203,13 +209,14 @@ def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
 
 def test_moving_points_stay_on_their_paths(drawn):
     configuration, _, found, _ = drawn
-    pins = complex_of(found['/linkage/pins'], 'Points2D:positions').T
-    paths = [columns for name, columns in found.items() if '/paths/' in name]
+    pins = points_of(found[MOVING])[1].T
+    ground = Drawing(configuration.mechanism).ground
+    paths = found[FIXED]['LineStrips2D:strips'][0][len(ground) + 1 :]  # behind the scale
     solver = Solver(configuration.mechanism)
     assert len(paths) == (len(pins) - 1 if len(solver.coordinates) == 1 else 0)
     step = 0.05 * configuration.mechanism.crank.length
-    for columns in paths:
-        path = complex_of(columns, 'LineStrips2D:strips').ravel()
+    for line in paths:
+        path = np.array(line) @ (1, 1j)
         assert min(abs(pin[:, np.newaxis] - path).min(axis=1).max() for pin in pins) < step
         assert abs(np.diff(path)).max() < 3 * step
 
@@ -217,13 +224,13 @@ def test_moving_points_stay_on_their_paths(drawn):
 def test_names_are_beside_their_pins_and_off_their_links(drawn):
     configuration, _, found, _ = drawn
     drawing = Drawing(configuration.mechanism)
-    pins = complex_of(found['/linkage/pins'], 'Points2D:positions')
-    places = complex_of(found['/linkage/pins/names'], 'Points2D:positions')
+    places, pins = points_of(found[MOVING])
     away = places - 0.7j * drawing._mark - pins  # a name hangs down from its place
     width = np.ptp(drawing.bounds, axis=0).max()
     assert 0.03 * width < abs(away).min() < abs(away).max() < 0.08 * width
+    lines, _ = lines_of(configuration, found)
     for link in drawing.turning:
-        line = lines_of(found, link)
+        line = lines[link]
         for start, end in ((0, 1), (1, 0)):
             at_pin = abs(pins - line[:, [start]]) < 1e-6
             way = line[:, [end]] - line[:, [start]]
@@ -236,19 +243,17 @@ def test_plots_show_the_curves_of_the_run(drawn):
     for name, columns in blueprint.items():
         if 'SeriesLines:names' in columns:
             entity = name.split('/overrides')[1].split('/visualizers')[0]
-            pairs = zip(columns['SeriesLines:names'][0], columns['SeriesLines:visible_series'][0],
-                        strict=True)  # fmt: skip
-            plots.add((entity, *(curve for curve, is_shown in pairs if is_shown)))
-    (joints,) = found['/joint_states/position']['SeriesLines:names']
-    turning = [joint for joint in joints if joint != 'slider']
-    expected = {('/joint_states/effort', 'crank'), ('/rates', *turning),
-                ('/directions', *turning[1:])}  # fmt: skip
-    if 'slider' in joints:
-        expected |= {(f'/joint_states/{field}', 'slider') for field in ('position', 'velocity')}
+            (names,), (shown,) = (columns[f'SeriesLines:{field}'] for field in
+                                  ('names', 'visible_series'))  # fmt: skip
+            assert len(names) == len(found[entity]['Scalars:scalars'][0])
+            plots.add((entity, *itertools.compress(names, shown)))
+    turning = Drawing(configuration.mechanism).turning
+    expected = {('/values', 'crank'), ('/rates', *turning), ('/directions', *turning[1:])}
+    if hasattr(configuration.mechanism, 'slider'):
+        expected.add(('/values', 'slider'))
     if isinstance(configuration.drive, TorqueDrive):
-        expected |= {('/joint_states/velocity', 'crank')}
+        expected.add(('/rates', 'crank'))
     assert plots == expected
-    assert all(entity in found for entity, *_ in plots)
 
 
 @pytest.mark.parametrize(
@@ -278,7 +283,7 @@ def test_only_the_reachable_arc_is_drawn():
     arcs = Solver(mechanism).mobility.arcs
     assert len(arcs) == 2
     # A crank that is measured is expected within the first, an angle of 0 in the other.
-    measured = Scene(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
+    measured = Picture(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
     assert np.array_equal(measured, Drawing(mechanism, sum(arcs[0]) / 2).paths['rocker'])
     for start, end in arcs:
         for turns in (-2, 0, 1):
@@ -299,48 +304,20 @@ def test_only_the_reachable_arc_is_drawn():
     [PUMP, configure(HANGING), DRAG_LINK, MECHANISMS['backwards']],
     ids=['pump', 'hanging', 'drag_link', 'backwards'],
 )  # fmt: skip
-def test_directions_have_no_jumps(configuration):
-    samples, states = run_of(configuration, 500, rate=500)
-    found = advanced(configuration, samples, 7)
-    drawing = Drawing(configuration.mechanism, configuration.drive.crank_angle)
-    stamps, directions = found['directions']
-    assert list(stamps) == [sample.stamp for sample in samples]
-    _, rates = found['rates']
-    exact, exact_rates = (
-        np.array([getattr(state, field) for state in states])[:, : len(drawing.turning)]
-        for field in ('position', 'velocity')
-    )
-    assert abs(np.exp(1j * directions) - np.exp(1j * exact[:, 1:])).max() < 1e-12
-    assert rates == pytest.approx(exact_rates, rel=1e-12, abs=1e-12)
+def test_curves_are_those_of_the_states_without_jumps(configuration):
+    stamps, messages, states = run_of(configuration, 500, rate=500)
+    found = rows_of(configuration, messages, 7)
+    for entity in ('values', 'rates', 'directions'):
+        assert list(found[entity][0]) == stamps
+    values, rates, directions = (found[name][1] for name in ('values', 'rates', 'directions'))
+    position, velocity = (np.array([getattr(state, field) for state in states])
+                          for field in ('position', 'velocity'))  # fmt: skip
+    count = rates.shape[1]
+    expected = [[[state.torque] for state in states], position[:, count:], velocity[:, count:]]
+    assert values == pytest.approx(np.hstack(expected), rel=1e-15)
+    assert rates == pytest.approx(velocity[:, :count], rel=1e-12, abs=1e-12)
+    assert abs(np.exp(1j * directions) - np.exp(1j * position[:, 1:count])).max() < 1e-12
     assert abs(directions[0]).max() <= math.pi
     # Rates are derivatives of directions: nothing jumps anywhere.
     middle = (rates[1:, 1:] + rates[:-1, 1:]) / 2
     assert np.diff(directions, axis=0) * 500 == pytest.approx(middle, abs=0.02 * abs(rates).max())
-
-
-def test_missing_angle_makes_no_jump_in_directions():
-    angles = np.array([[3.0], [math.nan], [-3.0], [-2.9]])
-    found = Directions().follow(angles)[:, 0]
-    assert np.isnan(found[1])
-    assert found[[0, 2, 3]] == pytest.approx([3.0, TURN - 3.0, TURN - 2.9])
-
-
-@pytest.mark.parametrize('batch', [1, 7])
-def test_batch_size_does_not_change_rows(pumped, batch):
-    samples = pumped[1400:1700]
-    whole, pieces = (advanced(PUMP, samples, size) for size in (len(samples), batch))
-    assert pieces.keys() == whole.keys()
-    for entity, (stamps, values) in whole.items():
-        assert (pieces[entity][0] == stamps).all(), entity
-        if values.dtype.kind != 'U':
-            np.testing.assert_allclose(pieces[entity][1], values, rtol=1e-13, atol=1e-12)
-
-
-@pytest.mark.parametrize('place', [9.0, math.nan, 2.52, 1e308])
-def test_impossible_state_is_a_gap_in_the_curves(pumped, place):
-    samples = list(pumped[:60])
-    samples[10] = samples[10]._replace(position=(*samples[10].position[:3], place))
-    usual, found = advanced(PUMP, pumped[:60], 20), advanced(PUMP, samples, 20)
-    slider = found['joint_states/position'][1][:, 3]
-    np.testing.assert_array_equal(slider[10], place)
-    np.testing.assert_array_equal(found['directions'][1], usual['directions'][1])

@@ -1,0 +1,250 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The picture of a run in Rerun: its entities over time, their constant parts, and the layout.
+
+Each call of Rerun costs the node as much processor time as twenty states. So everything that
+moves is one entity, and the curves are continued less often.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+
+from linkage_ros.motion.drives import FollowDrive, SpeedDrive, TorqueDrive
+from linkage_ros.numeric import Array
+from linkage_ros.palette import GREY, SECOND, color_of
+from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.view.drawing import Drawing
+
+TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log
+LINKAGE = 'linkage'
+_MOVING, _FIXED = f'{LINKAGE}/moving', f'{LINKAGE}/fixed'
+# Curves: the torque, and position and rate of a slider; rates, and directions in base_link, of
+# the links that turn. The angles of joints count from the link before, and jump at pi.
+VALUES, RATES, DIRECTIONS = 'values', 'rates', 'directions'
+
+_DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
+# Continuations of the curves: five a second of stamp time, and at the latest with this batch.
+_CURVES_NS, _MOST_WAITING = 200_000_000, 10
+_TURNS, _LONGEST = 5, 60.0  # plotted at a speed: turns, but no more seconds than these
+_STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
+_FRONT = 32.0  # drawing order of the pins, above all lines
+_THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points on the screen
+
+# Of components: what they are, and Arrow's type of one. Rerun draws nothing of another type.
+_SCALARS, _POSITIONS, _STRIPS = (
+    (column.component_descriptor(), column.as_arrow_array().type.value_type)
+    for column in (
+        *rr.Scalars.columns(scalars=[0.0]),
+        *rr.Points2D.columns(positions=[[0.0, 0.0]]),
+        *rr.LineStrips2D.columns(strips=[np.zeros((2, 2))]),
+    )
+)
+
+
+# Values of an entity: its path, stamps, ns, and components with a row for each stamp.
+Rows: TypeAlias = tuple[str, npt.NDArray[np.int64], list[rr.ComponentColumn]]
+
+
+class Picture:
+    """Makes rows from samples, in batches of any size.
+
+    Attributes:
+        drawing: The linkage.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        mechanism, self._drive = configuration.mechanism, configuration.drive
+        reach, start = mechanism.reach(), self._drive.crank_angle
+        if isinstance(self._drive, FollowDrive) and reach and not reach.turns_fully:
+            start = 0.5 * sum(reach.arcs[0])
+        self.drawing = Drawing(mechanism, start)
+        turning = self.drawing.turning
+        sliders = self.drawing.joints[len(turning) :]
+        # The links of the curves.
+        self._curves = {
+            VALUES: ('crank', *sliders, *sliders), RATES: turning, DIRECTIONS: turning[1:],
+        }  # fmt: skip
+        self._waiting: list[tuple[npt.NDArray[np.int64], Array]] = []  # stamps and curves
+        self._directions = np.zeros((1, len(turning)))  # at the last sample, rad
+        self._last_frame = -1
+
+    def rows(
+        self, stamps: npt.NDArray[np.int64], position: Array, velocity: Array, effort: Array
+    ) -> Iterator[Rows]:
+        """Rows for the next samples.
+
+        Args:
+            stamps: ns, shape (n,), n > 0.
+            position: Positions of the joints in tree order, rad and m; shape (n, joints).
+            velocity: Velocities of the joints, rad/s and m/s.
+            effort: Efforts of the joints, N m.
+
+        Yields:
+            Rows of what moves and of the curves, if they are due.
+        """
+        places, rates = map(self.drawing.links_from_joints, (position, velocity))
+        count = self._directions.shape[1]
+        steps = np.diff(places[:, :count], axis=0, prepend=self._directions)
+        places[:, :count] -= 2 * math.pi * np.cumsum(np.round(steps / (2 * math.pi)), axis=0)
+        self._directions = places[-1:, :count]
+        turning, sliders = slice(count), slice(count, None)
+        values = [effort[:, :1], places[:, sliders], rates[:, sliders]]
+        curves = [*values, rates[:, turning], places[:, 1:count]]
+        self._waiting.append((stamps, np.concatenate(curves, axis=1)))
+        frames = stamps // _DRAWING_NS
+        due = np.diff(frames, prepend=self._last_frame) != 0
+        self._last_frame = frames[-1]
+        if due.any():
+            yield _MOVING, stamps[due], self._moving(places[due], rates[due])
+        span = stamps[-1] - self._waiting[0][0][0]
+        if span >= _CURVES_NS or len(self._waiting) == _MOST_WAITING:
+            yield from self.curves()
+
+    def curves(self) -> Iterator[Rows]:
+        """Rows of the curves since the last call."""
+        if self._waiting:
+            stamps, values = map(np.concatenate, zip(*self._waiting, strict=True))
+            self._waiting = []
+            ends = np.cumsum([len(links) for links in self._curves.values()])
+            for entity, part in zip(self._curves, np.split(values, ends, axis=1), strict=False):
+                yield entity, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
+
+    def _moving(self, places: Array, rates: Array) -> list[rr.ComponentColumn]:
+        """Names and pins as points, links and loads as lines."""
+        drawing = self.drawing
+        pins = drawing.place(places)
+        points = np.concatenate([drawing.labels(pins), pins], axis=1)
+        lines = [*drawing.links(pins).values(), *drawing.loads(pins, places, rates).values()]
+        lengths = np.tile([line.shape[1] for line in lines], len(pins))
+        ends = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+        corners = _pairs(np.concatenate(lines, axis=1))
+        strips = pa.ListArray.from_arrays(ends, corners, type=_STRIPS[1])
+        return [_column(_POSITIONS, _pairs(points), points.shape),
+                _column(_STRIPS, strips, (len(pins), len(lines)))]  # fmt: skip
+
+    def constants(self) -> dict[str, list[rr.AsComponents]]:
+        """Components that are sent once, by entity: colours, names, paths, the ground."""
+        drawing = self.drawing
+        scale = drawing.scale.mean(axis=0)
+        fixed = [*drawing.ground, drawing.scale, *drawing.paths.values()]
+        greys = len(fixed) - len(drawing.paths)
+        links = len(drawing.joints)
+        return {
+            LINKAGE: [rr.Transform3D(scale=[1, -1, 1])],  # y is down in Rerun's 2-D views
+            _FIXED: [
+                rr.LineStrips2D(
+                    [line.astype(np.float32) for line in fixed], radii=_THIN,
+                    colors=[GREY] * greys + [color_of(link) for link in drawing.paths],
+                ),
+                _points([*drawing.pivot_labels, scale, *drawing.pivots],
+                        [*drawing.pivot_names, f'{drawing.scale_length:g} m'],
+                        len(drawing.pivots)),
+            ],
+            _MOVING: [
+                rr.LineStrips2D.from_fields(
+                    colors=[*map(color_of, drawing.joints), *(SECOND for _ in drawing.loaded)],
+                    radii=[_THICK] * links + [_MEDIUM] * len(drawing.loaded),
+                    draw_order=_FRONT - 1,
+                ),
+                _points(None, drawing.pins, len(drawing.pins)),
+            ],
+        }  # fmt: skip
+
+    def layout(self) -> rrb.Blueprint:
+        """The linkage beside two columns of plots; each shows one plot, with tabs for the others.
+
+        The plots have the height of the window: on low plots Rerun labels the y axis once.
+
+        Returns:
+            The blueprint.
+        """
+        (left, low), (right, high) = self.drawing.bounds.tolist()
+        linkage = rrb.Spatial2DView(
+            name='Linkage, m',
+            contents=f'/{LINKAGE}/**',
+            visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
+        )
+        first = [self._plot('Torque, N m', VALUES, 0), self._plot('Rates, rad/s', RATES)]
+        second = [self._plot('Angles, rad', DIRECTIONS)]
+        if isinstance(self._drive, TorqueDrive):
+            first.insert(0, self._plot('Crank speed, rad/s', RATES, 0))
+        if len(self._curves[VALUES]) > 1:
+            second = [self._plot('Slider, m', VALUES, 1), self._plot('Slider, m/s', VALUES, 2),
+                      *second]  # fmt: skip
+        return rrb.Blueprint(
+            rrb.Horizontal(linkage, rrb.Tabs(*first), rrb.Tabs(*second)),
+            rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
+            rrb.SelectionPanel(state='collapsed'),
+            rrb.BlueprintPanel(state='collapsed'),
+        )
+
+    def _plot(self, title: str, entity: str, shown: int | None = None) -> rrb.TimeSeriesView:
+        """Curves of an entity over the last seconds: all, or one."""
+        names = self._curves[entity]
+        series = rr.SeriesLines(
+            names=names,
+            colors=[color_of(name) for name in names],
+            widths=[2.0] * len(names),
+            visible_series=[shown in (None, number) for number in range(len(names))],
+            aggregation_policy='MinMax',  # no peak is averaged away
+        )
+        last = rr.TimeRange(
+            start=rr.TimeRangeBoundary.cursor_relative(seconds=-self._plotted_seconds()),
+            end=rr.TimeRangeBoundary.cursor_relative(),
+        )
+        return rrb.TimeSeriesView(
+            name=title,
+            origin=f'/{entity}',
+            contents=f'/{entity}',
+            overrides={f'/{entity}': series},
+            # Without a range of its own, the time axis holds just the data: none of it is empty.
+            time_ranges=rrb.VisibleTimeRanges(timeline=TIMELINE, range=last),
+            plot_legend=rrb.PlotLegend(corner='LeftTop', visible=shown is None),
+        )
+
+    def _plotted_seconds(self) -> float:
+        if not isinstance(self._drive, SpeedDrive):
+            return _DRIVEN_SECONDS
+        rpm = abs(self._drive.rpm)
+        return min(_TURNS * 60 / rpm, _LONGEST) if rpm else _STANDING_SECONDS
+
+
+def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr.Points2D:
+    """Names, points without size, and then pins, points without names."""
+    return rr.Points2D.from_fields(
+        positions=places, colors=GREY, draw_order=_FRONT, labels=list(names), show_labels=True,
+        radii=[0.0] * len(names) + [_PIN] * pins,
+    )  # fmt: skip
+
+
+class _Batch(NamedTuple):
+    """What Rerun takes for components; its archetypes take three times the processor time."""
+
+    array: pa.Array
+
+    def as_arrow_array(self) -> pa.Array:
+        """The components."""
+        return self.array
+
+
+def _column(
+    kind: tuple[Any, pa.DataType], components: pa.Array, shape: tuple[int, ...]
+) -> rr.ComponentColumn:
+    """Components for shape[0] stamps, shape[1] for each."""
+    offsets = shape[1] * np.arange(shape[0] + 1, dtype=np.int32)
+    return rr.ComponentColumn(kind[0], _Batch(components), offsets=offsets)
+
+
+def _pairs(points: Array) -> pa.Array:
+    """Points, shape (..., 2), as Rerun takes them."""
+    numbers = pa.array(points.astype(np.float32).ravel())
+    return pa.FixedSizeListArray.from_arrays(numbers, type=_POSITIONS[1])
