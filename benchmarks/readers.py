@@ -47,7 +47,8 @@ def check(folder, log):
         motions = len(reader.motions)
     about, found = read(folder, log.path)
     faults = list(about['faults'])
-    if about['metadata'] != ['linkage_ros'] + ['linkage_ros/motion'] * motions:
+    expected = ['linkage_ros', *['linkage_ros/motion'] * motions, 'linkage_ros/end']
+    if about['metadata'] != expected:
         faults.append(f'its metadata records are {about["metadata"]}')
     print(
         f'{name:14} checksums, index, statistics, metadata: {"; ".join(faults) or "well formed"}'
