@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Selects the integrator of a motion.
 
-Processor time in s for each second of motion (benchmarks/stiff.py), in ticks of 1 ms, of the
-quadrilateral at 150 rpm and the wind pump at 3 rad/s under motor lines of several dampings:
+Processor time in s for each second of motion, in ticks of 1 ms, of the quadrilateral at 150 rpm
+and the wind pump at 3 rad/s under motor lines of several dampings:
 
     damping, N m s       rate, 1/s   explicit   implicit   DOP853   implicit, 1e-11
     quadrilateral 30     6e2         0.05       0.07       0.5      0.3
