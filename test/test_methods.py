@@ -203,6 +203,7 @@ def test_errors_are_seen(turns):
     assert case.error('position', 3, [first + 6 * math.pi, second - 2 * math.pi]) < 4e-15
     assert case.error('position', 3, [first, second + 0.5]) == pytest.approx(0.5)
     # As unit vectors, whose lengths count too.
-    x, y, *other = map(float, exact['direction'])
-    assert case.error('position', 3, [x, y, *other]) < EPSILON
-    assert case.error('position', 3, [x * (1 + 1e-6), y, *other]) == pytest.approx(x * 1e-6)
+    numbers = np.array([float(x) for x in exact['direction']])
+    assert case.error('position', 3, numbers) < EPSILON
+    for one in np.eye(4):
+        assert case.error('position', 3, numbers + 1e-6 * one) == pytest.approx(1e-6)

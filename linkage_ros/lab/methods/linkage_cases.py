@@ -121,7 +121,8 @@ class LinkageCase(Case):
             largest = [float(np.max(np.abs(row))) for row in each]
             # The rest of a rounding is no size.
             sizes[quantity] = [x if x > _NOTHING * max(largest) else 0.0 for x in largest]
-        return sizes | {DIRECTION: [1.0, 1.0, *sizes[POSITION][1:], 1.0]}
+        output = sizes[POSITION][1:] if self.reference.slides else [1.0, 1.0]
+        return sizes | {DIRECTION: [1.0, 1.0, *output]}
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
         """See `Case`: a position is two numbers or, as unit vectors, more."""
@@ -132,7 +133,7 @@ class LinkageCase(Case):
         angles = 2 - slides if quantity == POSITION else 0
         if quantity == POSITION and len(row) > 2:
             quantity, angles = DIRECTION, 0
-        values = zip(row, exact[quantity], self._sizes[quantity], strict=False)
+        values = zip(row, exact[quantity], self._sizes[quantity], strict=True)
         for i, (value, true, size) in enumerate(values):
             apart = value - true
             if i < angles and abs(value) < _FAR:
