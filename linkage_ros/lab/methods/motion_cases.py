@@ -68,14 +68,7 @@ class MotionCase(Case):
         quantities: Sequence[str] = (TRAJECTORY,),
         at: Callable[[float], Sequence[Any]] | None = None,
     ) -> None:
-        """Prepares it.
-
-        Args:
-            problem: The motion and its start.
-            times: At which states are compared, s.
-            quantities: What is judged.
-            at: The true motion; by default it is followed in many digits.
-        """
+        """Prepares it; without the true motion, `at`, it is followed in many digits."""
         self.problem, self.times, self.quantities = problem, tuple(times), quantities
         self._at = at or MotionReference(problem).at
 
@@ -144,7 +137,8 @@ def followed(
 ) -> list[Row]:
     """Integrates a motion; see `MotionCase.rows`."""
     phases = _phases(times, partial(solve, problem, dict(setting)))
-    return list(iter(partial(attempt, next, phases, ()), ()))  # () ends it
+    rows = [attempt(next, phases, ()) for _ in times]
+    return [row for row in rows if row != ()]  # () where it has ended before
 
 
 def _phases(times: Sequence[float], begin: Callable[[], Any]) -> Iterator[tuple[float, ...]]:
@@ -167,10 +161,7 @@ def _mean_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
 
 
 def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
-    """Time of the slowest of the first 1000 ms, fewer for a short motion, us.
-
-    Each is requested separately.
-    """
+    """Time of the slowest of the first 1000 ms, each requested by itself; fewer if short, us."""
     count = min(1000, round(times[-1] * _TICKS))
     fastest = [math.inf] * count
     for _ in range(3):
