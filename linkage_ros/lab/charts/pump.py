@@ -13,12 +13,12 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.transforms import blended_transform_factory
 
-from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, TEXT, TITLE, WIDTH
+from linkage_ros.lab.charts.sizes import NUMBERS, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.lab.pump.analysis import Analysis
-from linkage_ros.lab.pump.load_curve import END, LOST, Piece, SteadyState, bistable_ranges
+from linkage_ros.lab.pump.load_curve import Piece, SteadyState, bistable_ranges, stability_lost
 from linkage_ros.lab.pump.table import states_table
+from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 
 # Stable pieces of the load curve by growing speed; the unstable are grey and dashed.
@@ -27,7 +27,11 @@ _STABLE = tuple(
 )
 _UNSTABLE, _MOTOR, _REST = map(fractions, (DARK, BLACK, GREY))
 _PARTS = 256  # of a turn
-_ROW, _LINE = 3.9, 0.185  # heights of a row of panels and of a line of numbers, inches
+_FEW, _BETWEEN = 3, 12  # least points of a curve, and those drawn between two of them
+_TORQUES = 2.0  # largest torque drawn, times the motor's
+# Heights of a panel, the room below it, the room above all, and a line of text; widths of the left
+# edge, a panel and the room beside it; inches.
+_ROW, _GAP, _HEAD, _LINE, _LEFT, _PANEL, _BESIDE = 2.95, 0.9, 0.65, 0.185, 0.65, 4.1, 0.95
 _LABELS = {
     'speed': 'Mean crank speed w, rad/s',
     'load': 'Mean torque on the crank, N m',
@@ -35,7 +39,6 @@ _LABELS = {
     'stroke': 'Stroke s, m',
     'flow': 'Flow, m/s',
 }
-_AVERAGED = 'averaged, one harmonic'
 _DOTS: dict[str, Any] = {'color': _MOTOR, 'linestyle': ':'}
 _STYLE: dict[Any, Any] = {
     'axes.titlesize': TEXT, 'axes.labelsize': TEXT, 'legend.fontsize': SMALL,
@@ -44,13 +47,14 @@ _STYLE: dict[Any, Any] = {
 _Colors: TypeAlias = dict[Piece, tuple[float, float, float]]
 
 
-def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
+def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
     """Draws steady states, how they are reached, and how they depend on the motor's torque.
 
     Args:
         analysis: Analysis of a pump.
         title: Title of the picture.
         path: The PNG file, replaced if it exists.
+        dpi: Pixels per inch.
 
     Raises:
         OSError: The picture cannot be written.
@@ -58,25 +62,29 @@ def draw_pump(analysis: Analysis, title: str, path: Path) -> None:
     stable = itertools.cycle(_STABLE)
     colors = {piece: next(stable) if piece.stable else _UNSTABLE for piece in analysis.pieces}
     lines = states_table(analysis)
-    below = _LINE * (len(lines) + 1)
-    figure = Figure(figsize=(WIDTH, 3 * _ROW + below), dpi=DPI, layout='constrained')
-    figure.suptitle(title, fontsize=TITLE)
-    cells = figure.add_gridspec(4, 2, height_ratios=(_ROW, _ROW, _ROW, below))
+    legend = _LINE * (len(analysis.states) // 2 + 1)
+    height = _HEAD + 3 * (_ROW + _GAP) + legend + _LINE * (len(lines) + 1)
+    figure = Figure(figsize=(WIDTH, height), dpi=dpi)
+    figure.text(0.5, 1 - 0.3 / height, title, ha='center', fontsize=TITLE)
     with rc_context(_STYLE):
-        plane, runs, load, *others = (figure.add_subplot(cells[i // 2, i % 2]) for i in range(6))
+        places = itertools.product(range(3), range(2))
+        plane, runs, load, *others = (
+            figure.add_axes((
+                (_LEFT + column * (_PANEL + _BESIDE)) / WIDTH,
+                1 - (_HEAD + row * (_ROW + _GAP) + _ROW + (row > 0) * legend) / height,
+                _PANEL / WIDTH, _ROW / height,
+            ))
+            for row, column in places
+        )  # fmt: skip
         _draw_phase_plane(plane, analysis, colors)
         _draw_runs(runs, analysis, colors)
         _draw_load_curve(load, analysis, colors)
         for axes, quantity in zip(others, ('speed', 'stroke', 'flow'), strict=True):
             _draw_over_torque(axes, analysis, colors, quantity)
-    table = figure.add_subplot(cells[3, :])
-    table.axis('off')
-    numbers = table.text(
-        0.5, 1, '\n'.join(lines), va='top', ha='center', family='monospace',
+    figure.text(
+        0.5, _LINE / 2 / height, '\n'.join(lines), ha='center', family='monospace',
         multialignment='left', fontsize=NUMBERS, linespacing=1.35,
-        transform=blended_transform_factory(figure.transFigure, table.transAxes),
     )  # fmt: skip
-    numbers.set_in_layout(False)  # it is as wide as the picture
     figure.savefig(path)
 
 
@@ -87,17 +95,18 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
         x, _, v = state.motion.at(state.motion.turns * angles)
         axes.plot(x, v, linewidth=2.2, label=_name(state), **_line(colors, state.piece))
         axes.plot(x[0], v[0], **_mark(colors, state))
-    for number, state in enumerate(analysis.averaged_states):
-        x, _, v = state.motion.at(angles)
-        axes.plot(x, v, linewidth=1.8, label=_AVERAGED if not number else '', **_DOTS)
-    axes.set(
-        title='Settled motions',
-        xlabel='Slider position xD, m', ylabel="Slider velocity xD', m/s",
-    )  # fmt: skip
+    label = 'averaged, one harmonic'
+    for motion in filter(None, analysis.averaged):
+        x, _, v = motion.at(angles)
+        axes.plot(x, v, linewidth=1.8, label=label, **_DOTS)
+        label = ''
+    axes.set(title='Settled motions')
+    axes.set_xlabel('Slider position xD, m', labelpad=1)
+    axes.set_ylabel("Slider velocity xD', m/s")
     # Below the panel it hides nothing.
     axes.legend(
         *axes.get_legend_handles_labels(), ncols=2, frameon=False, columnspacing=1.2,
-        loc='upper center', bbox_to_anchor=(0.5, -0.16), borderpad=0,
+        loc='upper center', bbox_to_anchor=(0.5, -0.13), borderpad=0, labelspacing=0.2,
     )  # fmt: skip
 
 
@@ -125,19 +134,14 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     """Draws the mean torque of the motions over their speed, and the motor's line."""
-    for number, piece in enumerate(analysis.averaged):
-        rows = np.array([(one.speed, one.load) for one in piece.motions]).T
-        label = _AVERAGED if not number else ''
-        axes.plot(*rows, linewidth=2.2, zorder=4, label=label, **_DOTS)
-    _draw_branch(axes, analysis, colors, 'speed', 'load')
     motor, grey = analysis.motor, {'color': _REST, 'linewidth': 1, 'linestyle': '-.'}
     lines: dict[str, Any] = {_at('motor', motor.torque): (motor.torque, {'color': _MOTOR})}
-    for piece in analysis.pieces:
-        if piece.ends_at not in (END, LOST):
-            torque = piece.motions[-1].torque
-            lines[_at(piece.ends_at, torque)] = torque, grey
+    for kind, motion in stability_lost(analysis.pieces):
+        if motion.torque < _TORQUES * motor.torque:
+            lines[_at(kind, motion.torque)] = motion.torque, grey
     for label, (torque, style) in lines.items():
         axes.axline((0.0, torque), slope=-motor.damping, label=label, **style)
+    _draw_branch(axes, analysis, colors, 'speed', 'load')
     axes.set(title='Load curve and motor line')
     axes.legend()
 
@@ -160,13 +164,33 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
 
 def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str) -> None:
     """Draws one quantity of all motions over another, and the states."""
+    largest = [0.0, 0.0]
     for piece in analysis.pieces:
-        rows = np.array([(getattr(one, x), getattr(one, y)) for one in piece.motions]).T
-        axes.plot(*rows, linewidth=2.2, **_line(colors, piece))
+        inside = [one for one in piece.motions if one.torque < _TORQUES * analysis.motor.torque]
+        rows = np.array([(getattr(one, x), getattr(one, y)) for one in inside]).reshape(-1, 2)
+        axes.plot(*_smooth(rows).T, linewidth=2.2, **_line(colors, piece))
+        largest = np.maximum(largest, rows.max(axis=0, initial=0.0))
     for state in analysis.states:
         place = getattr(state.motion, x), getattr(state.motion, y)
         axes.plot(*place, **_mark(colors, state))
-    axes.set(xlim=(0, None), ylim=(0, None), xlabel=_LABELS[x], ylabel=_LABELS[y])
+    axes.set(
+        xlim=(0, 1.04 * largest[0]), ylim=(0, 1.06 * largest[1]),
+        xlabel=_LABELS[x], ylabel=_LABELS[y],
+    )  # fmt: skip
+
+
+def _smooth(rows: Array) -> Array:
+    """Cubic curves through points, with the slopes of parabolas through three of them."""
+    if len(rows) < _FEW:
+        return rows
+    away = np.linalg.norm(np.diff(rows / np.ptp(rows, axis=0), axis=0), axis=1)
+    slopes = np.gradient(rows, np.append(0.0, np.cumsum(away)), axis=0, edge_order=2)
+    share, length = np.linspace(0, 1, _BETWEEN)[:, None, None], away[:, None]
+    start, end = rows[:-1], rows[1:]
+    bends = slopes[:-1] * length - (end - start), (end - start) - slopes[1:] * length
+    bulge = share * (1 - share) * ((1 - share) * bends[0] + share * bends[1])
+    points: Array = (start + share * (end - start) + bulge).swapaxes(0, 1).reshape(-1, 2)
+    return points
 
 
 def _line(colors: _Colors, piece: Piece) -> dict[str, Any]:

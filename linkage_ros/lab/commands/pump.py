@@ -8,6 +8,7 @@ import argparse
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.charts.pump import draw_pump
+from linkage_ros.lab.charts.sizes import DPI
 from linkage_ros.lab.commands.output import folder, progress, save_records
 from linkage_ros.lab.pump.analysis import analyse
 from linkage_ros.lab.pump.table import states_table
@@ -37,8 +38,8 @@ def pump(options: argparse.Namespace) -> None:
     with folder(options.out):
         found = analyse(
             mechanism, drive.motor,
-            speeds=options.speeds, quick=options.quick, progress=progress,
+            speeds=options.speeds, progress=progress,
         )  # fmt: skip
         save_records(records, [found.record()])
-        draw_pump(found, title, picture)
+        draw_pump(found, title, picture, DPI / 2 if options.quick else DPI)
     print(records, *states_table(found), picture, sep='\n')

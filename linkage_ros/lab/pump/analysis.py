@@ -13,31 +13,33 @@ import numpy as np
 
 from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
-    END,
-    LOST,
     Limits,
     Piece,
     SteadyState,
     bistable_ranges,
+    stability_lost,
     steady_states,
     with_curves,
 )
 from linkage_ros.lab.pump.periodic_motion import NUMBERS, PeriodicMotion
-from linkage_ros.lab.pump.settling import Search, equations_of, pace_of, require_forwards
+from linkage_ros.lab.pump.settling import (
+    Search,
+    equations_of,
+    pace_of,
+    require_forwards,
+)
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 CHANGES = (0.95, 1.05)  # of the motor's torque
 _SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, times the slowest and fastest start
-_STRONGEST = 2.0  # its largest torque, times the motor's
-_ASIDE = 0.02  # of the speed of an unstable state: how far from it motions start
+_STEP = 0.3  # relative, along the load curve
+_ALIKE = 0.1  # relative difference in speed of a motion and the averaged one near it
 _SLOW, _SLIDING = 0.03, 2.0  # speeds of starts: of the crank, and of the slider per crank pin's
-
-
-# Starts, looks at their motions before these are given up, and relative steps along a curve. A
-# state that 2 % of 256 starts reach is missed once in 170 times.
-_FULL, _QUICK = (256, 14, 0.15), (128, 8, 0.3)
+# Starts: a state that 2 % of them reach is missed once in 170 times. Looks at their motions before
+# these are given up.
+COUNT, _LOOKS = 256, 32
 
 
 class Start(NamedTuple):
@@ -71,9 +73,8 @@ class Analysis(NamedTuple):
     Attributes:
         motor: Motor of the pump.
         states: Steady states in order of speed, stable or not.
-        averaged_states: The states that averaging predicts.
+        averaged: The averaged motion near each of them; None: there is none.
         pieces: The load curve.
-        averaged: The averaged load curve.
         sensitivities: Each stable state under the changed torques: number of the state, torque,
             N m, the state then, and its relative changes; none where there is no such state.
         runs: Motions from starts that have names.
@@ -81,22 +82,19 @@ class Analysis(NamedTuple):
         ended: Share of the starts from which the motion leaves what the coordinates describe.
         stopped: Share of the starts from which the crank comes to rest, or rocks to and fro.
         unidentified: Share of the starts that do none of these.
-        starts: Number of these starts.
         spread: Slider speed over which a jump of the load curve is spread, m/s; 0: none jumps.
     """
 
     motor: Motor
     states: list[SteadyState]
-    averaged_states: list[SteadyState]
+    averaged: list[PeriodicMotion | None]
     pieces: list[Piece]
-    averaged: list[Piece]
     sensitivities: list[dict[str, Any]]
     runs: list[Start]
     shares: list[float]
     ended: float
     stopped: float
     unidentified: float
-    starts: int
     spread: float
 
     def record(self) -> dict[str, Any]:
@@ -107,26 +105,22 @@ class Analysis(NamedTuple):
                 {**state.motion.record(), 'share_of_starts': share}
                 for state, share in zip(self.states, self.shares, strict=True)
             ],
-            'averaged_states': [_numbers(state.motion) for state in self.averaged_states],
+            'averaged_states': [_numbers(motion) for motion in self.averaged if motion],
             'starts': {
-                'count': self.starts, 'ended': self.ended, 'stopped': self.stopped,
+                'count': COUNT, 'ended': self.ended, 'stopped': self.stopped,
                 'unidentified': self.unidentified,
             },
             'jump_spread_over_slider_speed': self.spread,
             'torques_with_two_stable_states': bistable_ranges(self.pieces),
             'stability_lost': [
-                {'kind': piece.ends_at, **piece.motions[-1].record()}
-                for piece in self.pieces
-                if piece.ends_at not in (END, LOST)
+                {'kind': kind, **motion.record()}
+                for kind, motion in stability_lost(self.pieces)
             ],
             'sensitivities': self.sensitivities,
             'load_curve': [
                 {**_numbers(motion), 'stable': piece.stable}
                 for piece in self.pieces
                 for motion in piece.motions
-            ],
-            'averaged_load_curve': [
-                _numbers(motion) for piece in self.averaged for motion in piece.motions
             ],
             'runs': [run.record() for run in self.runs],
         }  # fmt: skip
@@ -142,7 +136,6 @@ def analyse(
     motor: Motor,
     *,
     speeds: Sequence[float],
-    quick: bool,
     progress: Callable[[Iterable[Any], str], Any],
 ) -> Analysis:
     """Finds the steady states of a pump, their basins of attraction, and their torques.
@@ -151,7 +144,6 @@ def analyse(
         mechanism: The pump, with the start of its slider.
         motor: Motor of the pump.
         speeds: Speeds of the crank at angle 0, rad/s, from which the pump is started.
-        quick: Whether fewer motions of each curve will do.
         progress: Wraps what is gone through, with a word for it: a progress bar.
 
     Returns:
@@ -162,27 +154,15 @@ def analyse(
         UnreachableError: The pump cannot start from where its slider is.
     """
     given = require_forwards(mechanism, motor, speeds)
-    count, looks, step = _QUICK if quick else _FULL
-    limits = Limits(
-        _SLOWEST * min(speeds), _FASTEST * max(speeds), _STRONGEST * motor.torque, step
-    )
+    limits = Limits(_SLOWEST * min(speeds), _FASTEST * max(speeds), _STEP)
     pace, balance = pace_of(motor, speeds), equations_of(mechanism, motor, speeds)
     pump = cast('WindPump', balance.solver.mechanism)
-    averaging = HarmonicBalance(pump, motor.damping, AVERAGED)
-    ends = (pace, limits.slowest), (limits.slowest, pace)
-    resting = (next(averaging.resting_sliders(*way), None) for way in ends)
-    averaged = with_curves(averaging, [], resting, limits)
-    averaged_states = steady_states(averaging, averaged, motor.torque)
-    seeds = (balance.find(balance.unknowns(state.motion)) for state in averaged_states)
-    pieces = with_curves(balance, [], seeds, limits)
+    ends = (limits.fastest / 2, 2 * limits.slowest), (2 * limits.slowest, limits.fastest / 2)
+    resting = (next(balance.resting_sliders(*way), None) for way in ends)
+    pieces = with_curves(balance, [], resting, limits)
     known = [state.motion for state in steady_states(balance, pieces, motor.torque)]
-    names = [f'{speed:g} rad/s' for speed in speeds]
-    aside = [state for state in known if not state.stable]
-    for state in aside:
-        names += [f'{_ASIDE:.0%} {word} {state.speed:.4g} rad/s' for word in ('below', 'above')]
-    box = _box(mechanism, count, pace)
-    search = Search(balance, motor, np.hstack((given, *map(_beside, aside), box)), known)
-    search.run(progress, looks)
+    search = Search(balance, motor, np.hstack((given, _box(mechanism, pace))), known, len(speeds))
+    search.run(progress, _LOOKS)
     pieces = with_curves(balance, pieces, search.states, limits)
     states = steady_states(balance, pieces, motor.torque)
     for found in search.states:
@@ -190,19 +170,23 @@ def analyse(
             pieces.append(Piece([found]))
             states.append(SteadyState(found, pieces[-1]))
     states.sort(key=lambda state: state.motion.speed)
+    averaging = HarmonicBalance(pump, motor.damping, AVERAGED)
     numbers = [
         next(number for number, state in enumerate(states) if state.motion.is_same(found))
         for found in search.states
     ]
     settled, motions = np.array([*numbers, -1])[search.belongs], search.motions
     times, phases = np.array(motions.times), np.array(motions.phases)
-    of_box = slice(len(names), None)
+    names = [f'{speed:g} rad/s' for speed in speeds]
+    for state in search.beside:
+        names += [f'beside {state.speed:.4g} rad/s, {word}' for word in ('slower', 'faster')]
+    of_box = slice(len(speeds), len(speeds) + COUNT)
+    others = [*range(len(speeds)), *range(of_box.stop, len(settled))]
     return Analysis(
         motor,
         states,
-        averaged_states,
+        [_averaged(averaging, state.motion) for state in states],
         pieces,
-        averaged,
         [
             one
             for change in CHANGES
@@ -211,33 +195,31 @@ def analyse(
         [
             Start(
                 name, times[:, number], phases[:, 2, number],
-                None if settled[number] < 0 else int(settled[number]), motions.reason(number),
+                None if settled[number] < 0 else int(settled[number]), search.why(number),
             )
-            for number, name in enumerate(names)
+            for number, name in zip(others, names, strict=True)
         ],
         [float(np.mean(settled[of_box] == number)) for number in range(len(states))],
-        float(np.mean(motions.ended[of_box])),
+        float(np.mean(search.ended[of_box])),
         float(np.mean(search.stopped[of_box])),
         float(np.mean(search.unidentified[of_box])),
-        count,
         max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
     )  # fmt: skip
 
 
-def _beside(state: PeriodicMotion) -> Array:
-    """Starts below and above the speed of a state at crank angle 0, of shape (4, 2)."""
-    x, w, v = state.at(np.zeros(1))[:, 0]
-    starts: Array = np.array([(0.0, x, w * (1 + sign * _ASIDE), v) for sign in (-1, 1)]).T
-    return starts
+def _averaged(averaging: HarmonicBalance, motion: PeriodicMotion) -> PeriodicMotion | None:
+    """The averaged motion near another."""
+    found = averaging.find(averaging.unknowns(motion)) if motion.turns == 1 else None
+    return found if found and abs(found.speed / motion.speed - 1) < _ALIKE else None
 
 
-def _box(mechanism: WindPump, count: int, pace: float) -> Array:
-    """Starts all over slider positions and speeds at crank angle 0, of shape (4, count)."""
+def _box(mechanism: WindPump, pace: float) -> Array:
+    """Starts all over slider positions and speeds at crank angle 0, of shape (4, n)."""
     r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
     side = math.copysign(1.0, mechanism.slider.position)
     low = np.array((0.0, side * (abs(b - c) + r), _SLOW * pace, -_SLIDING * r * pace))
     high = np.array((0.0, side * (b + c - r), pace, _SLIDING * r * pace))
-    shares = np.random.default_rng(0).random((count, 4))
+    shares = np.random.default_rng(0).random((COUNT, 4))
     box: Array = (low + shares * (high - low)).T
     return box
 

@@ -27,14 +27,12 @@ import numpy as np
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
 from linkage_ros.lab.pump.periodic_motion import (
-    DIFFERENCE,
     PeriodicMotion,
     by_size,
     parts_of,
     waves,
 )
 from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
@@ -44,7 +42,8 @@ _WILD = 100.0  # multiplier of an averaged motion next to a stretched dyad, wher
 _TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
 # Largest steps of Newton's method, relative; 4 or 5 suffice from a neighbour.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
-_TOLERANCE = 1e-6  # of the last step, relative: it squares the error
+_DOUBLED = 0.1  # size of the waves by which a motion of twice the period differs, in its units
+_DIFFERENCE = 1e-7  # relative, of the values of a motion, for derivatives
 
 
 class HarmonicBalance:
@@ -55,6 +54,7 @@ class HarmonicBalance:
         damping: Torque that the motor loses per crank speed, N m s.
         turns: Turns after which its motions repeat.
         angles: Crank angles in equal parts of these turns, rad.
+        sizes: Numbers of coefficients of both series.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class HarmonicBalance:
         self._harmonics, self.turns = harmonics, turns
         self._others: dict[tuple[int, int], HarmonicBalance] = {}
         count = harmonics * turns
-        self._sizes = slider, crank = 2 * count + 1, 2 * count - 1
+        self.sizes = slider, crank = 2 * count + 1, 2 * count - 1
         self.angles = parts_of(turns, harmonics)
         # By coefficient: xD, its first and second derivative by phi1, phi1', its derivative.
         self._waves = np.zeros((5, len(self.angles), slider + crank))
@@ -89,26 +89,26 @@ class HarmonicBalance:
 
     def sized(self, slider: Array, crank: Array, torque: Array) -> Array:
         """Unknowns with as many coefficients as these equations have, cut or filled with 0."""
-        rows = zip((slider, crank), self._sizes, strict=True)
+        rows = zip((slider, crank), self.sizes, strict=True)
         padded = (np.append(row, np.zeros(size))[:size] for row, size in rows)
         return np.concatenate((*padded, torque))
 
     def units(self, motion: PeriodicMotion) -> Array:
         """Units of the unknowns: crank length, and speed and torque of a motion."""
         length, speed, _ = motion.units
-        return np.repeat((length, speed, motion.torque), (*self._sizes, 1))
+        return np.repeat((length, speed, motion.torque), (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
         """How the unknowns change along the curve of a motion, per mean crank speed."""
-        jacobian, _ = self._equations(self.unknowns(motion))
+        jacobian, _ = self.equations(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
         solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])
         return solved
 
     def axis(self, *, of_speed: bool) -> Array:
         """The unit vector of the mean crank speed over the angle, or of the torque."""
-        row = np.zeros(sum(self._sizes) + 1)
-        row[self._sizes[0] if of_speed else -1] = 1.0
+        row = np.zeros(sum(self.sizes) + 1)
+        row[self.sizes[0] if of_speed else -1] = 1.0
         return row
 
     def guess(self, phases: Array, torque: float) -> tuple[Array, float]:
@@ -130,6 +130,21 @@ class HarmonicBalance:
         missed = np.abs(some @ rows - known) / np.ptp(known, axis=0)
         return self.sized(slider, crank, np.array([torque])), float(missed.max())
 
+    def doubled(self, motion: PeriodicMotion) -> PeriodicMotion | None:
+        """Finds a motion of twice the period beside one whose period doubles there."""
+        twice = self.over(2 * self.turns)
+        slider, crank = (np.zeros(2 * len(row) - 1) for row in (motion.slider, motion.crank))
+        for wide, row in ((slider, motion.slider), (crank, motion.crank)):
+            wide[0], wide[3::4], wide[4::4] = row[0], row[1::2], row[2::2]
+        unknowns = twice.sized(slider, crank, np.array([motion.torque]))
+        units = twice.units(motion)
+        # The waves that are new in two turns; in one direction of theirs no equation changes.
+        new = np.concatenate([(np.arange(size) + 1) // 2 % 2 for size in (*twice.sizes, 1)]) > 0
+        jacobian = twice.equations(unknowns)[0][:-1] * units
+        way = np.zeros(len(unknowns))
+        way[new] = np.linalg.svd(jacobian[:, new])[2][-1]
+        return twice.find(unknowns + _DOUBLED * way * units, way / units)
+
     def resting_sliders(self, first: float, last: float) -> Iterator[PeriodicMotion]:
         """The motions next to sliders that rest.
 
@@ -146,12 +161,15 @@ class HarmonicBalance:
                 if motion := self.find(start, self.axis(of_speed=True)):
                     yield motion
 
-    def find(self, guess: Array, fixed: Array | None = None) -> PeriodicMotion | None:
+    def find(
+        self, guess: Array, fixed: Array | None = None, tolerance: float = 1e-6
+    ) -> PeriodicMotion | None:
         """Finds a motion.
 
         Args:
             guess: Unknowns from which Newton's method begins.
             fixed: Direction of the unknowns in which it does not move; None: the torque's.
+            tolerance: Of the last step, relative: it squares the error.
 
         Returns:
             The motion, or None if none is found.
@@ -160,12 +178,12 @@ class HarmonicBalance:
         try:
             with np.errstate(all='ignore'):  # what overflows is refused by the equations of motion
                 for allowed in _STEPS:
-                    jacobian, residuals = self._equations(unknowns)
+                    jacobian, residuals = self.equations(unknowns)
                     jacobian[-1] = row
                     step = np.linalg.solve(jacobian, residuals)
                     unknowns = unknowns - step
                     size = np.abs(step).max() / np.abs(unknowns).max()
-                    if size < _TOLERANCE:
+                    if size < tolerance:
                         return self._checked(unknowns, row)
                     if size > allowed:
                         return None
@@ -179,7 +197,7 @@ class HarmonicBalance:
         Returns:
             The motion; None: its crank stops, or it needs too many harmonics.
         """
-        cuts = np.cumsum(self._sizes)
+        cuts = np.cumsum(self.sizes)
         slider, crank, (torque,) = np.split(unknowns, cuts)
         given = self.solver, self.damping, slider, crank, float(torque), self.turns
         motion = PeriodicMotion(*given)
@@ -212,34 +230,33 @@ class HarmonicBalance:
         weights = functions[[3, 0]] / len(self.angles)
         inertia = weights[0].T @ (m11[:, None] * spin + m12[:, None] * push)
         inertia += weights[1].T @ (m12[:, None] * spin + m22[:, None] * push)
-        jacobian = self._equations(unknowns)[0][:-1, :-1]
+        jacobian = self.equations(unknowns)[0][:-1, :-1]
         times = np.linalg.eigvals(np.linalg.solve(-jacobian, inertia))
         growth = 1 / times[np.argsort(-np.abs(times))][:3]  # X0 has no rate: the fourth time is 0
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
-    def _equations(self, unknowns: Array) -> tuple[Array, Array]:
+    def equations(self, unknowns: Array) -> tuple[Array, Array]:
         """The Jacobian of the equations and their residuals; the last are left to `find`."""
         jacobian, residuals = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
         values = self._waves @ unknowns[:-1]
-        length, fastest = self._mechanism.crank.length, np.abs(values[3]).max()
-        steps = DIFFERENCE * np.array((length, length, length, fastest, fastest))
-        moves = np.concatenate((np.zeros((1, 5)), np.diag(steps), np.diag(-steps)))
-        lacks = self._lacks(values + moves[..., None], unknowns[-1])
-        by_value = (lacks[:, 1:6] - lacks[:, 6:]) / (2 * steps[:, None])
-        weights = self._waves[[3, 0]] / len(self.angles)
-        residuals[:-1] = np.einsum('enk,en->k', weights, lacks[:, 0])
-        for weight, row in zip(weights, by_value, strict=True):
-            slopes = sum(one[:, None] * wave for one, wave in zip(row, self._waves, strict=True))
-            jacobian[:-1, :-1] += weight.T @ slopes
-        jacobian[:-1, -1] = -weights[0].sum(axis=0)
-        return jacobian, residuals
-
-    def _lacks(self, values: Array, torque: float) -> Array:
-        """R1, N m, and R2, N, at the angles of the turns, for rows of values."""
-        x, slope, bend, w, rate = values.swapaxes(0, 1)
-        q, u = (np.broadcast_to(self.angles, x.shape), x), (w, w * slope)
+        steps = _DIFFERENCE * np.array((*[self._mechanism.crank.length] * 2, values[3].max()))
+        moves = np.zeros((4, 5))
+        moves[[1, 2, 3], [0, 1, 3]] = steps
+        x, slope, bend, w, rate = (values + moves[..., None]).swapaxes(0, 1)
+        q = np.broadcast_to(self.angles, x.shape), x
         # R = M q'' + h - Q is M (q'' - the q'' of a motion that is left to itself).
-        spin, push = self.solver.accelerations(q, u, Motor(torque, self.damping).at(w))
+        torque = unknowns[-1] - self.damping * w
+        spin, push = self.solver.accelerations(q, (w, w * slope), torque)
         (m11, m12), (_, m22) = self.solver.matrix(q)
         spin, push = w * rate - spin, w * w * bend + w * rate * slope - push
-        return np.array((m11 * spin + m12 * push, m12 * spin + m22 * push))
+        lacks = np.array((m11 * spin + m12 * push, m12 * spin + m22 * push))
+        by_x, by_slope, by_w = ((lacks[:, 1:] - lacks[:, :1]) / steps[:, None]).swapaxes(0, 1)
+        first, second = np.array((m11[0], m12[0])), np.array((m12[0], m22[0]))
+        by_bend, by_rate = w[0] ** 2 * second, w[0] * (first + slope[0] * second)
+        weights = self._waves[[3, 0]] / len(self.angles)
+        residuals[:-1] = np.einsum('enk,en->k', weights, lacks[:, 0])
+        by_value = np.array((by_x, by_slope, by_bend, by_w, by_rate))
+        for weight, rows in zip(weights, by_value.swapaxes(0, 1), strict=True):
+            jacobian[:-1, :-1] += weight.T @ np.einsum('vn,vnk->nk', rows, self._waves)
+        jacobian[:-1, -1] = -weights[0].sum(axis=0)
+        return jacobian, residuals

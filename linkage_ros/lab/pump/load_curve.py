@@ -25,13 +25,14 @@ FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
 # stops or the dyad is stretched.
 END, LOST = 'end of the scan', 'end of the description'
 _GAP = 1e-2  # relative, between a torque where a period doubles and the doubled motion beside it
-_SHORTEST = 1e-4  # step along a curve, relative to the unknowns' units
+_SHORTEST = 1e-2  # step along a curve, relative to the unknowns' units
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosines of the angle between two steps: too large, and small
 _MOST = 400  # steps along a curve
+_ROUGH = 1e-4  # relative, of Newton's last step there
 _FEW = (
     2  # turns of states whose curves are followed: a step of four turns takes eight times as long
 )
-_MOST_SECANTS, _UNIT = 40, 1e-9  # to where a multiplier has the modulus 1, and how nearly
+_MOST_SECANTS, _UNIT = 12, 1e-8  # to where a multiplier has the modulus 1, and how nearly
 
 
 class Limits(NamedTuple):
@@ -40,18 +41,16 @@ class Limits(NamedTuple):
     Attributes:
         slowest: Lowest mean speed, rad/s.
         fastest: Highest mean speed, rad/s.
-        torque: Largest torque of the motor at rest, N m.
         step: Along the curve, relative to crank length, speed and torque.
     """
 
     slowest: float
     fastest: float
-    torque: float
     step: float
 
     def hold(self, motion: PeriodicMotion) -> bool:
         """Whether a motion lies within."""
-        return self.slowest <= motion.speed <= self.fastest and 0 < motion.torque <= self.torque
+        return self.slowest <= motion.speed <= self.fastest and motion.torque > 0
 
 
 @dataclass(eq=False)
@@ -112,6 +111,12 @@ def steady_states(
     return sorted(states, key=lambda state: state.motion.speed)
 
 
+def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
+    """Where pieces of a curve meet: what happens there, and the motion."""
+    meeting = itertools.pairwise(pieces)
+    return [(a.ends_at, a.motions[-1]) for a, b in meeting if a.motions[-1] is b.motions[0]]
+
+
 def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
     """The torques of the motor at rest for which two or more stable states exist.
 
@@ -146,6 +151,8 @@ def with_curves(
 ) -> list[Piece]:
     """The pieces of the load curve, and those of motions that are not among them.
 
+    Where a period of one turn doubles, the motions of two turns are followed, too.
+
     Args:
         balance: The equations.
         pieces: The pieces that are known.
@@ -155,13 +162,20 @@ def with_curves(
     Returns:
         All pieces.
     """
-    found = list(pieces)
-    for seed in seeds:
-        if seed is None or seed.turns > _FEW:
+    found, waiting = list(pieces), list(seeds)
+    for seed in waiting:
+        if seed is None or seed.turns > _FEW or not limits.hold(seed):
             continue
         states = steady_states(balance, found, seed.torque)
-        if not any(seed.is_same(state.motion) for state in states):
-            found += follow(balance.over(seed.turns), seed, limits)
+        if any(seed.is_same(state.motion) for state in states):
+            continue
+        curve = follow(balance.over(seed.turns), seed, limits)
+        found += curve
+        waiting += [
+            balance.doubled(piece.motions[-1])
+            for piece in curve
+            if seed.turns == 1 and piece.ends_at == PERIOD_DOUBLING
+        ]
     return found
 
 
@@ -200,15 +214,18 @@ def _walk(
     balance: HarmonicBalance, seed: PeriodicMotion, sign: int, limits: Limits
 ) -> tuple[list[PeriodicMotion], str]:
     """The motions of a curve after one of them, and why it ends."""
-    motions, step = [seed], limits.step / 4
-    ahead = sign * balance.tangent(seed) / balance.units(seed)
-    ahead /= np.linalg.norm(ahead)
+    motions, longest = [seed], limits.step * seed.turns
+    step = longest / 4
+    way = sign * balance.tangent(seed) / balance.units(seed)
+    way /= np.linalg.norm(way)
+    bend, length = 0.0 * way, step  # change of the way per length, and length of the last step
     while step > _SHORTEST and len(motions) < _MOST:
         units, before = balance.units(motions[-1]), balance.unknowns(motions[-1])
-        one = balance.find(before + step * ahead * units, ahead / units)
-        way = (balance.unknowns(one) - before) / units if one else -ahead
-        way /= np.linalg.norm(way)
-        cosine = float(way @ ahead)
+        ahead = way + bend * (length + step) / 2
+        one = balance.find(before + step * ahead * units, ahead / units, _ROUGH)
+        move = (balance.unknowns(one) - before) / units if one else -way
+        size = float(np.linalg.norm(move))
+        cosine = float(way @ move) / size
         if one is None or cosine < _SHARP:
             step /= 3
             continue
@@ -217,7 +234,9 @@ def _walk(
         motions.append(one)
         if not limits.hold(one):
             return motions[1:], END
-        ahead, step = way, min(1.5 * step, limits.step) if cosine > _STRAIGHT else step
+        bend = (move / size - way) / ((length + size) / 2)
+        way, length = move / size, size
+        step = min(1.5 * step, longest) if cosine > _STRAIGHT else step
     return motions[1:], LOST
 
 

@@ -3,7 +3,8 @@
 """Integrates motions of a wind pump from many starts at once.
 
 Each motion has its own step lengths, by Dormand and Prince's method of order 5. A step of many
-motions takes little longer than a step of one.
+motions takes little longer than a step of one. A motion that stretches the dyad is followed past
+that by itself, in other coordinates.
 """
 
 from __future__ import annotations
@@ -19,21 +20,27 @@ from linkage_ros.errors import MotionError
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
-from linkage_ros.motion.fixed_step_integrator import DORMAND_PRINCE
+from linkage_ros.motion.fixed_step_integrator import DORMAND_PRINCE, FixedSteps
 from linkage_ros.numeric import Array
 
-_TOLERANCE = 1e-4  # of a step, in rad, crank lengths, and these per second at the motor's speed
-_SHORTEST = 1e-7  # step, of the time of a radian
+_TOLERANCE = 5e-4  # of a step, in rad, crank lengths, and these per second at the motor's speed
+_SHORTEST = 1e-5  # step, of the time of a radian
 _FASTEST = 1e3  # rates, in the same units: beyond, a motion has ended
 _EDGE = 1e-9  # relative, of the square of the dyad's length
-_KEPT = 300  # steps in which last turns are looked for
+_PAUSE = 10  # steps until motions that have left the coordinates are followed in others
+_KEPT = 400  # steps in which last turns are looked for
+# In other coordinates: longest step, s, tolerance, and longest time, of the time of a radian.
+_LONGEST, _ROUGH, _PATIENCE = 0.04, 1e-3, 6.0
+_CALM = 10  # steps in which the first coordinates suit a motion before it goes on in them
 
 
 class Motions:
     """Motions from many starts.
 
     Attributes:
-        ended: Whether each motion has left the range of the coordinates; shape (n).
+        active: Numbers of the motions that are followed; the others stand.
+        away: By number, motions that are followed in other coordinates.
+        ends: By number, why a motion cannot be followed any more.
         times: At all steps, s; each of shape (n).
         phases: Crank angle, rad, slider position, m, and their rates; each of shape (4, n).
     """
@@ -47,37 +54,47 @@ class Motions:
             starts: Crank angle, rad, slider position, m, and their rates, of shape (4, n).
         """
         self._solver, self._motor = solver, motor
+        self._driven = DrivenMechanism(solver, motor.at)
         pump = cast('WindPump', solver.mechanism)
         b, c, self._length = pump.coupler.length, pump.rod.length, pump.crank.length
         self._within = (b - c) ** 2 + _EDGE * (b + c) ** 2, (b + c) ** 2 * (1 - _EDGE)
-        pace = max(starts[2].max(), motor.torque / motor.damping if motor.damping else 0.0)
-        self._units = np.array((1.0, self._length, pace, pace * self._length))[:, None]
+        self._pace = max(starts[2].max(), motor.torque / motor.damping if motor.damping else 0.0)
+        self._units = np.array((1.0, self._length, self._pace, self._pace * self._length))[:, None]
         self._safe = starts[:, :1]
         self._slope = self._slopes(starts)
-        self._step, self._shortest = np.full(starts.shape[1], 0.1 / pace), _SHORTEST / pace
-        self.ended: Any = np.isnan(self._slope).any(axis=0)
-        self.times, self.phases = [np.zeros(starts.shape[1])], [starts]
+        self._step = np.full(starts.shape[1], 0.1 / self._pace)
+        self._leaves: Any = np.isnan(self._slope).any(axis=0)
+        self.active: Any = np.arange(starts.shape[1])
+        self.away: dict[int, FixedSteps] = {}
+        self.ends: dict[int, str] = {}
+        self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
 
     def advance(self, steps: int) -> None:
         """Advances all motions by a number of steps, some of which are repeated."""
         with np.errstate(all='ignore'):  # what is not finite has no slope
-            for _ in range(steps):
+            for step in range(steps):
                 self._try()
+                if step % _PAUSE == 0:
+                    for number in set(np.flatnonzero(self._leaves).tolist()) - set(self.ends):
+                        self._carry(number)
 
     def _try(self) -> None:
-        h, start, slopes = self._step, self.phases[-1], [self._slope]
+        on, phases, times = self.active, self.phases[-1].copy(), self.times[-1].copy()
+        h, start, slopes = self._step[on], phases[:, on], [self._slope[:, on]]
         for row in DORMAND_PRINCE.stages:
             slopes.append(self._slopes(start + h * _sum(row, slopes)))
         end = start + h * _sum(DORMAND_PRINCE.end, slopes)
         slopes.append(self._slopes(end))
         error = h * _sum(DORMAND_PRINCE.error, slopes) / self._units
         worst = np.nan_to_num(np.abs(error).max(axis=0) / _TOLERANCE, nan=np.inf)
-        good = (worst <= 1) & ~self.ended
-        self.times.append(self.times[-1] + np.where(good, h, 0.0))
-        self.phases.append(np.where(good, end, start))
-        self._slope = np.where(good, slopes[-1], self._slope)
-        self._step = h * np.clip(0.9 * np.maximum(worst, 1e-9) ** -0.2, 0.2, 4.0)
-        self.ended |= self._step < self._shortest
+        good = (worst <= 1) & ~self._leaves[on]
+        times[on] += np.where(good, h, 0.0)
+        phases[:, on] = np.where(good, end, start)
+        self.times.append(times)
+        self.phases.append(phases)
+        self._slope[:, on] = np.where(good, slopes[-1], slopes[0])
+        self._step[on] = h * np.clip(0.9 * np.maximum(worst, 1e-9) ** -0.2, 0.2, 4.0)
+        self._leaves |= self._step < _SHORTEST / self._pace
 
     def _slopes(self, phases: Array) -> Array:
         """Rates and accelerations; nan outside the range of the coordinates."""
@@ -91,6 +108,29 @@ class Motions:
         found: Array = np.where(known, np.array((w, v, *rates)), np.nan)
         return found
 
+    def _carry(self, number: int) -> None:
+        """Follows one motion in other coordinates until the first ones suit it for some time."""
+        phase, calm = self.phases[-1][:, number], 0
+        try:
+            if number not in self.away:
+                start = tuple(phase.tolist())
+                self.away[number] = FixedSteps(self._driven, start, _LONGEST, _ROUGH)
+            steps = self.away[number]
+            begin = steps.time
+            while calm < _CALM and steps.time < begin + _PATIENCE / self._pace:
+                steps.advance(steps.time + _LONGEST)
+                is_own = steps.driven.solver.description == self._solver.description
+                calm = calm + 1 if is_own else 0
+        except MotionError as error:
+            self.ends[number] = str(error)
+            return
+        self.times[-1][number] += steps.time - begin
+        if calm == _CALM:
+            phase[:] = steps.driven.crank(steps.phase, steps.pairs), *steps.phase[1:]
+            self._step[number], self._leaves[number] = 0.1 / self._pace, False
+            self._slope[:, number] = self._slopes(phase[:, None])[:, 0]
+            del self.away[number]
+
     def last_turns(self, number: int, turns: int) -> Array | None:
         """The last turns of a motion.
 
@@ -101,31 +141,12 @@ class Motions:
         Returns:
             Phases, of shape (4, steps); None if it has ended or turned backwards meanwhile.
         """
-        if self.ended[number]:
+        if number in self.ends:
             return None
         rows = np.array([phase[:, number] for phase in self.phases[-_KEPT:]])
         inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
         forwards = not inside[0] and rows[inside, 2].min() > 0
         return rows[inside].T if forwards else None
-
-    def require_going(self, number: int) -> None:
-        """Checks that a motion has not ended.
-
-        Raises:
-            MotionError: It has ended; names time and place, and what to do.
-        """
-        if self.ended[number]:
-            driven = DrivenMechanism(self._solver, self._motor.at)
-            time, phase = self.times[-1][number], self.phases[-1][:, number]
-            driven.fail(float(time), tuple(phase.tolist()), None)
-
-    def reason(self, number: int) -> str | None:
-        """The reason why a motion has ended; None: it has not."""
-        try:
-            self.require_going(number)
-        except MotionError as error:
-            return str(error)
-        return None
 
 
 def _sum(weights: Iterable[float], slopes: Iterable[Array]) -> Any:

@@ -17,10 +17,9 @@ import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
-DIFFERENCE = 1e-5  # relative, for derivatives by central differences
+_DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 NUMBERS = ('torque', 'load', 'speed', 'stroke', 'flow')
 _FINE, _STEPS = 256, 4  # parts of a turn, and Newton's steps from there to where it turns
 _SAME = 1e-6  # relative difference of two numbers of one motion
@@ -53,11 +52,18 @@ def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
     Returns:
         Of shape (m, count).
     """
+    return _waves(angles.tobytes(), count, turns, derivative)
+
+
+@functools.lru_cache(256)  # most are wanted again and again, at even angles
+def _waves(angles: bytes, count: int, turns: int, derivative: int) -> Array:
     orders = np.arange(1, count // 2 + 1) / turns
-    shifted = np.outer(angles, orders) + derivative * math.pi / 2
+    shifted = np.outer(np.frombuffer(angles), orders) + derivative * math.pi / 2
     pairs = np.stack((np.cos(shifted), np.sin(shifted)), axis=-1) * orders[:, None] ** derivative
-    first = np.full((len(angles), 1), float(derivative == 0))
-    return np.concatenate((first, pairs.reshape(len(angles), -1)), axis=1)
+    first = np.full((len(shifted), 1), float(derivative == 0))
+    found: Array = np.concatenate((first, pairs.reshape(len(shifted), -1)), axis=1)
+    found.flags.writeable = False
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +121,7 @@ class PeriodicMotion:
             phases: Crank angle, slider position and their rates, of shape (4, rows, motions).
 
         Returns:
-            The largest of all rows, at the best whole number of turns between the motions; of
+            The means of all rows, at the best whole number of turns between the motions; of
             shape (motions).
         """
         _, rows, motions = phases.shape
@@ -123,7 +129,7 @@ class PeriodicMotion:
         for turn in range(self.turns):
             angles = (phases[0] + 2 * math.pi * turn).ravel()
             away = np.abs(self.at(angles).reshape(3, rows, motions) - phases[1:])
-            apart.append((away / self.units[:, None, None]).max(axis=(0, 1)))
+            apart.append((away / self.units[:, None, None]).max(axis=0).mean(axis=0))
         nearest: Array = np.min(apart, axis=0)
         return nearest
 
@@ -167,7 +173,7 @@ class PeriodicMotion:
     @property
     def load(self) -> float:
         """Mean torque on the crank over time, N m."""
-        return float(Motor(self.torque, self.damping).at(self.speed))
+        return self.torque - self.damping * self.speed
 
     @functools.cached_property
     def turning_points(self) -> Array:
@@ -207,7 +213,7 @@ class PeriodicMotion:
         if not slider.force and 'slider' not in lifts:
             return None
         x, w, v = self.at(self.angles)
-        torque = Motor(self.torque, self.damping).at(w)
+        torque = self.torque - self.damping * w
         state = self.solver.state((self.angles, x), (w, v))
         force = self.solver.load_forces(state)['slider'] + slider.damping * v
         force = force + slider.stiffness * (x - slider.rest_position)
@@ -216,7 +222,40 @@ class PeriodicMotion:
     @functools.cached_property
     def multipliers(self) -> tuple[complex, ...]:
         """Floquet multipliers, the largest first: factors of small deviations over a period."""
-        return self.slow_multipliers or by_size(np.linalg.eigvals(_monodromy(self)))
+        return self.slow_multipliers or by_size(np.linalg.eigvals(self.monodromy))
+
+    @functools.cached_property
+    def monodromy(self) -> Array:
+        """Derivatives of the values of `at` after a period by the values before it.
+
+        By Magnus' method of order 4 (S. Blanes and others, Physics Reports 470 (2009), 151-238).
+        """
+        angles = self.angles
+        step = angles[1]
+        aside = step * math.sqrt(3) / 6
+        jacobians = self._jacobians(np.concatenate((angles - aside, angles + aside)))
+        one, other = step * jacobians.reshape(2, -1, 3, 3)
+        exponents = (one + other) / 2 - math.sqrt(3) / 12 * (one @ other - other @ one)
+        # Exponentials by Pade's approximation: for such small ones, SciPy's takes five times as
+        # long.
+        squares = exponents @ exponents
+        even, odd = np.eye(3) + squares / 10, exponents / 2 + exponents @ squares / 120
+        factors = np.linalg.solve(even - odd, even + odd)
+        product: Array = functools.reduce(lambda before, factor: factor @ before, factors)
+        return product
+
+    def _jacobians(self, angles: Array) -> Array:
+        """Derivatives of the slopes by the values, over the crank angle; of shape (n, 3, 3)."""
+        steps = _DIFFERENCE * self.units
+        moves = np.concatenate((np.diag(steps), np.diag(-steps)))
+        x, w, v = self.at(angles)[:, None] + moves.T[..., None]
+        torque = self.torque - self.damping * w
+        q = np.broadcast_to(angles, x.shape), x
+        spin, push = self.solver.accelerations(q, (w, v), torque)
+        slopes = np.array((v, spin, push)) / w
+        derivatives = (slopes[:, :3] - slopes[:, 3:]) / (2 * steps[:, None])
+        jacobians: Array = derivatives.transpose(2, 0, 1)
+        return jacobians
 
     @property
     def stable(self) -> bool:
@@ -244,34 +283,3 @@ def by_size(values: Any) -> tuple[complex, ...]:
     """Sorts multipliers, the largest first; in pairs, the positive imaginary part first."""
     ordered = sorted(values.tolist(), key=lambda one: (-round(abs(one), 9), -one.imag))
     return tuple(map(complex, ordered))
-
-
-def _monodromy(motion: PeriodicMotion) -> Array:
-    """Derivatives of the values of `at` after a period by the values before it.
-
-    By Magnus' method of order 4 (S. Blanes and others, Physics Reports 470 (2009), 151-238).
-    """
-    angles = motion.angles
-    step = angles[1]
-    aside = step * math.sqrt(3) / 6
-    one, other = (step * _jacobians(motion, angles + shift) for shift in (-aside, aside))
-    exponents = (one + other) / 2 - math.sqrt(3) / 12 * (one @ other - other @ one)
-    # Exponentials by Pade's approximation: for such small ones, SciPy's takes five times as long.
-    squares = exponents @ exponents
-    even, odd = np.eye(3) + squares / 10, exponents / 2 + exponents @ squares / 120
-    factors = np.linalg.solve(even - odd, even + odd)
-    product: Array = functools.reduce(lambda before, factor: factor @ before, factors)
-    return product
-
-
-def _jacobians(motion: PeriodicMotion, angles: Array) -> Array:
-    """Derivatives of the slopes by the values, over the crank angle; of shape (n, 3, 3)."""
-    steps = DIFFERENCE * motion.units
-    moves = np.concatenate((np.diag(steps), np.diag(-steps)))
-    x, w, v = motion.at(angles)[:, None] + moves.T[..., None]
-    torque = Motor(motion.torque, motion.damping).at(w)
-    spin, push = motion.solver.accelerations((np.broadcast_to(angles, x.shape), x), (w, v), torque)
-    slopes = np.array((v, spin, push)) / w
-    derivatives = (slopes[:, :3] - slopes[:, 3:]) / (2 * steps[:, None])
-    jacobians: Array = derivatives.transpose(2, 0, 1)
-    return jacobians

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,80 +23,117 @@ from linkage_ros.quantities import Quantity
 _START = Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6)
 _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
 
-_STEPS = 100  # between two looks where the motions are; a turn takes some 10
-_BACK = 60  # steps ago from which a motion must have come nearer
+_STEPS = 50  # between two looks where the motions are; a turn takes some 8
+_ROWS = 10  # steps, about a turn
+_BACK = 50  # steps in which such a motion must have come nearer
 _NEAR = 0.05  # of crank length and speed: a motion so near to a state has settled there
-_COMING, _NEARER = 0.5, 0.9  # or as near as this, and that much nearer than before
+_COMING, _NEARER = 0.5, 0.95  # or as near as this, and that much nearer than before, twice
 _LED = 2.0  # or as near as this to a state that Newton's method finds from its last turns
-_ASKED = 6  # motions whose state is asked for at one look; at the last, failures to find one
+_WAIT = 4  # looks until motions are asked for their states
+_LATE, _RARE = 10, 0.02  # looks after which so few motions are given up
+_ASKED = 6  # failures to find a state at one look
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
 _REPEATS = 0.02  # of a motion's spread: what a series over a period may miss
 _GUESSES = 1, 2, 4  # turns, of a motion that has not yet settled
-_BLOCKS = 40  # looks at a single motion
+_ASIDE = 0.1  # from an unstable state to the motions that start beside it, in the same units
+_BLOCKS = 80  # looks at a single motion
 
 
 class Search:
     """Motions from many starts, and the stable states at which they settle.
 
+    Beside each unstable state, two more motions start, below and above its speed.
+
     Attributes:
-        motions: The motions.
+        motions: The motions; those beside unstable states are the last.
         states: The states that are known, stable or not.
+        beside: The unstable ones among those known at the beginning.
         belongs: The number of the state at which each motion settles, or -1.
         stopped: Whether the crank of each motion stands, or rocks to and fro.
     """
 
     def __init__(
         self, balance: HarmonicBalance, motor: Motor, starts: Array,
-        states: Iterable[PeriodicMotion] = (),
+        states: Iterable[PeriodicMotion] = (), drawn: int = 1,
     ) -> None:  # fmt: skip
-        """Begins with the states that are known."""
+        """Begins with the states that are known; so many starts are drawn, the first ones."""
         self._balance, self._motor, self.states = balance, motor, list(states)
+        self.beside = [state for state in self.states if not state.stable]
+        starts = np.hstack((starts, *map(_beside, self.beside)))
+        # These are followed further when they have settled.
+        self._drawn: Any = np.full(starts.shape[1], fill_value=True)
+        self._drawn[drawn : starts.shape[1] - 2 * len(self.beside)] = False
         self.motions = Motions(balance.solver, motor, starts)
         self.belongs: Any = np.full(starts.shape[1], -1)
         self.stopped: Any = self.belongs > 0
 
     @property
+    def ended(self) -> Any:
+        """Whether each motion is in the other assembly, or cannot be followed any more."""
+        out = [*self.motions.ends, *self.motions.away]
+        return (self.belongs < 0) & np.isin(np.arange(len(self.belongs)), out)
+
+    def why(self, number: int) -> str | None:
+        """Why a motion has ended; None: it has not."""
+        over = 'it goes over to the other assembly' if self.ended[number] else None
+        return self.motions.ends.get(number, over)
+
+    @property
     def unidentified(self) -> Any:
         """Whether each motion has neither ended nor stopped nor settled at a known state."""
-        return (self.belongs < 0) & ~self.motions.ended & ~self.stopped
+        return (self.belongs < 0) & ~self.ended & ~self.stopped
 
-    def run(self, progress: Callable[[Iterable[Any], str], Any], blocks: int) -> None:
+    def run(self, progress: Callable[[Iterable[Any], str], Any], looks: int) -> None:
         """Follows the motions until all have settled or ended, for a bounded time."""
-        for block in progress(range(blocks), 'motions'):
+        for look in progress(range(1, looks + 1), 'motions'):
             self.motions.advance(_STEPS)
             self._assign()
-            rest = np.flatnonzero(self.unidentified)
-            apart = 1 if block == blocks - 1 else max(len(rest) // _ASKED, 1)
-            failures = 0
-            for number in rest[::apart].tolist():
+            self.motions.active = np.flatnonzero((self.belongs < 0) | self._drawn)
+            is_late = look >= _LATE and self.unidentified.mean() < _RARE
+            is_last = is_late or look == looks
+            is_asked = look % _WAIT == 0 or is_last
+            failures, guesses = 0, _GUESSES if is_last else ()
+            for number in np.flatnonzero(self.unidentified & is_asked).tolist():
                 if self.unidentified[number] and failures < _ASKED:
-                    failures += not self._identify(number)
-            if not self.unidentified.any():
+                    failures += not self._identify(number, guesses)
+            if is_late or not self.unidentified.any():
                 return
 
     def _assign(self) -> None:
         """Finds which motions are at a state, or come near to it."""
         phases = self.motions.phases
-        now, before = (
-            np.array(phases[last - 10 : last]).swapaxes(0, 1)
-            for last in (len(phases), len(phases) - _BACK)
-        )
         turned = np.abs(phases[-1][0] - phases[-_STEPS][0]) > np.pi
-        self.stopped = (self.belongs < 0) & ~self.motions.ended & ~turned
+        self.stopped = (self.belongs < 0) & ~self.ended & ~turned
+        left = np.flatnonzero(self.unidentified)
+        now, before, first = (
+            np.array(phases[-_ROWS - back :][:_ROWS:3])[..., left].swapaxes(0, 1)
+            for back in (0, _BACK, 2 * _BACK)
+        )
         for number, state in enumerate(self.states):
-            away, was = state.distance(now), state.distance(before)
-            near = (away < _NEAR) | ((away < _COMING) & (away < _NEARER * was))
-            self.belongs[near & self.unidentified & state.stable] = number
+            if state.stable:
+                away, was, began = (state.distance(rows) for rows in (now, before, first))
+                nearer = (away < _NEARER * was) & (was < _NEARER * began)
+                self.belongs[left[(away < _NEAR) | ((away < _COMING) & nearer)]] = number
+        # A motion beside an unstable state goes where those go that started on both of its sides.
+        sides = self.belongs[len(self.belongs) - 2 * len(self.beside) :].reshape(-1, 2)
+        for (below, above), state in zip(sides.tolist(), self.beside, strict=True):
+            if below == above >= 0:
+                near = (state.distance(now) < _COMING) & (self.belongs[left] < 0)
+                self.belongs[left[near]] = below
 
-    def _identify(self, number: int) -> bool:
+    def _identify(self, number: int, guesses: Iterable[int]) -> bool:
         """Finds the state to which a motion leads, by Newton's method, and adds it if it is new.
+
+        Args:
+            number: Number of the motion.
+            guesses: Turns after which it may repeat, beside the least that fit.
 
         Returns:
             Whether one is found.
         """
-        for turns in self._periods(number):
+        for turns in dict.fromkeys((*self._period(number), *guesses)):
             equations = self._balance.over(turns)
-            last = self.motions.last_turns(number, turns)
+            last = self.motions.last_turns(number, 2 * turns)
             if last is None:
                 break
             state = equations.find(equations.guess(last, self._motor.torque)[0])
@@ -105,20 +142,29 @@ class Search:
                 if not same:
                     self.states.append(state)
                     self._assign()
-                if state.distance(last[:, -10:, None]) < _LED:
+                if state.distance(last[:, -_ROWS:, None]) < _LED:
                     self.belongs[number] = same[0] if same else len(self.states) - 1
                 return True
         return False
 
-    def _periods(self, number: int) -> Iterable[int]:
-        """The turns after which a motion may repeat: the least that fit, then guesses."""
+    def _period(self, number: int) -> Iterator[int]:
+        """The least number of turns after which a motion seems to repeat, if there is one."""
         for turns in _PERIODS:
             last = self.motions.last_turns(number, 2 * turns)
             if last is None:
-                break
+                return
             if self._balance.over(turns).guess(last, 0.0)[1] < _REPEATS:
-                return dict.fromkeys((turns, *_GUESSES))
-        return _GUESSES
+                yield turns
+                return
+
+
+def _beside(state: PeriodicMotion) -> Array:
+    """Starts beside an unstable state, the slower first, from where motions leave it fastest."""
+    values, vectors = np.linalg.eig(state.monodromy)
+    way = vectors[:, np.abs(values).argmax()].real / state.units
+    way *= _ASIDE / np.linalg.norm(way) * np.copysign(state.units, way[1])
+    there = state.at(np.zeros(1)) + np.outer(way, (-1, 1))
+    return np.concatenate((np.zeros((1, 2)), there))
 
 
 def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float]) -> Array:
@@ -181,12 +227,12 @@ def settle(
 
     Raises:
         ConfigurationError: Motor or speed turn nothing forwards, or it does not settle.
-        LinkageError: The motion leaves what the coordinates describe.
     """
     start = require_forwards(mechanism, motor, [speed])
     search = Search(equations_of(mechanism, motor, [speed]), motor, start)
     search.run(progress, _BLOCKS)
-    search.motions.require_going(0)
+    if 0 in search.motions.ends:
+        raise ConfigurationError(f'from {speed:g} rad/s {search.motions.ends[0]}')
     if search.belongs[0] < 0:
         turns = search.motions.phases[-1][0, 0] / (2 * np.pi)
         raise ConfigurationError(

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from linkage_ros.lab.pump.analysis import CHANGES, Analysis
+from linkage_ros.lab.pump.analysis import CHANGES, COUNT, Analysis
 
 _LARGE = 1e4  # multiplier of which the size alone is shown
 
@@ -19,16 +19,14 @@ def states_table(analysis: Analysis) -> list[str]:
         Lines for a monospaced font.
     """
     ends = {
-        '{} leave this assembly, with coupler and rod in line': analysis.ended,
+        '{} end in the other assembly, or where all descriptions end': analysis.ended,
         '{} come to rest, or rock to and fro': analysis.stopped,
         'warning: {} settle at no state that is listed: quasi-periodic, chaotic, slow to settle, '
         'or of a long period': analysis.unidentified,
     }
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
     lines += [
-        words.format(f'{share:.1%} of {analysis.starts} starts')
-        for words, share in ends.items()
-        if share
+        words.format(f'{share:.1%} of {COUNT} starts') for words, share in ends.items() if share
     ]
     if analysis.spread:
         lines.append(
@@ -56,13 +54,8 @@ def _states_lines(analysis: Analysis) -> list[str]:
 
 
 def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
-    """Row of a state, with the nearest averaged state."""
-    state = analysis.states[number].motion
-    averaged = min(
-        (one.motion for one in analysis.averaged_states if state.turns == 1),
-        key=lambda one: abs(one.speed - state.speed),
-        default=None,
-    )
+    """Row of a state, with the averaged state near it."""
+    state, averaged = analysis.states[number].motion, analysis.averaged[number]
     share = state.efficiency
     return (
         'stable' if state.stable else 'unstable', str(state.turns), f'{state.speed:.6f}',
