@@ -13,7 +13,6 @@ import numpy as np
 
 from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
-    Limits,
     Piece,
     SteadyState,
     bistable_ranges,
@@ -34,7 +33,6 @@ from linkage_ros.numeric import Array
 
 CHANGES = (0.95, 1.05)  # of the motor's torque
 _SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, times the slowest and fastest start
-_STEP = 0.3  # relative, along the load curve
 _ALIKE = 0.1  # relative difference in speed of a motion and the averaged one near it
 _SLOW, _SLIDING = 0.03, 2.0  # speeds of starts: of the crank, and of the slider per crank pin's
 # Starts: a state that 2 % of them reach is missed once in 170 times. Looks at their motions before
@@ -79,7 +77,7 @@ class Analysis(NamedTuple):
             N m, the state then, and its relative changes; none where there is no such state.
         runs: Motions from starts that have names.
         shares: Share of the starts, by the number of the state where they settle.
-        ended: Share of the starts from which the motion leaves what the coordinates describe.
+        ended: Share of the starts that end in the other assembly, or where no description holds.
         stopped: Share of the starts from which the crank comes to rest, or rocks to and fro.
         unidentified: Share of the starts that do none of these.
         spread: Slider speed over which a jump of the load curve is spread, m/s; 0: none jumps.
@@ -154,11 +152,11 @@ def analyse(
         UnreachableError: The pump cannot start from where its slider is.
     """
     given = require_forwards(mechanism, motor, speeds)
-    limits = Limits(_SLOWEST * min(speeds), _FASTEST * max(speeds), _STEP)
+    limits = _SLOWEST * min(speeds), _FASTEST * max(speeds)
     pace, balance = pace_of(motor, speeds), equations_of(mechanism, motor, speeds)
     pump = cast('WindPump', balance.solver.mechanism)
-    ends = (limits.fastest / 2, 2 * limits.slowest), (2 * limits.slowest, limits.fastest / 2)
-    resting = (next(balance.resting_sliders(*way), None) for way in ends)
+    inside = 2 * limits[0], limits[1] / 2
+    resting = (next(balance.resting_sliders(*way), None) for way in (inside, inside[::-1]))
     pieces = with_curves(balance, [], resting, limits)
     known = [state.motion for state in steady_states(balance, pieces, motor.torque)]
     search = Search(balance, motor, np.hstack((given, _box(mechanism, pace))), known, len(speeds))
@@ -195,7 +193,7 @@ def analyse(
         [
             Start(
                 name, times[:, number], phases[:, 2, number],
-                None if settled[number] < 0 else int(settled[number]), search.why(number),
+                None if settled[number] < 0 else int(settled[number]), motions.ends.get(number),
             )
             for number, name in zip(others, names, strict=True)
         ],

@@ -19,6 +19,7 @@ motion is stable. With 16 harmonics the motions of the preset are exact to 12 di
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 
@@ -62,7 +63,6 @@ class HarmonicBalance:
     ) -> None:
         self._mechanism, self.solver, self.damping = mechanism, Solver(mechanism), damping
         self._harmonics, self.turns = harmonics, turns
-        self._others: dict[tuple[int, int], HarmonicBalance] = {}
         count = harmonics * turns
         self.sizes = slider, crank = 2 * count + 1, 2 * count - 1
         self.angles = parts_of(turns, harmonics)
@@ -75,13 +75,7 @@ class HarmonicBalance:
 
     def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
         """The equations of motions that repeat after so many turns; 0: as many harmonics."""
-        harmonics = harmonics or self._harmonics
-        if (turns, harmonics) == (self.turns, self._harmonics):
-            return self
-        if (turns, harmonics) not in self._others:
-            other = HarmonicBalance(self._mechanism, self.damping, harmonics, turns)
-            self._others[turns, harmonics] = other
-        return self._others[turns, harmonics]
+        return _balance(self._mechanism, self.damping, harmonics or self._harmonics, turns)
 
     def unknowns(self, motion: PeriodicMotion) -> Array:
         """Coefficients of both series, and the torque, of a motion of as many turns."""
@@ -260,3 +254,8 @@ class HarmonicBalance:
             jacobian[:-1, :-1] += weight.T @ np.einsum('vn,vnk->nk', rows, self._waves)
         jacobian[:-1, -1] = -weights[0].sum(axis=0)
         return jacobian, residuals
+
+
+@functools.lru_cache(64)
+def _balance(mechanism: WindPump, damping: float, harmonics: int, turns: int) -> HarmonicBalance:
+    return HarmonicBalance(mechanism, damping, harmonics, turns)

@@ -25,7 +25,8 @@ FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
 # stops or the dyad is stretched.
 END, LOST = 'end of the scan', 'end of the description'
 _GAP = 1e-2  # relative, between a torque where a period doubles and the doubled motion beside it
-_SHORTEST = 1e-2  # step along a curve, relative to the unknowns' units
+# Longest and shortest step along a curve, relative to the unknowns' units, for each turn.
+_STEP, _SHORTEST = 0.3, 1e-2
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosines of the angle between two steps: too large, and small
 _MOST = 400  # steps along a curve
 _ROUGH = 1e-4  # relative, of Newton's last step there
@@ -33,24 +34,6 @@ _FEW = (
     2  # turns of states whose curves are followed: a step of four turns takes eight times as long
 )
 _MOST_SECANTS, _UNIT = 12, 1e-8  # to where a multiplier has the modulus 1, and how nearly
-
-
-class Limits(NamedTuple):
-    """How far curves are followed.
-
-    Attributes:
-        slowest: Lowest mean speed, rad/s.
-        fastest: Highest mean speed, rad/s.
-        step: Along the curve, relative to crank length, speed and torque.
-    """
-
-    slowest: float
-    fastest: float
-    step: float
-
-    def hold(self, motion: PeriodicMotion) -> bool:
-        """Whether a motion lies within."""
-        return self.slowest <= motion.speed <= self.fastest and motion.torque > 0
 
 
 @dataclass(eq=False)
@@ -147,7 +130,7 @@ def with_curves(
     balance: HarmonicBalance,
     pieces: Sequence[Piece],
     seeds: Iterable[PeriodicMotion | None],
-    limits: Limits,
+    speeds: tuple[float, float],
 ) -> list[Piece]:
     """The pieces of the load curve, and those of motions that are not among them.
 
@@ -157,19 +140,19 @@ def with_curves(
         balance: The equations.
         pieces: The pieces that are known.
         seeds: The motions; None: not found.
-        limits: How far their curves are followed.
+        speeds: Lowest and highest mean speed to which their curves are followed, rad/s.
 
     Returns:
         All pieces.
     """
     found, waiting = list(pieces), list(seeds)
     for seed in waiting:
-        if seed is None or seed.turns > _FEW or not limits.hold(seed):
+        if seed is None or seed.turns > _FEW or not speeds[0] <= seed.speed <= speeds[1]:
             continue
         states = steady_states(balance, found, seed.torque)
         if any(seed.is_same(state.motion) for state in states):
             continue
-        curve = follow(balance.over(seed.turns), seed, limits)
+        curve = follow(balance.over(seed.turns), seed, speeds)
         found += curve
         waiting += [
             balance.doubled(piece.motions[-1])
@@ -179,18 +162,20 @@ def with_curves(
     return found
 
 
-def follow(balance: HarmonicBalance, seed: PeriodicMotion, limits: Limits) -> list[Piece]:
+def follow(
+    balance: HarmonicBalance, seed: PeriodicMotion, speeds: tuple[float, float]
+) -> list[Piece]:
     """Follows the curve of a motion both ways.
 
     Args:
         balance: The equations of as many turns.
         seed: The motion.
-        limits: How far.
+        speeds: Lowest and highest mean speed, rad/s.
 
     Returns:
         The pieces of the curve; the first begins on the side of slower cranks.
     """
-    (back, begins_at), (forth, ends_at) = (_walk(balance, seed, sign, limits) for sign in (-1, 1))
+    (back, begins_at), (forth, ends_at) = (_walk(balance, seed, sign, speeds) for sign in (-1, 1))
     motions = [*back[::-1], seed, *forth]
     pieces = [Piece([motions[0]], begins_at)]
     for one, other in itertools.pairwise(motions):
@@ -211,10 +196,10 @@ def _kind(multiplier: complex) -> str:
 
 
 def _walk(
-    balance: HarmonicBalance, seed: PeriodicMotion, sign: int, limits: Limits
+    balance: HarmonicBalance, seed: PeriodicMotion, sign: int, speeds: tuple[float, float]
 ) -> tuple[list[PeriodicMotion], str]:
     """The motions of a curve after one of them, and why it ends."""
-    motions, longest = [seed], limits.step * seed.turns
+    motions, longest = [seed], _STEP * seed.turns
     step = longest / 4
     way = sign * balance.tangent(seed) / balance.units(seed)
     way /= np.linalg.norm(way)
@@ -232,7 +217,7 @@ def _walk(
         if one.repeats_sooner or _is_doubled(motions[-1], one):
             return motions[1:], PERIOD_DOUBLING
         motions.append(one)
-        if not limits.hold(one):
+        if not (speeds[0] <= one.speed <= speeds[1] and one.torque > 0):
             return motions[1:], END
         bend = (move / size - way) / ((length + size) / 2)
         way, length = move / size, size

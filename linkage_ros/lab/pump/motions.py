@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import MotionError
+from linkage_ros.errors import LinkageError
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
@@ -39,8 +39,7 @@ class Motions:
 
     Attributes:
         active: Numbers of the motions that are followed; the others stand.
-        away: By number, motions that are followed in other coordinates.
-        ends: By number, why a motion cannot be followed any more.
+        ends: By number, where a motion is that is not in this assembly, or why it has ended.
         times: At all steps, s; each of shape (n).
         phases: Crank angle, rad, slider position, m, and their rates; each of shape (4, n).
     """
@@ -65,7 +64,7 @@ class Motions:
         self._step = np.full(starts.shape[1], 0.1 / self._pace)
         self._leaves: Any = np.isnan(self._slope).any(axis=0)
         self.active: Any = np.arange(starts.shape[1])
-        self.away: dict[int, FixedSteps] = {}
+        self._away: dict[int, FixedSteps] = {}
         self.ends: dict[int, str] = {}
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
 
@@ -75,8 +74,9 @@ class Motions:
             for step in range(steps):
                 self._try()
                 if step % _PAUSE == 0:
-                    for number in set(np.flatnonzero(self._leaves).tolist()) - set(self.ends):
-                        self._carry(number)
+                    for number in np.flatnonzero(self._leaves).tolist():
+                        if number in self._away or number not in self.ends:
+                            self._carry(number)
 
     def _try(self) -> None:
         on, phases, times = self.active, self.phases[-1].copy(), self.times[-1].copy()
@@ -111,25 +111,25 @@ class Motions:
     def _carry(self, number: int) -> None:
         """Follows one motion in other coordinates until the first ones suit it for some time."""
         phase, calm = self.phases[-1][:, number], 0
+        start = tuple(phase.tolist())
         try:
-            if number not in self.away:
-                start = tuple(phase.tolist())
-                self.away[number] = FixedSteps(self._driven, start, _LONGEST, _ROUGH)
-            steps = self.away[number]
+            steps = self._away.get(number) or FixedSteps(self._driven, start, _LONGEST, _ROUGH)
             begin = steps.time
             while calm < _CALM and steps.time < begin + _PATIENCE / self._pace:
                 steps.advance(steps.time + _LONGEST)
                 is_own = steps.driven.solver.description == self._solver.description
                 calm = calm + 1 if is_own else 0
-        except MotionError as error:
+        except LinkageError as error:
             self.ends[number] = str(error)
+            self._away.pop(number, None)
             return
+        self._away[number], self.ends[number] = steps, 'it goes over to the other assembly'
         self.times[-1][number] += steps.time - begin
         if calm == _CALM:
             phase[:] = steps.driven.crank(steps.phase, steps.pairs), *steps.phase[1:]
             self._step[number], self._leaves[number] = 0.1 / self._pace, False
             self._slope[:, number] = self._slopes(phase[:, None])[:, 0]
-            del self.away[number]
+            del self._away[number], self.ends[number]
 
     def last_turns(self, number: int, turns: int) -> Array | None:
         """The last turns of a motion.

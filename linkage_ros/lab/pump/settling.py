@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -70,13 +70,7 @@ class Search:
     @property
     def ended(self) -> Any:
         """Whether each motion is in the other assembly, or cannot be followed any more."""
-        out = [*self.motions.ends, *self.motions.away]
-        return (self.belongs < 0) & np.isin(np.arange(len(self.belongs)), out)
-
-    def why(self, number: int) -> str | None:
-        """Why a motion has ended; None: it has not."""
-        over = 'it goes over to the other assembly' if self.ended[number] else None
-        return self.motions.ends.get(number, over)
+        return (self.belongs < 0) & np.isin(np.arange(len(self.belongs)), list(self.motions.ends))
 
     @property
     def unidentified(self) -> Any:
@@ -126,17 +120,20 @@ class Search:
 
         Args:
             number: Number of the motion.
-            guesses: Turns after which it may repeat, beside the least that fit.
+            guesses: Turns after which it may repeat, beside those that fit.
 
         Returns:
             Whether one is found.
         """
-        for turns in dict.fromkeys((*self._period(number), *guesses)):
-            equations = self._balance.over(turns)
+        for turns in _PERIODS:
             last = self.motions.last_turns(number, 2 * turns)
             if last is None:
                 break
-            state = equations.find(equations.guess(last, self._motor.torque)[0])
+            equations = self._balance.over(turns)
+            guess, missed = equations.guess(last, self._motor.torque)
+            if missed > _REPEATS and turns not in guesses:
+                continue
+            state = equations.find(guess)
             if state and state.stable and not state.repeats_sooner:
                 same = [i for i, known in enumerate(self.states) if state.is_same(known)]
                 if not same:
@@ -146,16 +143,6 @@ class Search:
                     self.belongs[number] = same[0] if same else len(self.states) - 1
                 return True
         return False
-
-    def _period(self, number: int) -> Iterator[int]:
-        """The least number of turns after which a motion seems to repeat, if there is one."""
-        for turns in _PERIODS:
-            last = self.motions.last_turns(number, 2 * turns)
-            if last is None:
-                return
-            if self._balance.over(turns).guess(last, 0.0)[1] < _REPEATS:
-                yield turns
-                return
 
 
 def _beside(state: PeriodicMotion) -> Array:
