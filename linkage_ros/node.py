@@ -34,17 +34,14 @@ from linkage_ros.ros.topics import (
 )
 from linkage_ros.run.crank_trajectory import CrankTrajectory
 from linkage_ros.run.health import Health, HealthMonitor
-from linkage_ros.run.measured_crank import MeasuredCrank
+from linkage_ros.run.inputs import inputs_of
 from linkage_ros.run.scheduling import freeze_heap
 from linkage_ros.run.simulator import Simulator, Snapshot
 from linkage_ros.run.ticker import MeasurementTicker, RealTimeTicker, SimTimeTicker, Ticker
-from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import WARN, encode_diagnostics
 from linkage_ros.wire.topics import (
     DIAGNOSTICS,
-    JOINT_COMMANDS,
-    MEASURED_JOINT_STATES,
     ROBOT_DESCRIPTION,
     SIMULATED_CLOCK,
     Topic,
@@ -73,7 +70,7 @@ class LinkageNode(ParameterNode):
         simulator.prepare_live()
         self._motion: Motion | None = None
         self._state: State | None = None
-        others, heard = [ROBOT_DESCRIPTION, DIAGNOSTICS], self._heard_topics()
+        others, heard = [ROBOT_DESCRIPTION, DIAGNOSTICS], inputs_of(simulator)
         self._ahead: CrankTrajectory | None = None
         if isinstance(self._drive, SpeedFeedForward) and self._drive.trajectory_command_topic:
             self._ahead = CrankTrajectory(simulator, self._drive)
@@ -101,14 +98,6 @@ class LinkageNode(ParameterNode):
         # Simulated time may stand still: the reports keep real time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
-
-    def _heard_topics(self) -> dict[Topic, Any]:
-        """The topic of commands or measurements, if there is one, and what judges its messages."""
-        if isinstance(self._drive, TorqueDrive):
-            return {JOINT_COMMANDS: TorqueCommands(self._drive, self._simulator.crank_joint)}
-        if isinstance(self._drive, FollowDrive):
-            return {MEASURED_JOINT_STATES: MeasuredCrank(self._simulator)}
-        return {}
 
     def _open_outputs(self, others: list[Topic]) -> tuple[Any, RunLog]:
         """Opens view, None if there is none, and log; Rerun may be missing, and is imported here.

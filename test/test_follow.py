@@ -29,7 +29,12 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, Measurement, ahead
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.measured_crank import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, MeasuredCrank
+from linkage_ros.run.inputs import (
+    NO_CRANK,
+    NO_JOINT_STATE,
+    OUT_OF_REACH,
+    inputs_of,
+)
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec
@@ -125,10 +130,15 @@ def message(stamp=0, name=('arm', 'crank'), position=(7.0, 0.5), velocity=()):
     return serialize_message(made)
 
 
+def measured_crank(simulator):
+    (crank,) = inputs_of(simulator).values()
+    return crank
+
+
 def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
     limited = four_bar(LIMITED['rocker_crank'])
     configuration = replace(configure({'drive': 'follow'}), mechanism=limited)
-    crank = MeasuredCrank(Simulator(configuration))
+    crank = measured_crank(Simulator(configuration))
     (start, end), *_ = limited.reach().arcs
     inside, beyond = 0.5 * (start + end), end + 0.01 * (TURN - end + start)
     came = 10**18
@@ -155,7 +165,7 @@ def test_a_rate_is_refused_because_measurements_set_it():
 
 
 def test_a_robot_may_name_the_crank_otherwise():
-    crank = MeasuredCrank(Simulator(configure({'drive': 'follow', 'crank_joint': 'arm/motor'})))
+    crank = measured_crank(Simulator(configure({'drive': 'follow', 'crank_joint': 'arm/motor'})))
     stamp, found = crank.read(message(5, name=('base', 'arm/motor'), position=(0.0, 0.5)), 7)
     assert (stamp, found.unwrapped) == (5, 0.5)
     with pytest.raises(ValueError, match=NO_CRANK):
@@ -170,7 +180,7 @@ def test_no_measurement_ends_the_motion(lead):
     for mechanism, inside in ((load('quadrilateral').mechanism, 0.5), (limited, end - 1e-3)):
         configuration = configure({'drive': 'follow', **lead})
         simulator = Simulator(replace(configuration, mechanism=mechanism))
-        crank, answers = MeasuredCrank(simulator), 0
+        crank, answers = measured_crank(simulator), 0
         nearest = math.nextafter(end, start)
         for n, (position, velocity) in enumerate(
             [(inside, 0.0), (inside, 1e300), (inside, -1e13), (1e308, 0.0), (-1e308, 0.0),

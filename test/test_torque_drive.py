@@ -21,8 +21,8 @@ from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.record import record
+from linkage_ros.run.inputs import TorqueCommands
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.run.torque_commands import TorqueCommands
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import JointStateCodec, trajectory

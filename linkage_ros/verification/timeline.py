@@ -16,7 +16,7 @@ from linkage_ros.log.reader import LoggedMessage, LoggedTopic
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.segments import Segment, SpeedSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.run.measured_crank import MeasuredCrank
+from linkage_ros.run.inputs import MeasuredCrank
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import TIME_END
 
