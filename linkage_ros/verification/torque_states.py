@@ -147,7 +147,8 @@ class TorqueStates:
         torques, lines = found[-1].copy(), self._motor.at(found[len(self._links)])
         found[-1] -= lines
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
-        late = np.diff([self._simulator.elapsed(tick) for tick in (self._tick, *ticks)])
+        numbers = np.array([self._tick, *ticks], object)  # of any size
+        late = np.diff(self._simulator.elapsed(numbers)).astype(float)
         if not self._recorded:  # for that time the plant stood still
             late[late > self._simulator.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
