@@ -198,8 +198,9 @@ def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):
 def test_the_view_shows_the_links_of_the_mechanism(folder):
     words = ('run.mcap', '--viewer', 'run.rrd', '--no-ros', '--rate', 20)
     run(*start('replay', *words), cwd=folder)
-    found = read(folder / 'run.rrd')
-    assert {'/linkage/crank', '/linkage/coupler', '/linkage/slider'} <= set(found)
+    lines = read(folder / 'run.rrd')['/linkage/moving']['LineStrips2D:strips'][0]
+    # Crank, coupler with its point, slider, and the arrow of its load.
+    assert [len(line) for line in lines] == [2, 4, 5, 5]
 
 
 def test_the_real_node_publishes_the_states_of_the_textbook(folder):

@@ -264,18 +264,18 @@ def shown(log, alone, until):
             time.sleep(0.001)
 
 
-def test_view_of_a_loop_has_rising_stamps_and_what_it_missed_is_reported(log, view, capsys):
+def test_view_of_a_loop_has_rising_stamps_and_what_it_missed_is_reported(log, view, capfd):
     view.dropped = 7
     shown(log, True, lambda _: len(view.shown) > 50)
     codec = JointStateCodec(('crank', 'coupler', 'rocker'))
     stamps = [shift + codec.decode(data)[0] for shift, data in view.shown]
     assert stamps == [n * 5_000_000 for n in range(len(stamps))]
     words = 'linkage_replay: 7 states were not shown: the viewer lagged or ended\n'
-    assert capsys.readouterr().err == words
+    assert capfd.readouterr().err == words
 
 
 @pytest.mark.parametrize('alone', [True, False])
-def test_failed_view_ends_the_replay_only_without_topics(log, view, capsys, alone):
+def test_failed_view_ends_the_replay_only_without_topics(log, view, capfd, alone):
     view.fails = True
     if alone:
         with pytest.raises(ViewerError, match='the view ended: no window could be opened'):
@@ -283,7 +283,7 @@ def test_failed_view_ends_the_replay_only_without_topics(log, view, capsys, alon
     else:
         shown(log, alone, lambda count: count > 300)
     words = 'linkage_replay: the view ends here, the topics go on: no window could be opened\n'
-    assert capsys.readouterr().err == ('' if alone else words)
+    assert capfd.readouterr().err == ('' if alone else words)
 
 
 def test_commands_in_a_log_are_not_shown(called, tmp_path):

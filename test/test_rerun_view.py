@@ -383,6 +383,20 @@ def free_port():
         return probe.getsockname()[1]
 
 
+@contextmanager
+def running(*arguments, port=None):
+    """A viewer without a window, and its URL."""
+    port = port or free_port()
+    command = [PROGRAM, *arguments, '--bind', '127.0.0.1', '--port', str(port)]
+    with subprocess.Popen(
+        command, stderr=subprocess.DEVNULL, env={**os.environ, 'CI': '1'}
+    ) as process:
+        try:
+            yield process, f'rerun+http://127.0.0.1:{port}/proxy'
+        finally:
+            process.kill()
+
+
 def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
     monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.0)
     port = free_port()
@@ -398,15 +412,11 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
         assert view.trouble.startswith(f'no viewer answers at {url}: states are left')
         assert not is_taken()
         saved = tmp_path / f'{n}.rrd'
-        command = [PROGRAM, '--save', saved, '--bind', '127.0.0.1', '--port', str(port)]
-        with subprocess.Popen(
-            command, stderr=subprocess.DEVNULL, env={**os.environ, 'CI': '1'}
-        ) as process:
+        with running('--save', saved, port=port):
             wait_for(is_taken)
             assert view.trouble == ''
             feed(view, MESSAGES[100:])
             wait_for(lambda saved=saved: len(stamps_in(saved)) == 201)
-            process.kill()
         # What never changes came again as well.
         assert read(saved)['/linkage/moving']['Points2D:labels'] == [['A', 'B', 'C']]
         assert stamps_in(saved) == [STAMPS[0], *STAMPS[100:]]
