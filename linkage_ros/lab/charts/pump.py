@@ -184,7 +184,7 @@ def _smooth(rows: Array) -> Array:
     if len(rows) < _FEW:
         return rows
     away = np.linalg.norm(np.diff(rows / np.ptp(rows, axis=0), axis=0), axis=1)
-    slopes = np.gradient(rows, np.append(0.0, np.cumsum(away)), axis=0, edge_order=2)
+    slopes = np.gradient(rows, np.append(0.0, np.cumsum(away)), axis=0)
     share, length = np.linspace(0, 1, _BETWEEN)[:, None, None], away[:, None]
     start, end = rows[:-1], rows[1:]
     bends = slopes[:-1] * length - (end - start), (end - start) - slopes[1:] * length

@@ -90,7 +90,7 @@ class Search:
             for number in np.flatnonzero(self.unidentified & is_asked).tolist():
                 if self.unidentified[number] and failures < _ASKED:
                     failures += not self._identify(number, guesses)
-            if is_late or not self.unidentified.any():
+            if is_late or self.belongs.min() >= 0:
                 return
 
     def _assign(self) -> None:
