@@ -253,6 +253,9 @@ def _discard_stdout() -> None:
 
 def print_error(name: str, error: object) -> None:
     """Prints one line, unless stderr is blocked for a second by a full pipe or Ctrl-S."""
-    with suppress(OSError, TypeError):  # closed, or gone
-        if select.select([], [sys.stderr], [], _LONGEST_WAIT)[1]:
+    is_writable = sys.stderr is not None
+    with suppress(OSError, TypeError):  # it is no file
+        is_writable = bool(select.select([], [sys.stderr], [], _LONGEST_WAIT)[1])
+    if is_writable:
+        with suppress(OSError):
             print(f'{name}: {one_line(str(error))}', file=sys.stderr)
