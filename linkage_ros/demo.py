@@ -14,28 +14,27 @@ from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
-from linkage_ros.parameters.configuration import configure
 from linkage_ros.parameters.session import SPAWN
 from linkage_ros.progress import waiting
-from linkage_ros.record import record
 from linkage_ros.view.viewer_process import require_screen
 
 _NAME = 'demo'
 _FOLDER = Path('demo')
 _LOG, _VIEW = _FOLDER / 'quadrilateral.mcap', _FOLDER / 'quadrilateral.rrd'
-_SECONDS, _RPM, _RATE = 8.0, 150.0, 200.0
+_SECONDS = 8.0
 _START_SECONDS = 1.0  # from the log's first byte until the crank turns
 
 
+def _command(module: str, *arguments: object) -> list[str]:
+    return [sys.executable, '-m', f'linkage_ros.{module}', *map(str, arguments)]
+
+
 def _run_live(viewer: str) -> None:
-    settings = {
-        'rpm': _RPM, 'rate_hz': _RATE, 'log': _LOG, 'log_overwrite': 'true', 'viewer': viewer,
-    }  # fmt: skip
-    arguments = [word for name, value in settings.items() for word in ('-p', f'{name}:={value}')]
-    print(f'linkage_node turns the quadrilateral at {_RPM:g} rpm for {_SECONDS:g} s')
+    settings = (f'log:={_LOG}', 'log_overwrite:=true', f'viewer:={viewer}')
+    words = [word for setting in settings for word in ('-p', setting)]
+    print(f'linkage_node turns the quadrilateral for {_SECONDS:g} s')
     _LOG.unlink(missing_ok=True)
-    command = [sys.executable, '-m', 'linkage_ros.node', '--ros-args', *arguments]
-    process = subprocess.Popen(command)  # noqa: S603
+    process = subprocess.Popen(_command('node', '--ros-args', *words))  # noqa: S603
     try:
         while process.poll() is None and not _LOG.exists():
             time.sleep(0.1)
@@ -50,11 +49,12 @@ def _run_live(viewer: str) -> None:
 
 def _run_recorded(viewer: str) -> None:
     print('rclpy is not installed here: recording the run without ROS')
-    configuration = configure({'rate_hz': _RATE})
-    record(configuration, _LOG, duration=_SECONDS, overwrite=True)
-    rate = '1' if viewer == SPAWN else '1000'  # nobody watches a file
-    command = [sys.executable, '-m', 'linkage_ros.replay', str(_LOG), '--no-ros', '--rate', rate]
-    subprocess.run([*command, '--viewer', viewer], check=True)  # noqa: S603
+    rate = 1 if viewer == SPAWN else 1000  # nobody watches a file
+    for command in (
+        _command('record', 'quadrilateral', _LOG, '--duration', _SECONDS, '--overwrite'),
+        _command('replay', _LOG, '--no-ros', '--rate', rate, '--viewer', viewer),
+    ):
+        subprocess.run(command, check=True)  # noqa: S603
 
 
 def _run() -> None:

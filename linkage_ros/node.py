@@ -165,7 +165,7 @@ class LinkageNode(ParameterNode):
         motion = self._continue(motion.follow(stamp, self._drive))
         if isinstance(motion, TorqueMotion):
             for subscription, commands in self._inputs:
-                for _ in subscription.take():
+                for _ in subscription.take():  # what is read is in force
                     pass
                 motion.command(stamp, commands.torque())
         snapshot = self._simulator.snapshot_at(motion, stamp)

@@ -60,9 +60,9 @@ class HealthMonitor:
         self._node = node
         self._busy = _BUSY + _FAST_CRANK * is_torque_driven
         self._is_overloaded = False
-        # Time, s, and counts at each report of the window; its start is that of the first.
-        self._counts = deque([(time.monotonic(), TickCounts())], maxlen=WINDOW + 1)
-        self._parts: deque[dict[str, Health]] = deque([{}], maxlen=WINDOW + 1)
+        # Time, s, counts and parts at each report of the window, the first at its start.
+        self._past: deque[tuple[float, TickCounts, dict[str, Health]]] = deque(maxlen=WINDOW + 1)
+        self._past.append((time.monotonic(), TickCounts(), {}))
         self._last: dict[str, Status] = {}
 
     def report(
@@ -83,8 +83,7 @@ class HealthMonitor:
         Returns:
             The motion's status first.
         """
-        self._counts.append((time.monotonic(), replace(counts)))
-        self._parts.append(parts)
+        self._past.append((time.monotonic(), replace(counts), parts))
         return [self._motion(figures, list(troubles)), *map(self._output, parts)]
 
     def changes(self, statuses: Sequence[Status]) -> list[Status]:
@@ -107,13 +106,13 @@ class HealthMonitor:
         ]
 
     def _motion(self, figures: dict[str, str], troubles: list[str]) -> Status:
-        (start, first), (now, counts) = self._counts[0], self._counts[-1]
+        (start, first, _), (now, counts, _) = self._past[0], self._past[-1]
         kept, missed = counts.kept - first.kept, counts.missed - first.missed
         if counts.clock_steps > first.clock_steps:
             troubles.append(f'the clock was stepped in the last {WINDOW} s')
             missed = 0  # simulated time that jumps skips ticks, however fast the machine is
         limit = _RECOVERED if self._is_overloaded else _OVERLOADED
-        is_full = len(self._counts) > WINDOW
+        is_full = len(self._past) > WINDOW
         self._is_overloaded = is_full and missed > limit * max(1, kept + missed)
         if self._is_overloaded:
             troubles.append(self._busy)
@@ -134,7 +133,7 @@ class HealthMonitor:
         return Status(WARN if troubles else OK, f'{self._node}: motion', words, values)
 
     def _output(self, part: str) -> Status:
-        past = [parts.get(part, Health('')) for parts in self._parts]
+        past = [parts.get(part, Health('')) for _, _, parts in self._past]
         target, dropped, error, trouble = past[-1]
         level, words = OK, 'well' if target else 'off'
         if error is not None:
