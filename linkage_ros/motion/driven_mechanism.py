@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -119,17 +120,27 @@ class DrivenMechanism:
             return self, y, math.inf
         met, count = self.solver.meetings(y), len(self.solver.structure.dyads)
         own, others = met[:count], met[count:]
-        if others and (better := self._better(y, own[0].sine, others[0].sine)):
-            driven, y = self.redescribed(y, better)
-            return driven.ready(y)
-        left = (sine / -rate for sine, _, rate in own if rate < 0)
-        return self, y, min(left, default=math.inf)
+        if others and (own[0].sine < _LEAVE or not self.is_own):
+            better = self._better(y, own[0].sine, others[0].sine)
+            if better:
+                driven, y = self.redescribed(y, better)
+                return driven.ready(y)
+        left = math.inf
+        for sine, _, rate in own:
+            if rate < 0:
+                left = min(left, sine / -rate)
+        return self, y, left
+
+    @functools.cached_property
+    def is_own(self) -> bool:
+        """Whether these are the mechanism's own coordinates."""
+        return self.solver.coordinates == self.solver.mechanism.coordinates
 
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
         """The coordinates to take from here on; empty: these."""
         mechanism = self.solver.mechanism
         is_worse = sine < _LEAVE and other_sine > 2 * sine
-        if self.solver.coordinates == mechanism.coordinates:
+        if self.is_own:
             return mechanism.other_coordinates if is_worse else ()
         if is_worse or other_sine > _RETURN:
             return mechanism.coordinates
@@ -194,13 +205,16 @@ class DrivenMechanism:
         """Where all links are, and their rates."""
         return self.solver.state(y[: len(y) // 2], y[len(y) // 2 :])
 
-    def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
-        """Rates, then accelerations.
+    @functools.cached_property
+    def slope(self) -> Callable[[tuple[float, ...]], tuple[float, ...]]:
+        """Rates, then accelerations, at y; it raises what `Solver.accelerations` raises."""
+        forward, torque, half = self.solver.forward, self.torque, len(self.links)
+        speed = operator.itemgetter(half) if self.has_crank else self.speed
 
-        Raises:
-            LinkageError: As `Solver.accelerations`.
-        """
-        return (*y[len(y) // 2 :], *self.solver.forward(y, self.torque(self.speed(y))))
+        def slope(y: tuple[float, ...]) -> tuple[float, ...]:
+            return (*y[half:], *forward(y, torque(speed(y))))
+
+        return slope
 
     def speed(self, y: tuple[float, ...]) -> float:
         """The speed of the crank, rad/s."""
