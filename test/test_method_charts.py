@@ -5,15 +5,15 @@
 import itertools
 import json
 import math
+import sys
 from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from pages import ROOT, read
-from test_chart import chart
 
-from linkage_ros import __version__
+from linkage_ros import __version__, chart_tool
 from linkage_ros.lab.commands.accuracy import draw_accuracy, draw_follow
 from linkage_ros.lab.commands.stability import GRIDS, draw_stability
 from linkage_ros.lab.methods.accuracy import NEAR
@@ -36,10 +36,11 @@ def committed(name):
 
 def run_quick(command, folder):
     """What the command prints and writes: paths, and records."""
-    with pytest.MonkeyPatch.context() as patch, pytest.MonkeyPatch.context() as output:
-        printed = []
-        output.setattr('builtins.print', lambda *lines, **_: printed.extend(lines))
-        assert chart(patch, command, '--quick', '--out', folder) == 0
+    printed = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, 'argv', ['linkage_chart', command, '--quick', '--out', str(folder)])
+        patch.setattr('builtins.print', lambda *lines, **_: printed.extend(lines))
+        assert chart_tool.main() == 0
     assert set(printed) == set(folder.iterdir())
     for path in set(printed) - {*folder.glob('*.json')}:
         assert path.read_bytes().startswith(b'\x89PNG')
