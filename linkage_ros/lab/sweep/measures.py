@@ -166,13 +166,11 @@ class Measure(NamedTuple):
 
     Attributes:
         unit: Its unit.
-        meaning: What it is.
         of: Computes it for each design of a batch.
-        needs: What it needs of a task, a key of NEEDS; empty: nothing.
+        needs: What it needs of a task, in words that `has` knows; empty: nothing.
     """
 
     unit: str
-    meaning: str
     of: Callable[[Batch], Array]
     needs: str = ''
 
@@ -181,25 +179,15 @@ _SPEED = 'a crank speed, such as rpm: 60.0, and no dry friction'
 _ROCKER, _SLIDER = 'a rocker', 'a slider'
 _POINTS = 'coupler.point, and points: [x, y, ...]'
 MEASURES = {
-    'peak_torque': Measure(
-        'N m', 'largest driving torque', lambda x: np.abs(x.torque).max(-1), _SPEED
-    ),
-    'rms_torque': Measure(
-        'N m', 'root mean square of the driving torque',
-        lambda x: np.sqrt(np.mean(x.torque * x.torque, -1)), _SPEED,
-    ),
-    'shaking_force': Measure('N', 'largest force on the frame', Batch.shaking_force, _SPEED),
-    'swing': Measure('deg', 'swing of the rocker', Batch.swing, _ROCKER),
-    'stroke': Measure('m', 'stroke of the slider', lambda x: np.abs(x.stroke()), _SLIDER),
-    'time_ratio': Measure(
-        '', 'longer to shorter crank rotation between reversals', Batch.time_ratio
-    ),
-    'transmission_angle': Measure('deg', 'smallest transmission angle', Batch.transmission_angle),
-    'point_distance': Measure(
-        'm', 'largest distance of a given point from the coupler curve', Batch.point_distance,
-        _POINTS,
-    ),
-}  # fmt: skip
+    'peak_torque': Measure('N m', lambda x: np.abs(x.torque).max(-1), _SPEED),
+    'rms_torque': Measure('N m', lambda x: np.sqrt(np.mean(x.torque * x.torque, -1)), _SPEED),
+    'shaking_force': Measure('N', Batch.shaking_force, _SPEED),
+    'swing': Measure('deg', Batch.swing, _ROCKER),
+    'stroke': Measure('m', lambda x: np.abs(x.stroke()), _SLIDER),
+    'time_ratio': Measure('', Batch.time_ratio),
+    'transmission_angle': Measure('deg', Batch.transmission_angle),
+    'point_distance': Measure('m', Batch.point_distance, _POINTS),
+}
 
 
 def has(task: Task, needs: str) -> bool:
