@@ -61,7 +61,7 @@ def _waves(angles: bytes, count: int, turns: int, derivative: int) -> Array:
     shifted = np.outer(np.frombuffer(angles), orders) + derivative * math.pi / 2
     pairs = np.stack((np.cos(shifted), np.sin(shifted)), axis=-1) * orders[:, None] ** derivative
     first = np.full((len(shifted), 1), float(derivative == 0))
-    found: Array = np.concatenate((first, pairs.reshape(len(shifted), -1)), axis=1)
+    found: Array = np.concatenate((first, pairs.reshape(len(shifted), count - 1)), axis=1)
     found.flags.writeable = False
     return found
 
