@@ -33,7 +33,7 @@ _OUT: cli.Option = (('--out',), None, {
     'help': 'folder for the results, which are replaced (default: this one)',
 })  # fmt: skip
 _QUICK: cli.Option = (('--quick',), None, {
-    'action': 'store_true', 'help': 'fewer settings, cases and rounds: half a minute',
+    'action': 'store_true', 'help': 'fewer settings and cases: seconds, or a minute for stability',
 })  # fmt: skip
 
 
