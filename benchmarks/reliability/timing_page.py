@@ -15,29 +15,32 @@ CONTENDERS = {
 PAGE = """\
 # Timing
 
-This page shows the node's punctuality at 1 kHz and the cost of logs. On an idle machine, this command measures and
-writes it, with [realtime.json](realtime.json) and [log_speed.json](log_speed.json):
+This page shows the node's punctuality at 1 kHz and the cost of logs. On an idle machine, this
+command measures and writes it, with [realtime.json](realtime.json) and
+[log_speed.json](log_speed.json):
 
     python benchmarks/reliability/realtime.py --out docs
 
 ## Ticks at 1 kHz
 
-The contenders take turns in slices. Each node has one subscriber in another process. The rclpy timers publish only
-joint states, without a log. Lateness is the time from a tick's deadline to its start: the table shows the medians over
-the slices of the median and the 99th percentile, and the largest value of all slices. Processor time is that of the
-node's process.
+The contenders take turns in slices. Each node has one subscriber in another process. The rclpy
+timers publish only joint states, without a log. Lateness is the time from a tick's deadline to
+its start: the table shows the medians over the slices of the median and the 99th percentile, and
+the largest value of all slices. Processor time is that of the node's process.
 
 {ticks}
 
-A separate recorder process, fed through shared memory, was compared with the thread that writes the log, in a loop of
-ticks without ROS on a busy machine. The process took 9 to 12 us of processor time per tick; the thread takes about 10 us
-in the node. 99 % of the ticks were at most 106 us late with the process, 99 us with the thread at its real-time
-priority, 177 us with the thread without that priority, and 111 us without a log. So the log is written by a thread.
+A separate recorder process, fed through shared memory, was compared with the thread that writes
+the log, in a loop of ticks without ROS on a busy machine. The process took 9 to 12 us of
+processor time per tick; the thread takes about 10 us in the node. 99 % of the ticks were at most
+106 us late with the process, 99 us with the thread at its real-time priority, 177 us with the
+thread without that priority, and 111 us without a log. So the log is written by a thread.
 
 ## Logs
 
-Processor time per state (four messages), for the quadrilateral at a given speed and for the wind pump under its
-torque. It is compared with zstd and crc32 of the same bytes alone, the least that writing a log takes.
+Processor time per state (four messages), for the quadrilateral at a given speed and for the wind
+pump under its torque. It is compared with zstd and crc32 of the same bytes alone, the least that
+writing a log takes.
 
 {logs}
 
