@@ -112,4 +112,4 @@ def test_way_2_commands_move_the_plant_whose_topics_are_remapped():
         wait_for(lambda: acts(-0.25))
         code, output = stop(node)
     assert code == 0, output
-    assert 'is refused: effort nan' in output
+    assert 'is left out: effort nan' in output
