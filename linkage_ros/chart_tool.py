@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart: its command line; `lab/commands` has a file for each command."""
+"""Command line of linkage_chart; `lab/commands` has a file for each command."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from linkage_ros.parameters.presets import preset_names
 from linkage_ros.quantities import Quantity
 
 _NAME = 'linkage_chart'
-# Of commands that have no module of their name.
+# Modules of commands whose module has another name.
 _MODULES = {'movie': 'motion'}
-# What the options may be.
+# Valid ranges of the options.
 _RPM = Quantity('number', "crank speed instead of the file's", 'rpm', -1e6, 1e6)
 _BESIDES = replace(_RPM, meaning="crank speeds besides the file's")
 _ACCELERATION = Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9)
@@ -92,7 +92,7 @@ def _commands() -> dict[str, cli.Command]:
                  {'default': 0.01, 'metavar': 'E', 'note': ' (default 0.01)'}),
                 _OUT,
             ),
-            '%(prog)s PARAMS [options]',  # behind --rpm it would be one of them
+            '%(prog)s PARAMS [options]',  # after --rpm it would be parsed as a speed
         ),
         'sweep': cli.Command(
             _draw, 'many designs of one mechanism, measured and compared: CSV and PNG',
@@ -120,7 +120,7 @@ def _commands() -> dict[str, cli.Command]:
                  {'nargs': '+', 'default': [2.0, 6.0], 'metavar': 'W', 'note': ' (default 2 6)'}),
                 _OUT,
             ),
-            '%(prog)s [PARAMS] [options]',  # behind --speeds they would be one of them
+            '%(prog)s [PARAMS] [options]',  # after --speeds they would be parsed as speeds
         ),
     }  # fmt: skip
 

@@ -23,7 +23,7 @@ from linkage_ros import __version__
 from linkage_ros.errors import ConfigurationError, LinkageError, missing_library, one_line
 from linkage_ros.quantities import Quantity, shown
 
-# Names, the range of a number, and the rest as argparse takes it.
+# Option names, the valid range of a number, and keyword arguments for argparse.
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
@@ -120,7 +120,7 @@ class Command(NamedTuple):
 
 
 def add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
-    """Adds commands to a parser; `options.run(options)` then runs the one that is given."""
+    """Adds commands to a parser; `options.run(options)` runs the selected command."""
     parsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for name, (run, purpose, examples, options, usage) in commands.items():
         words = _described(f'{parser.prog} {name}', purpose, examples)
@@ -226,14 +226,14 @@ def run(name: str, command: Callable[[], int | None]) -> int:
 def leave(code: int) -> int:
     """Ends a process after its work; a ROS process at once, without Python's clean-up.
 
-    While Python takes itself apart, Fast DDS may spin for ever or crash (Fast-DDS#6513), and a
+    While the interpreter shuts down, Fast DDS may hang or crash (Fast-DDS#6513), and a
     second Ctrl-C would be an error.
 
     Args:
         code: Exit code.
 
     Returns:
-        The same, where Python may end as usual.
+        The exit code, if Python may exit normally.
     """
     if 'rclpy' not in sys.modules:
         return code
@@ -254,7 +254,7 @@ def _discard_stdout() -> None:
 def print_error(name: str, error: object) -> None:
     """Prints one line, unless stderr is blocked for a second by a full pipe or Ctrl-S."""
     is_writable = sys.stderr is not None
-    with suppress(OSError, TypeError):  # it is no file
+    with suppress(OSError, TypeError):  # it is not a file
         is_writable = bool(select.select([], [sys.stderr], [], _LONGEST_WAIT)[1])
     if is_writable:
         with suppress(OSError):

@@ -35,7 +35,7 @@ from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
 # ns between two states. After a longer gap, such as a step of the clock, a restart of the plant
-# or a lost connection, the integral begins anew.
+# or a lost connection, the integral is reset.
 _LONGEST_GAP = NS_PER_S // 10
 
 
@@ -75,7 +75,7 @@ PARAMETERS = leaves(Settings)
 
 
 class SpeedController:
-    """PI control of the crank speed, with the exact torque fed forward."""
+    """PI control of the crank speed, with feed-forward of the exact torque."""
 
     def __init__(
         self, mechanism: Mechanism, rpm: float, bandwidth: float, lead: float | None
@@ -168,7 +168,7 @@ class ControllerNode(ParameterNode):
         joints = zip(state.name, state.position, state.velocity, strict=False)  # may be left out
         measured = {name: (angle, speed) for name, angle, speed in joints}
         angle, speed = measured.get(self._crank, (math.nan, math.nan))
-        if not math.isfinite(angle + speed):  # the integral would never be finite again
+        if not math.isfinite(angle + speed):  # the integral would stay non-finite
             words = f'a state without finite position and velocity of {self._crank} is ignored'
             self.get_logger().warning(words, throttle_duration_sec=1.0)
             return

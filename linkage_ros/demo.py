@@ -49,7 +49,7 @@ def _run_live(viewer: str) -> None:
 
 def _run_recorded(viewer: str) -> None:
     print('rclpy is not installed here: recording the run without ROS')
-    rate = 1 if viewer == SPAWN else 1000  # nobody watches a file
+    rate = 1 if viewer == SPAWN else 1000  # a file is not watched live
     for command in (
         _command('record', 'quadrilateral', _LOG, '--duration', _SECONDS, '--overwrite'),
         _command('replay', _LOG, '--no-ros', '--rate', rate, '--viewer', viewer),

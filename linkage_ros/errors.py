@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every error that linkage_ros raises on purpose.
+"""The errors of linkage_ros.
 
 A program reads the fields, a person reads the message: one line that names the value, the
 valid range and what to do.
@@ -54,7 +54,7 @@ def one_line(text: str) -> str:
     return shortened(printable(words), _LONGEST)
 
 
-# Module: what needs which library, and what pip is to install.
+# By module: the feature that needs it, the library, and the arguments of pip.
 _LIBRARIES = {
     'mcap': ('logs need mcap', 'mcap lz4 zstandard'),
     'lz4': ('logs need lz4', 'mcap lz4 zstandard'),

@@ -31,7 +31,7 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
 
     Raises:
         BlockingIOError: The file is locked.
-        OSError: The file cannot be opened, or no file can have this name.
+        OSError: The file cannot be opened, or its name is invalid.
     """
     opener = _open_nonblocking if mode == 'rb' else _open_locked
     try:
@@ -57,7 +57,7 @@ def create_file(
         The file, to be closed by the caller.
 
     Raises:
-        LinkageError: Of that kind: the file exists and is kept, or cannot be created.
+        LinkageError: An error of that kind: the file exists and is kept, or cannot be created.
     """
     try:
         return open_file(path, 'wb' if overwrite else 'xb')

@@ -17,7 +17,7 @@ from linkage_ros.numeric import Real
 
 
 class _Zero:
-    """The zero of terms that a mechanism does not have: x + ZERO is x itself, ZERO * x is ZERO.
+    """The zero of absent terms: x + ZERO is x itself, and ZERO * x is ZERO.
 
     Unlike 0.0 it belongs to the structure of a mechanism, so that a program does not compute it.
     """
@@ -66,7 +66,7 @@ ZERO = _Zero()
 
 
 def total(terms: Iterable[Real]) -> Real:
-    """The sum of the terms from left to right, ZERO without any.
+    """The sum of the terms from left to right; ZERO if there are none.
 
     The built-in sum begins with 0 and, from Python 3.12, compensates rounding errors.
     """
@@ -74,7 +74,7 @@ def total(terms: Iterable[Real]) -> Real:
 
 
 def number(value: Real) -> Real:
-    """The value itself, 0.0 for ZERO."""
+    """The value as a number: 0.0 for ZERO."""
     return 0.0 if value is ZERO else value
 
 
@@ -99,15 +99,15 @@ def atan2(y: Real, x: Real) -> Real:
 
 
 def is_finite(*values: Real) -> Any:
-    """Whether a sum of values is finite, and with it each of them, as a condition.
+    """The condition that the sum of some values, and so each of them, is finite.
 
-    A program leaves out the values from which another one is made, which shows it.
+    A program omits values whose finiteness follows from that of another value.
     """
     recorded = next((x for x in values if hasattr(x, 'apply')), None)
     if recorded is not None:
         values = recorded.tape.unshown(values)
     value = number(total(values))
-    return value - value >= 0.0  # inf - inf is not a number, for which no comparison holds
+    return value - value >= 0.0  # inf - inf is NaN, for which every comparison is false
 
 
 def where(condition: Any, then: Real, otherwise: Real) -> Real:

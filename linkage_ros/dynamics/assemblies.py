@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The positions in which a linkage can be assembled at a crank angle: none, one or two."""
+"""The assemblies of a linkage at a crank angle: none, one or two."""
 
 import cmath
 import math
@@ -16,18 +16,18 @@ from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.numeric import real_numbers, require_finite, wrap
 from linkage_ros.quantities import shown
 
-_SAME = 16 * 2.0**-53  # relative; a few roundings of an angle of one turn
+_SAME = 16 * 2.0**-53  # relative: a few rounding errors of an angle of one turn
 
 
 def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[float, ...], ...]:
-    """Finds the positions in which the links can be put together at a crank angle.
+    """Finds the assemblies of a linkage at a crank angle.
 
     Document 2 counts them: two, the open assembly and then the crossed one; one, where coupler
     and output are in line (for a slider-crank: the coupler and the normal of the guide), at the
     end of a limited crank's reach or at a change point; none beyond that reach.
 
     Args:
-        mechanism: The linkage; its own `assembly` does not count.
+        mechanism: The linkage; its own `assembly` is ignored.
         crank: Crank angle, rad.
 
     Returns:

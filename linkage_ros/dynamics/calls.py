@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs a mechanism's formulas on what methods of a solver are given: floats, arrays, states."""
+"""Evaluates a mechanism's formulas for the arguments of solver methods: floats, arrays, states."""
 
 import functools
 from collections.abc import Callable
@@ -21,12 +21,12 @@ from linkage_ros.quantities import shown
 
 
 class Calls:
-    """The formulas of one mechanism in one description.
+    """Evaluates the formulas of one mechanism, in one choice of coordinates.
 
     Attributes:
-        model: Their constants.
+        model: Constants of the formulas.
         names: Names of the coordinates, of their rates and of their accelerations, by the letters
-            q, u and a; 'torque' for itself.
+        q, u and a; 'torque' stands for the torque.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Calls:
         return Constants(self.model)
 
     def program(self, formula: Callable[..., Any], *letters: str) -> Program:
-        """The program of a formula of the model and of arguments, given by their letters."""
+        """The program of a formula; its arguments are given by their letters."""
         key = formula, letters
         if key not in self._programs:
             arguments = tuple(self.names[letter] for letter in letters)
@@ -81,7 +81,7 @@ class Calls:
         return self._programs[key]
 
     def run(self, formula: Callable[..., Any], *, by_math: bool = False, **given: Any) -> Any:
-        """Runs a formula of the model.
+        """Evaluates a formula of the model.
 
         Args:
             formula: The formula.
@@ -133,7 +133,7 @@ class Calls:
         """Positions, rates and accelerations of all links.
 
         Raises:
-            ConfigurationError: It is not a state of this mechanism.
+            ConfigurationError: The argument is not a state of this mechanism.
         """
         rows = state[:3] if isinstance(state, State) else ()
         if not rows or any(type(row) is not tuple or len(row) != self._links for row in rows):
@@ -148,7 +148,7 @@ class Calls:
 
 
 def refuse_overflow(names: tuple[str, ...], *values: float) -> NoReturn:
-    """Rejects numbers that are not finite, or whose results overflow.
+    """Rejects numbers that are not finite or that make a result overflow.
 
     Raises:
         ConfigurationError: Always.

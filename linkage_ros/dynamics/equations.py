@@ -12,7 +12,7 @@ made once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all i
 through the spin of link j is sum_k A phi_k'' - B phi_k'^2. A link that slides adds its mass. The
 power of the loads is subtracted. Weighed with the links' velocities per rate of each coordinate
 (the jacobian), this gives the equations of motion M q'' + h - Q = driving torque, and 0 for
-coordinates that nothing drives. No pin reaction appears.
+undriven coordinates. No pin reaction appears.
 """
 
 import itertools
@@ -38,7 +38,7 @@ from linkage_ros.model.pose import LinkPose, Loop, Pose
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Structure
 from linkage_ros.numeric import Real
 
-# A refusal that refuses nothing.
+# A refusal that accepts everything.
 ACCEPT = Opaque(lambda *_: None)
 
 
@@ -84,8 +84,8 @@ class Model(NamedTuple):
         loop: Constants of the kinematics.
         links: The links.
         gravity: Acceleration of gravity, m/s^2.
-        loads: What acts on the links besides their weights, but for `joint_loads`.
-        joint_loads: What the forces in the joints make.
+        loads: Loads on the links, without weights and `joint_loads`.
+        joint_loads: Loads caused by joint forces, such as friction.
         refuse: Refuses q, u and a that are not finite, or that make a result not finite.
         refuse_torque: Refuses q, u and a torque, likewise.
         massless: Refuses a mass matrix that is not positive.
@@ -114,7 +114,7 @@ class Model(NamedTuple):
             mechanism: The mechanism.
             structure: Its structure.
             loop: Constants of the kinematics; None: the mechanism's own.
-            **refusals: The last fields; the others refuse nothing.
+            **refusals: The last fields; those left out accept everything.
 
         Returns:
             The constants.
@@ -177,12 +177,12 @@ def balance(
 ) -> list[Real]:
     """M q'' + h - Q: the force that must act on each coordinate.
 
-    It is linear in the accelerations. With those of the whole motion it is the driving torque;
-    with those that remain at q'' = 0 it is h - Q.
+    It is linear in the accelerations. With the full accelerations it is the driving torque;
+    with those at q'' = 0 it is h - Q.
 
     Args:
         model: The constants.
-        pose: Where the links are.
+        pose: Positions of the links.
         rates: Velocity of each link, rad/s or m/s.
         changes: Acceleration of each link, rad/s^2 or m/s^2.
 
@@ -319,7 +319,7 @@ def meetings(
     rates, found = velocities(pose, u), []
     for dyad, exact in itertools.zip_longest(dyads, pose.sines):
         first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
-        # A link that slides meets the other with its normal, and does not turn.
+        # A sliding link does not turn; the angle is that to the normal of its guide.
         slides = model.links[dyad.second].slides
         normal = second.left() if slides else second
         slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact

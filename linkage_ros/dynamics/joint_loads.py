@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads that the forces in the joints make, such as dry friction, and that change these forces.
+"""Loads that depend on the joint forces and change them, such as dry friction.
 
 For a given motion, the forces are linear in the loads: F_k = F0_k + sum_m R_km s_m, where s_m is
 the magnitude of the force in joint m, and R_km holds the coefficient of friction. Newton's method
 solves s_k = |F_k|. Its matrix, 1_km - F_k . R_km / |F_k|, has the determinant 1 without friction.
-Several solutions may exist; the right one is that which develops from the forces without friction
-while the coefficients grow, and on the way to it the determinant stays positive. Where the
-determinant reaches 0, forces pass all bounds or stop to exist: the mechanism locks itself.
+Several solutions may exist. The right one is reached continuously from the frictionless forces as
+the coefficients grow, and the determinant stays positive on the way. Where the determinant
+reaches 0, the forces become infinite or cease to exist: the mechanism is self-locking.
 """
 
 import functools
@@ -28,18 +28,18 @@ from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
 
 _ROUNDS = 1000
-_PART = 1e-12  # of the largest force, by which a state that is solved still changes
-_ROUNDING = 1e-6  # the same where rounding errors no longer let the change shrink
-_SINGULAR = 1e-12  # a determinant whose digits are all wrong
-_STEP = 1e-9  # the smallest step of the coefficients, as a share of them
+_PART = 1e-12  # largest change of a solved state, relative to the largest force
+_ROUNDING = 1e-6  # the same where rounding errors keep the change from shrinking
+_SINGULAR = 1e-12  # a determinant without correct digits
+_STEP = 1e-9  # smallest step of the coefficients, as a fraction of them
 
 
 class FoundLoad(NamedTuple):
     """The loads that joint forces cause, such as friction, as a `Load`.
 
     Attributes:
-        inner: What pins between two links exert on each link, N m.
-        outer: What the frame exerts on each: by its pins, N m, by its guide, N.
+        inner: Torques of the pins between two links on each link, N m.
+        outer: Loads of the frame on each link: of its pins, N m; of its guide, N.
     """
 
     inner: tuple[Real, ...]
@@ -56,14 +56,14 @@ class FoundLoad(NamedTuple):
 
 
 class Search(NamedTuple):
-    """How far the search for the forces of a state has come.
+    """Progress of the search for the joint forces of a state.
 
     Attributes:
-        share: Share of the coefficients for which they are sought, from 0 to 1.
-        solved: Share for which they are known.
+        share: Fraction of the coefficients of this round, from 0 to 1.
+        solved: Largest fraction for which the forces are solved.
         change: Their change in the last round, N; inf before the first round of a share.
-        sizes: Magnitudes of the forces in the joints that make loads, as far as they are found, N.
-        known: The same at the share that is solved.
+        sizes: Latest magnitudes of the forces in the joints that cause loads, N.
+        known: The same at the fraction `solved`.
     """
 
     share: Any
@@ -77,11 +77,11 @@ class Round(NamedTuple):
     """The outcome of one round.
 
     Attributes:
-        state: The state under the load of the forces that were found before.
+        state: The state under the loads of the previous forces.
         reactions: The fields of `Reactions`, in its order.
-        load: This load.
-        search: What the next round begins with; where the forces are solved, the same again.
-        left: 0 where they are solved, -1 where the mechanism locks itself, 1 elsewhere.
+        load: These loads.
+        search: Input of the next round; unchanged where the forces are solved.
+        left: 0 where the forces are solved, -1 where the mechanism is self-locking, 1 elsewhere.
     """
 
     state: State
@@ -118,14 +118,14 @@ def joint_load_round(
     a: Sequence[Real],
     search: Search,
 ) -> Round:
-    """The motion under the loads that some forces make, and a step of Newton's method from these.
+    """Solves the motion under the loads of given joint forces, and makes one Newton step.
 
     Args:
         constants: The constants.
         q: Coordinates.
         u: Their rates.
         a: Their accelerations.
-        search: The forces.
+        search: The joint forces so far.
 
     Returns:
         The round.
@@ -138,7 +138,7 @@ def joint_load_round(
     loaded = model._replace(loads=(*model.loads, load))
     found = reactions((loaded, joints), q, u, a)
 
-    # The loads alone that a force of 1 N makes in one joint after the other: R_km.
+    # The loads of a force of 1 N in each joint in turn: R_km.
     nothing: Any = ZERO
     links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
     weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
@@ -157,7 +157,7 @@ def _contacts(model: Model, joints: Joints, rates: Sequence[Real]) -> list[Conta
 def _exerted(
     contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
 ) -> FoundLoad:
-    """The load that forces of some magnitudes make, with a share of the coefficients."""
+    """The loads of joint forces of given magnitudes, with a fraction of the coefficients."""
     inner, outer = [ZERO] * links, [ZERO] * links
     for contact, size in zip(contacts, sizes, strict=True):
         row = inner if len(contact.levers) > 1 else outer
@@ -206,10 +206,10 @@ def _advanced(
 def _next(
     search: Search, steps: Sequence[Real], whole: Real, largest: Real
 ) -> tuple[Search, Real]:
-    """The search with which the next round begins, and `Round.left`.
+    """The input of the next round, and `Round.left`.
 
     Args:
-        search: What this round began with.
+        search: Input of this round.
         steps: Newton's steps, N.
         whole: The determinant.
         largest: The largest force, N.
@@ -245,17 +245,17 @@ def _largest(values: Sequence[Real]) -> Real:
 
 
 def settle(run: Callable[..., Round], count: int, shape: tuple[int, ...]) -> Round:
-    """Repeats rounds until the forces are solved, or do not exist.
+    """Repeats rounds until the forces are solved or found not to exist.
 
     Args:
         run: `joint_load_round` of one motion, or of an array of them: a function of the numbers of
             a `Search`.
-        count: How many these are.
-        shape: Shape of an array of motions; empty: it is one.
+        count: Number of motions.
+        shape: Shape of an array of motions; empty: a single motion.
 
     Returns:
-        The last round; `left` is not 0 where the mechanism locks itself. What is solved stays, so
-        that arrays have the bits of their states.
+        The last round; `left` is not 0 where the mechanism is self-locking. Solved states stay
+        unchanged, so that array results are bit-identical to those of single states.
     """
     search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (count - 3)]
     if shape:  # one program for all rounds

@@ -27,7 +27,7 @@ from linkage_ros.dynamics.tape import COMPARISONS, OPERATORS, Argument, Recorder
 from linkage_ros.dynamics.trees import Constants, leaves, transformed
 from linkage_ros.numeric import Real, by_element
 
-_CHUNK = 16384  # values of an array at a time: what lies between stays in the processor's cache
+_CHUNK = 16384  # array values per block: intermediate results stay in the processor's cache
 _INFIX = {
     **{sign: f'{{}} {sign} {{}}' for sign in OPERATORS.values()},
     'neg': '-{}', 'where': '{1} if {0} else {2}',
@@ -76,8 +76,8 @@ class Writer:
     def text(self) -> tuple[str, str]:
         """The sources of two functions.
 
-        The first computes what depends on constants alone, and returns all that it knows by name.
-        The second is the program, which reads these names.
+        The first computes all terms of constants alone, and returns them by name.
+        The second is the program; it reads these names.
         """
         tape = self._tape
         written = [
@@ -158,8 +158,8 @@ class Code(NamedTuple):
 
     Attributes:
         text: Its source code.
-        bound: From the numbers of the constants, and from functions by name that the program
-            calls, to the program.
+        bound: Makes the program from the numbers of the constants and, by name, the functions
+        that it calls.
     """
 
     text: str
@@ -185,7 +185,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     run = space[program[len('def ') : program.index('(')]]
 
     def bound(numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
-        """Puts numbers in place of the texts: Python reads these faster than variables."""
+        """Replaces the texts by numbers, which Python reads faster than variables."""
         values = space['bind'](*numbers)
         constants = transformed(lambda x: values.get(x, x), run.__code__.co_consts)
         code = run.__code__.replace(co_consts=constants)
@@ -267,7 +267,7 @@ class Program:
         )
 
     def _once(self, part: tuple[Any, ...], make: Callable[[], _T]) -> _T:
-        """Makes something once for all programs of one formula and structure."""
+        """Caches an object for all programs of one formula and structure."""
         known, key = self.constants.known, (self.formula, self._arguments, *part)
         if key not in known:
             known[key] = make()
@@ -283,14 +283,14 @@ class Program:
         return transformed(formulas.number, result)
 
     def designs(self, *values: Real, by_math: bool = False) -> Any:
-        """The program where constants may be arrays, too: designs times angles.
+        """Runs the program with constants that may also be arrays: designs times angles.
 
         Args:
             *values: Floats, and arrays that broadcast with those among the constants.
             by_math: See `arrays`.
 
         Returns:
-            The result; what nothing of an array enters is a float.
+            The result; values that do not depend on an array are floats.
         """
         named = [line.text for line in self.tape.lines if line.operation == 'constant']
         given = zip([*named, *self.names], [*self.constants.numbers, *values], strict=True)

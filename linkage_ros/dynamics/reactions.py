@@ -47,9 +47,9 @@ class Joints(NamedTuple):
     """The constants of a mechanism's joints, for formulas.
 
     Attributes:
-        pins: The pin joints, empty where they are not known.
+        pins: The pin joints; empty if they are not known.
         places: Their points, in the same order.
-        dyads: Which links meet in pins.
+        dyads: The dyads of the structure.
         refuse: Refuses q at which forces in the joints have no finite value.
     """
 
@@ -70,7 +70,7 @@ def reactions(
 ) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
     """The forces in the joints of a mechanism in motion, as fields of `Reactions`.
 
-    They grow without bound towards a change point or a limit of the crank.
+    The forces grow without bound near a change point or a limit of the crank.
     """
     model, joints = constants
     require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
@@ -149,7 +149,7 @@ class _Balance:
         )
 
     def _act(self, pin: Pin, force: Vector) -> None:
-        """Adds the force in a pin."""
+        """Adds a pin force to both links."""
         self.forces[pin.name] = force
         self._known[pin.second].append((self._place[pin.name], force))
         first = _FRAME if pin.first is None else pin.first
@@ -171,7 +171,7 @@ class _Balance:
         self._act(self._pins[dyad.pin], force)
 
     def complete(self, j: int) -> None:
-        """Finds the force in the one pin of a link that is not solved yet."""
+        """Solves the only unknown pin force of a link."""
         pins = [pin for pin in self._pins.values() if j in (pin.first, pin.second)]
         unknown = [pin for pin in pins if pin.name not in self.forces]
         if unknown and not self._links[j].slides:
@@ -179,7 +179,7 @@ class _Balance:
             self._act(pin, force if pin.second == j else -force)
 
     def lean(self, j: int) -> Real:
-        """Finds the force of a guide on its slider, to its left."""
+        """Solves the force of a guide on its slider, positive to the guide's left."""
         across = self._directions[j].left()
         force = dot(across, self.force(j))
         self._known[_FRAME].append((self._centers[j], across * -force))

@@ -27,7 +27,7 @@ from linkage_ros.model.structure import Description, Mechanism, Point
 from linkage_ros.numeric import Real, real_numbers
 from linkage_ros.quantities import shown
 
-# First lines of the programs to which floats go at once, where there is only one coordinate.
+# First lines of programs that take floats directly; for mechanisms with one coordinate.
 _HEADS = {
     'state': [
         'def state(q, u=0.0, a=0.0, by_math=False):',
@@ -52,8 +52,8 @@ class Solver:
     Attributes:
         mechanism: Description of the mechanism.
         structure: Structure of its links.
-        links: Names of the links, in the order of all tuples.
-        description: Coordinates and assembly in which motions are described.
+        links: Names of the links, in the order used by all tuples.
+        description: Choice of coordinates and assembly.
         coordinates: Names of the links whose positions are the coordinates.
     """
 
@@ -97,7 +97,7 @@ class Solver:
             self._shorten(self.accelerations, equations.acceleration, 'q', 'u', 'torque')
 
     def _shorten(self, method: Any, formula: Callable[..., Any], *letters: str) -> None:
-        """Replaces a method for this solver: floats go at once to the program of a formula."""
+        """Replaces a method of this solver by one that passes floats directly to the program."""
         name = method.__name__
 
         def first(*given: Any, **named: Any) -> Any:
@@ -215,21 +215,21 @@ class Solver:
     def forward(self) -> Callable[[Sequence[float], float], tuple[float, ...]]:
         """The accelerations under a torque, for integrators: floats without checks.
 
-        A function of y, the coordinates and then their rates, and of the torque, N m; it raises
-        errors as `accelerations` does.
+        The function takes y, the coordinates and then their rates, and the torque, N m. It raises
+        the errors of `accelerations`.
         """
         program = self._calls.program(equations.forward, 'q', 'u', 'torque')
         *given, torque = program.names
         return program.entry(f'def forward(y, {torque}):', f'{", ".join(given)} = y')
 
     def meetings(self, y: Sequence[float]) -> tuple[Meeting, ...]:
-        """The angles at which the links of each dyad of the structure meet.
+        """The angles between the two links of each dyad.
 
         Args:
             y: Coordinates, then their rates, floats.
 
         Returns:
-            See `Meeting`; behind them those of the dyads of the other coordinates, if there are.
+            See `Meeting`; those of the dyads of the other coordinates, if any, come last.
 
         Raises:
             LinkageError: As for `state`.
@@ -346,14 +346,14 @@ class Solver:
         return found
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
-        """How near two links that meet are to one line, beyond which the motion may not go on.
+        """Measures how close a dyad is to being in line, where the motion may end.
 
         Args:
             q: Coordinates, floats, in a sequence even of one.
 
         Returns:
-            The sine of the angle at which they meet, of a link and its guide of the angle to the
-            guide's normal; 0 where the loop does not close. And what they are at 0, in words.
+            The sine of the angle between the links or, for a slider, between the link and the
+            guide's normal; 0 where the loop does not close. Then a description of the place at 0.
         """
         dyads, links = self.structure.dyads, self.structure.links
         if not dyads:
@@ -377,7 +377,7 @@ class Solver:
 
     @functools.cached_property
     def _reactions(self) -> Program:
-        """The program of joint forces; if these make loads, that of a round."""
+        """The program of joint forces; with loads that depend on them, that of one round."""
         words = (
             'all links lie in one line: the forces in the joints have no finite value at a change '
             'point; ask for angles beside it'
@@ -390,7 +390,7 @@ class Solver:
         return Program(reactions, constants, tuple(motion))
 
     def _settle(self, *given: Any, by_math: bool = False) -> Round:
-        """The motion under loads that the forces in the joints make.
+        """Solves the motion under loads that depend on the joint forces.
 
         Raises:
             UnreachableError: Friction locks the mechanism.

@@ -21,9 +21,9 @@ OPERATORS = {
 COMPARISONS = '>', '>=', '<', '<='
 # x * 1, x / 1, x - 0.0 and x + -0.0 are x for every double, signed zeros included.
 _NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
-# How many of the first operands of an operation make a result that is not finite, if they are not.
+# For each operation, the number of first operands whose non-finite values make the result so.
 _PASSED_ON = {'+': 2, '-': 2, '*': 2, '/': 1, 'neg': 1, 'abs': 1}
-# Files whose functions have no names of their own for what they compute.
+# Files whose functions do not name the values that they compute.
 _UNNAMED = __file__, formulas.__file__, numeric.__file__
 
 
@@ -84,7 +84,7 @@ class Tape:
     Attributes:
         title: Name of the formula.
         lines: The operations.
-        names: What the formulas call the results of lines.
+        names: Names of the results of lines in the formulas.
         result: Result of the formula, in recording numbers.
     """
 
@@ -104,7 +104,7 @@ class Tape:
         self._numbers: dict[Line, int] = {}
         named = zip(leaves(constants), leaves(paths(constants, 'k')), strict=True)
         given = iter([self._add('constant', (), path) if is_number(x) else x for x, path in named])
-        # A profiler at work is left alone: names are missing then.
+        # An active profiler is kept; names are then missing.
         is_free = sys.getprofile() is None
         if is_free:
             sys.setprofile(self._take_names)
@@ -144,9 +144,9 @@ class Tape:
         return self._add(operation, tuple(x.line for x in known))
 
     def unshown(self, values: Iterable[Real]) -> list[Recorder]:
-        """Leaves out the values that another one shows to be finite.
+        """Leaves out values whose finiteness follows from that of another value.
 
-        A sum, a difference, a product or a quotient is finite only if what enters it is.
+        A sum, difference, product or quotient is finite only if its operands are.
 
         Args:
             values: Recording numbers, and finite ones.

@@ -73,11 +73,11 @@ def travel(solver: Solver) -> Travel:
     at = [_reversal(solver, *crank[i : i + 2].tolist()) for i in before]
     places = [solver.state(angle).position[-1] for angle in at]
     if not slides:
-        # Each in the turn that the samples around it are in.
+        # Each angle in the turn of the surrounding samples.
         places = [p + _whole_turns(position[i] - p) for i, p in zip(before, places, strict=True)]
     extremes: tuple[float, float] | None = None
     if slides or not _whole_turns(position[-1] - position[0]):
-        # An output that nearly rests reverses within rounding, where no change of sign is seen.
+        # If the output nearly rests, rounding errors hide the change of sign.
         ends = *places, float(position.min()), float(position.max())
         low, high = min(ends), max(ends)
         seam = 0.0 if slides else _whole_turns(0.5 * (low + high))

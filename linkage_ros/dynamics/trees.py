@@ -38,7 +38,7 @@ class Constants:
 
     Attributes:
         numbers: The numbers and opaque functions in the tree, in order.
-        known: What is compiled for constants of this structure, whatever their numbers.
+        known: Compiled programs for constants of this structure, independent of their values.
     """
 
     def __init__(self, tree: Any) -> None:
