@@ -159,11 +159,11 @@ class Stop:
             self._signals.append(signal.SIGHUP)
         for number in self._signals:
             signal.signal(number, self._request)
-            # While Python ends it takes its handlers back; a second Ctrl-C would kill it.
+            # At exit Python restores its own handlers; a second Ctrl-C would then kill it.
             atexit.register(signal.signal, number, signal.SIG_IGN)
 
     def _request(self, *_: object) -> None:
-        for number in self._signals:  # of a flood, one would interrupt the other for ever
+        for number in self._signals:  # each handler would interrupt the previous one
             signal.signal(number, signal.SIG_IGN)
         self.set()
 

@@ -130,7 +130,7 @@ def where(condition: Any, then: Real, otherwise: Real) -> Real:
 
 
 def require(condition: Any, refuse: Callable[..., object], *values: Real) -> None:
-    """Guards the formulas that follow.
+    """Guards the following formulas with a condition.
 
     Args:
         condition: Must hold everywhere.
@@ -147,7 +147,7 @@ def require(condition: Any, refuse: Callable[..., object], *values: Real) -> Non
 
 
 class Opaque:
-    """A function that a program calls as it is, such as a table or a refusal.
+    """A function that a program calls unchanged, such as a table or a refusal.
 
     Other functions that a formula calls become part of the program.
 
@@ -207,7 +207,7 @@ def cross(u: Vector, v: Vector) -> Real:
 
 
 def turned(vector: Vector, cos: Real, sin: Real) -> Vector:
-    """A vector turned by an angle, and stretched where cos^2 + sin^2 is not 1."""
+    """A vector rotated by an angle, and scaled if cos^2 + sin^2 is not 1."""
     return Vector(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos)
 
 

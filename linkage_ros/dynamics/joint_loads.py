@@ -61,7 +61,7 @@ class Search(NamedTuple):
     Attributes:
         share: Fraction of the coefficients of this round, from 0 to 1.
         solved: Largest fraction for which the forces are solved.
-        change: Their change in the last round, N; inf before the first round of a share.
+        change: Change in the last round, N; inf before the first round of a fraction.
         sizes: Latest magnitudes of the forces in the joints that cause loads, N.
         known: The same at the fraction `solved`.
     """

@@ -315,8 +315,8 @@ class Program:
         run = self.code(varying, by_math=by_math).bound(self.constants.numbers)
         size = math.prod(shape)
         results = [np.empty(size) for _ in leaves(self.tape.result)]
-        # glibc hands memory of the size of a chunk back to the system at once, and gets it again
-        # page by page, until it has seen a larger piece freed. This one is never touched.
+        # glibc returns blocks of this size to the system at once and fetches them again page by
+        # page, until a larger block has been freed. This block is never touched.
         np.empty(3_000_000)
         for start in range(0, size, _CHUNK):
             part = slice(start, start + _CHUNK)

@@ -35,7 +35,7 @@ _FULL = 'full model'
 _HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
 _NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
 _TIMED = 8  # every such angle is timed
-_SAMPLES = 2048  # even states to which series are fitted, and of which tables have some
+_SAMPLES = 2048  # evenly spaced states: series are fitted to all, tables use some of them
 
 
 class Saving(NamedTuple):

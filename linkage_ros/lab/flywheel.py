@@ -32,14 +32,14 @@ from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 _PARTS = 2880  # of a turn: four digits of a flywheel where load curves have corners
-_ROUNDS, _CLOSE = 30, 1e-11  # until the speed changes by less than this share
-_UNEVEN = 10.0  # the fluctuation of a crank whose cycle is not found
-_APART = 1e-6  # of the speed, between two energies that give a slope
-# Mean speeds under a motor, until its own lies between two of them: up to 50 times the given
-# speed, or down to 1/50 of it.
+_ROUNDS, _CLOSE = 30, 1e-11  # relative change of the speed at which rounds end
+_UNEVEN = 10.0  # fluctuation of a crank without a cycle
+_APART = 1e-6  # relative difference in speed between two energies that give a slope
+# Mean speeds that are tried to bracket the speed under a motor: from 1/50 to 50 times the
+# given speed.
 _NEXT, _STARTS = 1.25, 19
-_SLOWEST = 1e-13  # of the span of energies, above the one at which the crank stops
-_MASSLESS = 1e-9  # of the largest inertia at the crank: none
+_SLOWEST = 1e-13  # margin above the energy of a stopped crank, relative to the span
+_MASSLESS = 1e-9  # inertia, relative to the largest at the crank, that counts as none
 _NONE = 'no steady cycle of its speed was found'
 _NO_MOTOR = Motor()
 

@@ -231,12 +231,12 @@ def mean(crank: Array, values: Array) -> float:
 
 def _peak(crank: Array, values: Array) -> tuple[float, float]:
     top = int(np.argmax(values))
-    # The end of the period is its start.
+    # The end of the period coincides with its start.
     if top in (0, len(values) - 1):
         return float(values[top]), 0.0
     slope, bend = _parabola(crank, values, top)
     around = [_parabola(crank, values, i)[1] for i in (top - 1, top + 1) if 0 < i < len(crank) - 1]
-    # Where a load curve has a corner, no parabola goes through it.
+    # No parabola is fitted at a corner of a load curve.
     if not bend < 0 or any(not 2 * bend < other < 0.5 * bend for other in around):
         return float(values[top]), float(crank[top])
     aside = -0.5 * slope / bend

@@ -30,7 +30,7 @@ STYLE: dict[Any, Any] = {
 def chart(
     path: Path, height: float, title: str | None = None, layout: Any = 'constrained'
 ) -> Iterator[Figure]:
-    """Makes a chart in the style of all, and saves it.
+    """Makes a chart in the common style, and saves it.
 
     Args:
         path: The PNG file, replaced if it exists.

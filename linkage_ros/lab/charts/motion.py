@@ -46,13 +46,13 @@ _TITLES = {
     'm': 'Slider position', 'm/s': 'Slider velocity', 'm/s^2': 'Slider accel.',
 }  # fmt: skip
 _DASHES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
-# That of the link on which the pin's force acts; B0's has the ground's, so that B and B0 differ.
-# What belongs to no link has none's.
+# Colour of the link on which the pin's force acts; B0 has the ground's colour, unlike B.
+# Other quantities have the colour of no link.
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
     'guide': BLACK, 'x': BLACK, 'y': DARK, 'moment': BLACK, 'torque': COLORS['crank'],
 }  # fmt: skip
-# Of the designs, in their order.
+# Colours of the designs, in order.
 DESIGN_COLORS = SKY, ORANGE, BLACK, PURPLE, GREEN, BLUE, VERMILION
 
 

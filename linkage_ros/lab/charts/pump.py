@@ -103,7 +103,7 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     axes.set(title='Settled motions')
     axes.set_xlabel('Slider position xD, m', labelpad=1)
     axes.set_ylabel("Slider velocity xD', m/s")
-    # Below the panel it hides nothing.
+    # Below the panel the legend hides nothing.
     axes.legend(
         *axes.get_legend_handles_labels(), ncols=2, frameon=False, columnspacing=1.2,
         loc='upper center', bbox_to_anchor=(0.5, -0.13), borderpad=0, labelspacing=0.2,

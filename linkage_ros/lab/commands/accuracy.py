@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart accuracy: a picture for each linkage, one for all motions, one for `follow`."""
+"""linkage_chart accuracy: one picture per linkage, one for all motions, one for `follow`."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ from linkage_ros.palette import (
     fractions,
 )
 
-_CEILING = 10.0  # where larger errors are drawn
-_LEAST = 1e-17  # where an error of 0 is drawn
-_SPAN = 1.0, 100.0  # % of error of a followed crank that are drawn
+_CEILING = 10.0  # position of larger errors
+_LEAST = 1e-17  # position of an error of 0
+_SPAN = 1.0, 100.0  # range of drawn errors of a followed crank, %
 
 
 def _style(marker: str, color: Color, size: float = 6.0, *, filled: bool = True) -> dict[str, Any]:
@@ -73,8 +73,8 @@ _STYLES = {
     'multipliers, Baumgarte': _style('P', SKY, 7),
     'multipliers, projected': _style('v', ORANGE),
 }
-_OTHER = _style('d', DARK, filled=False)  # of a method from outside the package
-_STEADY = _style('*', VERMILION, 13)  # of the live default at its own setting
+_OTHER = _style('d', DARK, filled=False)  # marker of a method from outside the package
+_STEADY = _style('*', VERMILION, 13)  # marker of the live default at its own setting
 _ENCODERS = [
     _style(marker, color, 5)
     for marker, color in zip('s^oDv', (VERMILION, ORANGE, GREEN, BLUE, PURPLE), strict=True)

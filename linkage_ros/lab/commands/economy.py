@@ -36,9 +36,9 @@ from linkage_ros.palette import (
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file
 
-_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # of the mechanism's own speed, where none are given
+_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own
 _LEAST = 1e-4  # smaller errors are not drawn
-_ROOM = 0.88  # of the distance between two speeds, for bars
+_ROOM = 0.88  # width of the bars, relative to the distance between two speeds
 _OTHERS = {'gravity': DARK, STATIC: PURPLE}
 _OTHERS |= zip((kind.group for kind in LOADS if kind.group), (ORANGE, SKY), strict=False)
 _HATCHES = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}

@@ -81,7 +81,7 @@ def _demand(period: Period, name: str, average: float) -> str:
 
 
 def _carried(crank: Crank, motor: Motor, speed: float, added: float) -> tuple[Cycle | None, str]:
-    """The cycle under a motor, if there is one, and its description."""
+    """The cycle under the motor, if any, and its description."""
     try:
         cycle = crank.under(motor, speed, added)
     except LinkageError as error:

@@ -97,7 +97,7 @@ def show(source: str, rpm: float | None, **others: Any) -> tuple[Drive, Period, 
     """
     configuration, name = load(source), find_file(source).stem
     others = {option: value for option, value in others.items() if value}
-    settles = Solver(configuration.mechanism).mobility is None  # it moves as its motor drives it
+    settles = Solver(configuration.mechanism).mobility is None  # its motor determines the motion
     period, (group, *lines) = (_settled if settles else _driven)(
         source, configuration, rpm, others
     )
@@ -142,7 +142,7 @@ def _settled(
     """Computes the steady motion of a wind pump, and lines about it.
 
     Raises:
-        ConfigurationError: It does not settle, or an option does not apply to it.
+        ConfigurationError: The pump does not settle, or an option does not apply to it.
     """
     for option in others:
         raise ConfigurationError(

@@ -26,7 +26,7 @@ def pump(options: argparse.Namespace) -> None:
         options: Options of the command line.
 
     Raises:
-        ConfigurationError: It is not a wind pump, or the folder cannot be written.
+        ConfigurationError: The mechanism is not a wind pump, or the folder cannot be written.
     """
     configuration = load(options.params)
     mechanism, drive = configuration.mechanism, configuration.drive

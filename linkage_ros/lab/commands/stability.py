@@ -38,7 +38,7 @@ from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS
 from linkage_ros.lab.methods.situations import SITUATIONS
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
-# Fill and text. In grey they are still told apart, and each cell says its outcome in words.
+# Fill and text. They differ in grey scale too, and each cell names its outcome.
 _COLORS = {
     RIGHT: (mixed(GREEN, WHITE, 0.9), mixed(GREEN, BLACK, 0.7)),
     REFUSED: (mixed(SKY, WHITE, 0.6), mixed(BLUE, BLACK, 0.7)),
@@ -63,12 +63,12 @@ GRIDS = (
     (FRICTION_METHODS, FRICTION_SITUATIONS),
     (INTEGRATORS, MOTION_SITUATIONS),
 )
-# Sizes in inches: a cell; the names to the left; those above, aslant; what is above and below all.
-# Cells of whole pixels are alike: the file is smaller by a third.
+# Sizes in inches: a cell; the names on the left; the slanted names above; top and bottom margins.
+# Cells of whole pixels are identical, which makes the file a third smaller.
 _WIDE, _HIGH = 92 / DPI, 53 / DPI
 _LEFT, _ABOVE = 1.2, 1.4
 _TOP, _FOOT = 0.5, 0.75
-_NAMES, _SAID = 16, 42  # letters in a line, of situations and of what is said of them
+_NAMES, _SAID = 16, 42  # characters per line of situations and of their descriptions
 
 
 def stability(options: argparse.Namespace) -> None:
@@ -140,7 +140,7 @@ def _draw_grid(
             fill, ink = map(fractions, _COLORS[outcome])
             square = Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5)
             axes.add_patch(square)
-            # Where no state exists, a refusal is right.
+            # If no state exists, a refusal is right.
             is_good = outcome == RIGHT or (outcome == REFUSED and not situation.exists)
             words = _SHORT.get(outcome, outcome)
             if cell['worst_error'] is not None:

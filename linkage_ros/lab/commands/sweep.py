@@ -22,9 +22,9 @@ from linkage_ros.lab.sweep.study import read_study
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
 from linkage_ros.progress import progress_bar
 
-_BLOCK = 2048  # designs that a worker gets at a time, however many workers there are
+_BLOCK = 2048  # designs per block, independent of the number of workers
 _HEIGHT = 4.6  # inches
-_MARGIN = 0.08  # of the span of the good designs
+_MARGIN = 0.08  # margin, relative to the span of the good designs
 _LOOKS: dict[str, dict[str, Any]] = {
     OUTSIDE: {'color': fractions(GREY), 's': 4, 'alpha': 0.5},
     VALID: {'color': fractions(SKY), 's': 6},
@@ -75,7 +75,7 @@ def sweep(options: argparse.Namespace) -> None:
 
 
 def _draw_front(results: Results, name: str, path: Path) -> None:
-    """Draws the two goals of all designs over each other."""
+    """Draws one goal of all designs against the other."""
     goals = [*results.study.goals]
     with chart(path, _HEIGHT, f'{name}: {results.summary()}') as figure:
         axes = figure.add_subplot()

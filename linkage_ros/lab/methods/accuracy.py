@@ -96,8 +96,8 @@ def measure_accuracy(
 
 
 def with_fronts(points: list[Point]) -> list[Point]:
-    """Marks the points of each panel that no other right one beats in both time and error."""
-    # A wrong point is fast for nothing: no front goes through it.
+    """Marks the Pareto front of each panel: right points that no other right point dominates."""
+    # Wrong points are not part of any front.
     right = [
         point for point in points
         if None not in (point['us_per_state'], point['max_error']) and point['max_error'] <= LIMIT

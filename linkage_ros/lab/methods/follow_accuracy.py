@@ -29,7 +29,7 @@ from linkage_ros.units import NS_PER_S, radians_per_second
 BITS = (12, 14, 16, 18, 20)
 BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
 RPM = 150.0
-_DAMPING = 20.0  # of the motor, N m s: the speed stays within 3 % of 150 rpm
+_DAMPING = 20.0  # damping of the motor, N m s: the speed stays within 3 % of 150 rpm
 _PERIOD = NS_PER_S // 1000  # between measurements, ns
 _TURN = 400  # measurements; two turns to settle, two that are compared
 
@@ -45,8 +45,8 @@ def measure_follow(
 
     Returns:
         The points: resolution, whether the velocity is measured as well, bandwidth of the filter,
-        Hz, and largest torque error, relative to the largest torque at a constant speed. And the
-        lowest and highest crank speed, rpm.
+        Hz, and largest torque error, relative to the largest torque at a constant speed. Then
+        the lowest and highest crank speed, rpm.
     """
     solver, speed = Solver(preset('quadrilateral').mechanism), radians_per_second(RPM)
     drive = TorqueDrive(motor=Motor(_DAMPING * speed, _DAMPING), start_rpm=RPM)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods of integrating motion under a torque, to one time after another.
+"""Integrators of motion under a torque, from one requested time to the next.
 
 Each begins at the start of an initial value problem. `at` integrates to a time not before the last
 one, s, and returns the phase: coordinates, the crank with all its turns, then their rates. `gap`
@@ -27,12 +27,12 @@ from linkage_ros.motion.published import published
 from linkage_ros.numeric import Array
 
 _FIRST_STEP = 1e-4  # s
-_END = 1e10  # s, which no run reaches
-_MOST_STEPS = 500  # from one time to the next: with more it is stuck
+_END = 1e10  # s, longer than any run
+_MOST_STEPS = 500  # between two times; with more the solver counts as stuck
 
 
 def _gap(solver: Solver, phase: Phase) -> float:
-    """The gap at coordinates, which close the loop by themselves, but for rounding."""
+    """The gap at coordinates; they close the loop up to rounding errors."""
     half = len(phase) // 2
     state = solver.state(phase[:half], phase[half:], (0.0,) * half)
     return loop_residual(solver.structure, state)
@@ -52,7 +52,7 @@ class OfPackage:
         return moment.unwrapped, *moment.q[1:], *moment.u
 
     def gap(self) -> float:
-        """See above: in the coordinates that describe it now."""
+        """See above; in the current coordinates."""
         return _gap(self._steps.driven.solver, self._steps.phase)
 
 
@@ -84,7 +84,7 @@ class RungeKutta4:
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Moves along one slope, a sixth faster than by the sums of fixed_step_integrator.py."""
+    """Moves along one slope; a sixth faster than the sums of fixed_step_integrator.py."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
 
 
@@ -118,14 +118,14 @@ class OfScipy:
         """See above.
 
         Raises:
-            ArithmeticError: It is stuck.
+            ArithmeticError: The solver makes no progress.
         """
         steps = self._steps
         for _ in range(_MOST_STEPS):
             if steps.t >= time:
                 self._values = tuple(self._between(time).tolist())
                 return self._values
-            with np.errstate(all='ignore'):  # what is not finite is seen by who asked
+            with np.errstate(all='ignore'):  # the caller detects values that are not finite
                 message = steps.step()
             if steps.status == 'failed':
                 raise ArithmeticError(message)
@@ -142,12 +142,12 @@ class OfScipy:
 
 
 class Multipliers(OfScipy):
-    """The multibody equations in doubles, followed by DOP853.
+    """The multibody equations in doubles, integrated by DOP853.
 
-    As they are, constraints hold in their second derivatives alone: an error stays, and an error
-    of a rate opens the loop further and further. Baumgarte's equation for the gap,
-    gap'' + 2 k gap' + k^2 gap = 0, lets it close again; a projection closes it after every step,
-    by the shortest way in the metric of the masses.
+    The unstabilised equations enforce only the second derivative of the constraints: a position
+    error persists, and a velocity error opens the loop steadily. Baumgarte stabilisation,
+    gap'' + 2 k gap' + k^2 gap = 0, makes the gap decay; a projection closes the loop after every
+    step, by the shortest way in the metric of the masses.
     """
 
     def __init__(
@@ -200,7 +200,7 @@ class Multipliers(OfScipy):
     def _projected(self, values: Array) -> Array:
         """The nearest values that close the loop."""
         half = len(values) // 2
-        for _ in range(2):  # the second takes up what is not linear in the first
+        for _ in range(2):  # the second step corrects the nonlinearity of the first
             row = values.tolist()
             places, rates = self._places(row), row[half:]
             matrix, _ = self._bodies.system(places, rates)

@@ -52,7 +52,7 @@ from linkage_ros.numeric import Array, Real
 _EVEN = 48  # angles, over a period or an arc
 _NOTHING = 1e-12  # of the largest value of a quantity
 _BATCH = 4096  # states
-_FAR = 1e12  # rad, from which on an angle tells no direction
+_FAR = 1e12  # rad: beyond it an angle has lost its direction
 _TURN = np.longdouble('6.283185307179586476925287')  # rad
 Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
 Place: TypeAlias = tuple[float, float]  # the coupler's direction and the output
@@ -64,7 +64,7 @@ class LinkageCase(Case):
     Attributes:
         mechanism: The linkage.
         cranks: Angles at which methods are judged, in order, rad.
-        guess: Where an iteration begins.
+        guess: Initial guess of iterations.
         decimal: See `Reference`.
         reference: The true states.
     """
@@ -82,7 +82,7 @@ class LinkageCase(Case):
         Args:
             mechanism: The linkage.
             cranks: Angles in order, rad.
-            guess: Where an iteration begins; by default the position at the first angle, rounded
+            guess: Initial guess of iterations; by default the position at the first angle, rounded
                 to 0.1 rad or m.
             decimal: See `Reference`.
         """
@@ -98,7 +98,7 @@ class LinkageCase(Case):
         return LinkageCase(other, self.cranks, self.guess, decimal=self.decimal)
 
     def _exact(self, place: int) -> dict[str, Any]:
-        """The true values, in long doubles to see errors of doubles; empty: no state exists."""
+        """The true values, in long doubles to resolve errors of doubles; empty: no state."""
         if place not in self._known:
             state: Exact = {}
             with suppress(UnreachableError):
@@ -119,7 +119,7 @@ class LinkageCase(Case):
         sizes = {}
         for quantity, each in zip(QUANTITIES, rows, strict=True):
             largest = [float(np.max(np.abs(row))) for row in each]
-            # The rest of a rounding is no size.
+            # Rounding residues are not a size.
             sizes[quantity] = [x if x > _NOTHING * max(largest) else 0.0 for x in largest]
         output = sizes[POSITION][1:] if self.reference.slides else [1.0, 1.0]
         return sizes | {DIRECTION: [1.0, 1.0, *output]}
@@ -152,7 +152,7 @@ class LinkageCase(Case):
         return itertools.product(OWN[method.stage], method.modes)
 
     def function(self, method: Method, setting: Setting, quantity: str, mode: str) -> Function:
-        """Makes a quantity a function of the crank angle, including all preceding work.
+        """Makes a function from the crank angle to a quantity, including all preceding stages.
 
         Args:
             method: A method for linkages.
@@ -186,7 +186,7 @@ class LinkageCase(Case):
             columns = np.broadcast_arrays(*function(cranks), cranks)[:-1]
             return [*np.stack(columns, -1).tolist()]
 
-        # An array is refused for one of its angles: then each is asked by itself.
+        # One bad angle makes an array fail: then each angle is evaluated alone.
         with np.errstate(all='ignore'), suppress(LinkageError, *FAILURES):
             return rows(self.cranks)
         return [attempt(lambda x: rows(x)[0], crank) for crank in self.cranks[:, None]]
@@ -195,7 +195,7 @@ class LinkageCase(Case):
 class TurnCase(LinkageCase):
     """One period of a linkage whose crank turns fully, for errors and times.
 
-    Its angles are close together where the motion is fast.
+    The angles are closer together where the motion is fast.
 
     Attributes:
         rounds: Number of timings.
@@ -214,16 +214,16 @@ class TurnCase(LinkageCase):
         turns = reach.period_turns
         fine = reach.samples(angles)
         even = np.linspace(0, fine[-1], angles * turns + 1)
-        # No special angle flatters or fails a method by chance: half a step after 0.
+        # Starts half a step after 0, so that special angles do not bias a method.
         self._ones = even[:-1] + math.pi / angles
         fine = np.setdiff1d(fine, even)[:: 360 // angles]
-        # The fast places themselves, even or not.
+        # The fast places themselves.
         middle = reach.fast + math.pi * np.arange(2 * turns)
         cranks = np.unique(np.concatenate([self._ones, fine, middle]))
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
     def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
-        """Quantities that a method reaches, with the package's own work beyond its stage."""
+        """Quantities that a method provides, completed by the package's own stages."""
         del setting
         first = QUANTITIES.index(OWN[method.stage][0])
         return itertools.product(QUANTITIES[first:], method.modes)

@@ -1,14 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods for loads, which compute one number each, and the situations in which they fail.
+"""Methods for loads, each of which computes one number, and the situations in which they fail.
 
-A load curve is read between its points. It is on the crank of a linkage that rests, without
-gravity: the driving torque is its value with the other sign. The right answer follows its straight
-lines in exact fractions.
+A load curve is interpolated between its points. It acts on the crank of a linkage at rest, without
+gravity: the driving torque is its negative value. The right answer is the linear interpolation in
+exact fractions.
 
-Friction depends on the force that it changes. A slider-crank's guide alone rubs: its normal force
-is N = |b + k N|, where b is the force without friction. The right answer is b / (1 - k) or
--b / (1 + k), whichever grows out of |b| with the coefficient. Without one the mechanism locks.
+Friction depends on the force that it changes. Only the guide of a slider-crank has friction: its
+normal force is N = |b + k N|, where b is the force without friction. The right answer is
+b / (1 - k) or -b / (1 + k), the one that continues |b| as the coefficient grows. If neither does,
+the mechanism locks.
 """
 
 from __future__ import annotations
@@ -53,10 +54,10 @@ class NumberCase(Case):
     """A number that methods compute.
 
     Attributes:
-        given: What they compute it from: of a load curve its points, rad and N m, and the crank
-            angle, rad; of friction the linkage with it, the crank angle, b, N, and k.
+        given: Their input. For a load curve: its points, rad and N m, and the crank angle, rad.
+        For friction: the linkage, the crank angle, b, N, and k.
         exact: The right answer.
-        size: Errors are relative to this.
+        size: The unit of relative errors.
     """
 
     def __init__(self, given: tuple[Any, ...], exact: float, size: float) -> None:
@@ -163,7 +164,7 @@ def _fixed_point(_: SliderCrank, __: float, push: float, gain: float) -> float:
 
 
 def _newton(_: SliderCrank, __: float, push: float, gain: float) -> float:
-    force = 10.0 * abs(push)  # as from a state before, in which more was pressed
+    force = 10.0 * abs(push)  # as from a previous state with a larger normal force
     for _round in range(_ROUNDS):
         sign = math.copysign(1.0, push + gain * force)
         force = sign * push / (1 - sign * gain)
@@ -186,7 +187,7 @@ FRICTION_METHODS = [
 
 
 def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) -> NumberCase:
-    """A random slider-crank with a share of the coefficient at which |k| is 1."""
+    """A random slider-crank with a fraction of the coefficient of friction at which |k| is 1."""
     r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
     crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
     smooth = slider_crank(r, b, offset)

@@ -29,14 +29,14 @@ from linkage_ros.errors import LinkageError
 RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
     'right', 'refused', 'diverged', 'wrong branch', 'NaN',
 )  # fmt: skip
-LIMIT = 1e-6  # the error of a right answer at most
-# What arithmetic raises where a formula has no answer.
+LIMIT = 1e-6  # largest error of a right answer
+# Errors of arithmetic if a formula has no answer.
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 ONE, BATCH = 'one at a time', 'batch'
 _SEED = 20_261_121
 
 Setting: TypeAlias = dict[str, float]
-Row: TypeAlias = Sequence[float] | None  # an answer; not finite: it failed; None: it was refused
+Row: TypeAlias = Sequence[float] | None  # an answer; not finite: failure; None: refusal
 Panel: TypeAlias = tuple[str, str]  # a quantity and a mode
 Outcome: TypeAlias = tuple[str, float]  # of OUTCOMES, and the error; inf: there is no value
 Progress: TypeAlias = Callable[[Iterable[Any], str], Iterable[Any]]
@@ -50,15 +50,15 @@ class Method:
         name: As charts and docs call it.
         stage: What it computes: 'state' (all of it), 'position', 'rates', 'motion', 'load' or
             'friction'.
-        needs: What it asks for beside the description of the case.
-        source: Where it is described, to the equation.
-        solve: For linkages the formula of its stage, as in `stages`; for motions a function of
-            the initial value problem and a setting that begins to follow it; for loads a function
-            of the case.
+        needs: Input besides the description of the case.
+        source: Its source, with the equation number.
+        solve: For linkages, the formula of its stage, as in `stages`. For motions, a function
+        from the initial value problem and a setting to an integrator. For loads, a function
+        of the case.
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best practical one.
         modes: For linkages: 'one at a time', 'batch' or both.
-        tool: From linkage case and setting, what its formula asks for besides the linkage.
+        tool: Makes the additional input of its formula from linkage case and setting.
         narrow: Whether it computes in single precision, crank angle and results included.
     """
 
@@ -113,7 +113,7 @@ class Case(ABC):
 
 
 def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
-    """The answer of a function that may fail."""
+    """Calls a function that may fail."""
     try:
         with np.errstate(all='ignore'):
             return solve(*given)
@@ -125,14 +125,14 @@ def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
 
 @dataclass(frozen=True)
 class Situation:
-    """A kind of trouble.
+    """A situation in which some methods fail.
 
     Attributes:
         name: As charts and docs call it.
-        words: What it is.
+        words: Its description.
         make: Makes a case from random numbers and the number of the case.
-        exists: Whether there is a state to be found; otherwise the right answer is a refusal.
-        share: It has one case where others, which take less time, have so many.
+        exists: Whether a state exists; otherwise the right answer is a refusal.
+        share: Number of cases of a cheaper situation for each case of this one.
         fewest: Number of cases at least.
         seed: Seed of the random numbers; by default its name.
     """
@@ -146,7 +146,7 @@ class Situation:
     seed: tuple[int, str] | None = None
 
     def cases(self, count: int) -> list[Case]:
-        """Makes so many cases, fewer if they are large; the same at every call."""
+        """Makes this number of cases, fewer if they are large; the same at every call."""
         number, word = self.seed or (_SEED, self.name)
         random = np.random.default_rng([number, *word.encode()])
         return [self.make(random, i) for i in range(max(self.fewest, count // self.share))]

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions under a torque, as cases on which integrators are measured, and hard ones of a seed."""
+"""Cases for integrators: motions under a torque, and seeded random hard ones."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.motion.drives import Motor
 
-TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # what is judged
-# Of a whole motion; and what a live node has to be ready for, the slowest of its ticks.
+TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # judged quantities
+# Time of a whole motion; and of its slowest tick, which limits a live node.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'
 _ASKED = 0.05  # s between two states that are compared
 _TICK = 1e-3  # s
-_TICKS = 300  # of which the slowest is looked for, in a second of motion
+_TICKS = 300  # number of ticks in a second of motion, of which the slowest counts
 _SEED = 20_261_122
 
 
@@ -55,7 +55,7 @@ class MotionCase(Case):
     Attributes:
         problem: The motion and its start.
         times: Times at which states are compared, in order, s.
-        quantities: What is judged: TRAJECTORY, ENERGY or LOOP.
+        quantities: Judged quantities: TRAJECTORY, ENERGY or LOOP.
         rounds: Number of timings.
     """
 
@@ -68,7 +68,7 @@ class MotionCase(Case):
         quantities: Sequence[str] = (TRAJECTORY,),
         at: Callable[[float], Sequence[Any]] | None = None,
     ) -> None:
-        """Prepares it; without the true motion, `at`, it is followed in many digits."""
+        """Prepares it; without the true motion, `at`, a reference is integrated in many digits."""
         self.problem, self.times, self.quantities = problem, tuple(times), quantities
         self._at = at or MotionReference(problem).at
 
@@ -127,7 +127,7 @@ class MotionCase(Case):
         return lambda: (timed(self.times, partial(method.solve, self.problem, setting)),)
 
 
-# Two situations judge the same motions, and panels of a chart the same run.
+# Situations share motions, and panels of a chart share runs.
 @lru_cache(maxsize=32)
 def followed(
     problem: InitialValueProblem,
@@ -138,7 +138,7 @@ def followed(
     """Integrates a motion; see `MotionCase.rows`."""
     phases = _phases(times, partial(solve, problem, dict(setting)))
     rows = [attempt(next, phases, ()) for _ in times]
-    return [row for row in rows if row != ()]  # () where it has ended before
+    return [row for row in rows if row != ()]  # () if the motion has ended before
 
 
 def _phases(times: Sequence[float], begin: Callable[[], Any]) -> Iterator[tuple[float, ...]]:
@@ -147,7 +147,7 @@ def _phases(times: Sequence[float], begin: Callable[[], Any]) -> Iterator[tuple[
         phase = follower.at(moment)
         if not all(map(math.isfinite, phase)):
             raise ArithmeticError('the motion overflows')
-        # A phase that no position belongs to is refused here, as where it is published.
+        # A phase without a position is refused here, as on publishing.
         yield *phase, follower.gap()
 
 
@@ -187,7 +187,7 @@ def _driven(random: Random, i: int) -> MotionCase:
 
 
 def _parallelogram(random: Random) -> FourBar:
-    """Without weights nothing depends on its crank angle, because the coupler does not turn."""
+    """Without weights its motion is uniform, because the coupler does not turn."""
     x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
     return replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
 
@@ -216,7 +216,7 @@ def _stiff_guide(random: Random, i: int) -> MotionCase:
     pump = preset('wind_pump').mechanism
     damping = (1e5, 1e9)[i] if i < 2 else 10.0 ** float(random.uniform(5, 11))
     force, speed = (float(k) for k in random.uniform((-0.1, 1), (0.1, 3)))
-    # Without masses coupler and rod, between crank and slider, leave them to themselves.
+    # Massless coupler and rod do not couple crank and slider.
     pump = replace(
         pump, gravity=(0.0, 0.0), crank=Body(0.12, inertia=20.0),
         coupler=Coupler(0.8), rod=Body(1.6),

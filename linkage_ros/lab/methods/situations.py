@@ -66,7 +66,7 @@ def any_assembly(random: Random) -> str:
 
 
 def turning(random: Random) -> Linkage:
-    """A random linkage that turns fully, far from change points."""
+    """A random linkage whose crank turns fully, far from change points."""
     while True:
         angle = float(random.uniform(-math.pi, math.pi))
         if random.random() < 0.3:
@@ -139,7 +139,7 @@ def _dead_centre(random: Random, _: int) -> LinkageCase:
     mechanism = limited(random)
     start, end = Solver(mechanism).reach.arcs[0]
     goal, inward = (start, 1.0) if random.random() < 0.5 else (end, -1.0)
-    # In steps from the middle of the arc, as a motion would come there.
+    # In steps from the middle of the arc, as in a motion.
     walk = np.linspace((start + end) / 2, goal + inward * 1e-2, 40, endpoint=False)
     near = [goal + inward * 10.0**-k for k in range(2, 7)]
     return LinkageCase(mechanism, (*map(float, walk), *near))

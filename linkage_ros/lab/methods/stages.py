@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the crank angle of a linkage to position, velocity, acceleration and torque, in formulas.
+"""Formulas from the crank angle of a linkage to position, velocity, acceleration and torque.
 
-A method does one stage. The position before it is the package's own, as unit vectors; a position
-is followed by the 2x2 solve of documents 1 and 4, because rates that belong to it have to come
-from it; and the torque is the package's own sum. So every method has a point in each chart that
-its stage reaches. Each formula is traced (dynamics/program.py), like the package's own, so that
-all are compared on equal terms. The loop equation is that of documents 1 (eq. 7 and 8) and 4
-(eq. 2):
+A method computes one stage; the package's own formulas do the others. The position before it is
+given as unit vectors. After a position stage, the 2x2 solve of documents 1 and 4 gives the rates
+that are consistent with it. The torque is the package's own sum. So every method has a point in
+each chart of its stage and of later ones. Each formula is traced (dynamics/program.py), like the
+package's own, so that all are compared on equal terms. The loop equation is that of documents 1
+(eq. 7 and 8) and 4 (eq. 2):
 
     gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
 
@@ -33,7 +33,7 @@ from linkage_ros.numeric import Real
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
 STATE, POSITION, RATES = 'state', 'position', 'rates'
-# What a method of a stage itself computes.
+# Quantities that a method of each stage computes itself.
 OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3]}
 SPEED, ACCELERATION = 5 * math.pi, 20.0  # of the crank, rad/s (150 rpm) and rad/s^2
 
@@ -56,7 +56,7 @@ class Links(NamedTuple):
         angle: Angle of frame or guide, rad.
         side: 1.0 for the open assembly, -1.0 for the crossed one.
         model: The package's own constants.
-        tool: What the formula of a method asks for besides: a number, or `looked_up`'s functions.
+        tool: Additional input of a method's formula: a number, or the functions of `looked_up`.
     """
 
     r: Real
@@ -83,7 +83,7 @@ class Links(NamedTuple):
 
 @functools.cache
 def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..., Any]:
-    """Combines the stages up to a quantity, all but one the package's own.
+    """Combines the stages up to a quantity; all but one are the package's own.
 
     Args:
         quantity: One of QUANTITIES.
@@ -166,7 +166,7 @@ def _half_angle_root(a: Real, b: Real, c: Real, sign: Real) -> Real:
 
 
 def looked_up(links: Links, crank: Real) -> Place:
-    """Positions from opaque functions: the tool, and both parts of its result."""
+    """Positions from opaque functions: the tool and the two parts of its result."""
     locate, first, second = links.tool
     found = locate(crank)
     return first(found), second(found)

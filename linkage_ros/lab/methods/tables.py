@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods for positions by iteration or from a table; each makes a function of the crank angle."""
+"""Position methods by iteration or from a table; each returns a function of the crank angle."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from linkage_ros.model.four_bar import FourBar
 from linkage_ros.numeric import Real, wrap
 
 CAP = 50
-_ENDLESS = 200  # iterations after which a loop without a cap counts as stuck
+_ENDLESS = 200  # limit of iterations of a loop without its own
 
 
 def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
     """Newton-Raphson on the loop equation, as in document 1 (eq. 8 to 12).
 
-    Each angle begins from the solution of the one before. The document has no cap; here 50
-    iterations are one, and the last iterate stands.
+    Each angle starts from the solution of the previous one. The document does not limit the
+    iterations; here the limit is 50, and the last iterate is returned.
 
     Args:
-        case: The linkage, and where to begin.
+        case: The linkage and the initial guess.
         setting: 'tolerance' of step (rad, of a slider m) and residual (m).
 
     Returns:
@@ -58,12 +58,12 @@ def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
 def listing(case: LinkageCase, setting: Setting) -> Locate:
     """Document 1's listing as printed: see the errata in docs/mechanisms.md.
 
-    The second column of its Jacobian has the coupler's length for the rocker's, and a complex
-    number for its real part, so that angles become complex. What it plots are their real parts.
+    The second column of its Jacobian has the coupler's length instead of the rocker's, and a
+    complex number instead of its real part. So angles become complex; it plots their real parts.
 
     Args:
-        case: The linkage, a four-bar, and where to begin.
-        setting: There is none.
+        case: The linkage, a four-bar, and the initial guess.
+        setting: Unused.
 
     Returns:
         The function.
@@ -107,7 +107,7 @@ def hermite(case: LinkageCase, setting: Setting) -> Locate:
     return _hermite(case.mechanism, setting['nodes'])
 
 
-# A chart asks for each table several times in a row.
+# A chart requests each table several times in a row.
 @lru_cache(maxsize=2)
 def _hermite(mechanism: Linkage, nodes: int) -> Locate:
     solver = Solver(mechanism)

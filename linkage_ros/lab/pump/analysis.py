@@ -32,11 +32,11 @@ from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 CHANGES = (0.95, 1.05)  # of the motor's torque
-_SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, times the slowest and fastest start
+_SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, times the extreme starts
 _ALIKE = 0.1  # relative difference in speed of a motion and the averaged one near it
 _SLOW, _SLIDING = 0.03, 2.0  # speeds of starts: of the crank, and of the slider per crank pin's
-# Starts: a state that 2 % of them reach is missed once in 170 times. Looks at their motions before
-# these are given up.
+# Number of starts: a state that 2 % of them reach is missed once in 170 runs. Checks of their
+# motions before these are given up.
 COUNT, _LOOKS = 256, 32
 
 
@@ -47,7 +47,7 @@ class Start(NamedTuple):
         name: Name of the start.
         times: Times, s.
         speeds: Crank speeds at these times, rad/s.
-        state: Number of the steady state at which it settles; None: none.
+        state: Number of the steady state that it reaches; None: none.
         ended: Why it ended; None: it did not.
     """
 
@@ -74,12 +74,12 @@ class Analysis(NamedTuple):
         averaged: The averaged motion near each of them; None: there is none.
         pieces: The load curve.
         sensitivities: Each stable state under the changed torques: number of the state, torque,
-            N m, the state then, and its relative changes; none where there is no such state.
-        runs: Motions from starts that have names.
-        shares: Share of the starts, by the number of the state where they settle.
-        ended: Share of the starts that end in the other assembly, or where no description holds.
-        stopped: Share of the starts from which the crank comes to rest, or rocks to and fro.
-        unidentified: Share of the starts that do none of these.
+        N m, the changed state, and its relative changes. None if it no longer exists.
+        runs: Motions from named starts.
+        shares: Fraction of the starts that settle at each state, by its number.
+        ended: Fraction of the starts that end in the other assembly or outside all coordinates.
+        stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
+        unidentified: Fraction of the starts that do none of these.
         spread: Slider speed over which a jump of the load curve is spread, m/s; 0: none jumps.
     """
 
@@ -142,14 +142,14 @@ def analyse(
         mechanism: The pump, with the start of its slider.
         motor: Motor of the pump.
         speeds: Speeds of the crank at angle 0, rad/s, from which the pump is started.
-        progress: Wraps what is gone through, with a word for it: a progress bar.
+        progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The analysis.
 
     Raises:
-        ConfigurationError: The motor or a start speed turns nothing forwards.
-        UnreachableError: The pump cannot start from where its slider is.
+        ConfigurationError: The motor or a start speed does not turn the crank forwards.
+        UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
     given = require_forwards(mechanism, motor, speeds)
     limits = _SLOWEST * min(speeds), _FASTEST * max(speeds)
@@ -206,13 +206,13 @@ def analyse(
 
 
 def _averaged(averaging: HarmonicBalance, motion: PeriodicMotion) -> PeriodicMotion | None:
-    """The averaged motion near another."""
+    """The averaged motion near a given one."""
     found = averaging.find(averaging.unknowns(motion)) if motion.turns == 1 else None
     return found if found and abs(found.speed / motion.speed - 1) < _ALIKE else None
 
 
 def _box(mechanism: WindPump, pace: float) -> Array:
-    """Starts all over slider positions and speeds at crank angle 0, of shape (4, n)."""
+    """Starts spread over slider positions and speeds at crank angle 0, of shape (4, n)."""
     r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
     side = math.copysign(1.0, mechanism.slider.position)
     low = np.array((0.0, side * (abs(b - c) + r), _SLOW * pace, -_SLIDING * r * pace))

@@ -8,13 +8,13 @@ H n - 1 harmonics:
     xD    = X0 + a1 cos phi1/n + b1 sin phi1/n + ...
     phi1' = w0 + c1 cos phi1/n + d1 sin phi1/n + ...
 
-The force R2 on the slider and the torque R1 on the crank that are missing in the equations of
-motion vanish on average over the turns, R2 weighted with each function of the first series and R1
-with each of the second: as many equations as coefficients.
+The residuals of the equations of motion, the force R2 on the slider and the torque R1 on the
+crank, vanish on average over the turns: R2 weighted with each function of the first series, R1
+with each of the second. This gives as many equations as coefficients.
 
 With one harmonic the crank speed is constant. These are the averaged equations of document 3,
-after Van der Pol: where a1, b1 and w0 vary slowly in time, they also say whether the averaged
-motion is stable. With 16 harmonics the motions of the preset are exact to 12 digits.
+after Van der Pol: with a1, b1 and w0 slowly varying in time, they also determine the stability
+of the averaged motion. With 16 harmonics the motions of the preset are exact to 12 digits.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
 AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
-_SPEEDS, _PLACES = 12, 7  # of guesses with a slider that rests
+_SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 4  # harmonics of a guess
-_WILD = 100.0  # multiplier of an averaged motion next to a stretched dyad, where it says nothing
+_WILD = 100.0  # meaningless multipliers, of averaged motions near a stretched dyad
 _TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
 # Largest steps of Newton's method, relative; 4 or 5 suffice from a neighbour.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
-_DOUBLED = 0.1  # size of the waves by which a motion of twice the period differs, in its units
+_DOUBLED = 0.1  # amplitude by which a motion of twice the period differs, in its units
 _DIFFERENCE = 1e-7  # relative, of the values of a motion, for derivatives
 
 
 class HarmonicBalance:
-    """The equations of one pump, whose motor's torque falls with the crank speed.
+    """The harmonic-balance equations of one pump under a motor line.
 
     Attributes:
         solver: Solver of the pump.
@@ -74,11 +74,11 @@ class HarmonicBalance:
             self._waves[3 + order, :, slider:] = waves(self.angles, crank, turns, order)
 
     def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
-        """The equations of motions that repeat after so many turns; 0: as many harmonics."""
+        """The equations of motions with another number of turns; 0 harmonics: the same number."""
         return _balance(self._mechanism, self.damping, harmonics or self._harmonics, turns)
 
     def unknowns(self, motion: PeriodicMotion) -> Array:
-        """Coefficients of both series, and the torque, of a motion of as many turns."""
+        """Coefficients of both series, and the torque, of a motion of the same number of turns."""
         return self.sized(motion.slider, motion.crank, np.array([motion.torque]))
 
     def sized(self, slider: Array, crank: Array, torque: Array) -> Array:
@@ -93,7 +93,7 @@ class HarmonicBalance:
         return np.repeat((length, speed, motion.torque), (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
-        """How the unknowns change along the curve of a motion, per mean crank speed."""
+        """Derivatives of the unknowns along the curve of a motion by the mean crank speed."""
         jacobian, _ = self.equations(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
         solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])
@@ -106,7 +106,7 @@ class HarmonicBalance:
         return row
 
     def guess(self, phases: Array, torque: float) -> tuple[Array, float]:
-        """The unknowns of a motion that is roughly known.
+        """Estimates the unknowns of a motion from samples.
 
         Args:
             phases: Crank angles, several in each turn, slider positions and their rates, of shape
@@ -114,8 +114,8 @@ class HarmonicBalance:
             torque: Torque of the motor at rest, N m.
 
         Returns:
-            Coefficients of both series, those of high harmonics 0, and the torque; how much of the
-            motion the series miss, a share of its spread.
+            Coefficients of both series, 0 for high harmonics, and the torque; then the residual of
+            the series, relative to the spread of the motion.
         """
         angles, known = phases[0], phases[1:3].T
         some = waves(angles, 2 * _ROUGH * self.turns + 1, self.turns)
@@ -125,14 +125,14 @@ class HarmonicBalance:
         return self.sized(slider, crank, np.array([torque])), float(missed.max())
 
     def doubled(self, motion: PeriodicMotion) -> PeriodicMotion | None:
-        """Finds a motion of twice the period beside one whose period doubles there."""
+        """Finds a motion of twice the period near a period-doubling point."""
         twice = self.over(2 * self.turns)
         slider, crank = (np.zeros(2 * len(row) - 1) for row in (motion.slider, motion.crank))
         for wide, row in ((slider, motion.slider), (crank, motion.crank)):
             wide[0], wide[3::4], wide[4::4] = row[0], row[1::2], row[2::2]
         unknowns = twice.sized(slider, crank, np.array([motion.torque]))
         units = twice.units(motion)
-        # The waves that are new in two turns; in one direction of theirs no equation changes.
+        # The additional waves of two turns; in one direction of these the equations are singular.
         new = np.concatenate([(np.arange(size) + 1) // 2 % 2 for size in (*twice.sizes, 1)]) > 0
         jacobian = twice.equations(unknowns)[0][:-1] * units
         way = np.zeros(len(unknowns))
@@ -140,7 +140,7 @@ class HarmonicBalance:
         return twice.find(unknowns + _DOUBLED * way * units, way / units)
 
     def resting_sliders(self, first: float, last: float) -> Iterator[PeriodicMotion]:
-        """The motions next to sliders that rest.
+        """Estimates motions in which the slider nearly rests.
 
         Args:
             first: Mean crank speed of the first ones, rad/s.
@@ -161,16 +161,16 @@ class HarmonicBalance:
         """Finds a motion.
 
         Args:
-            guess: Unknowns from which Newton's method begins.
-            fixed: Direction of the unknowns in which it does not move; None: the torque's.
-            tolerance: Of the last step, relative: it squares the error.
+            guess: Initial unknowns of Newton's method.
+            fixed: Direction of the unknowns that is kept fixed; None: the torque's.
+            tolerance: Relative size of the last step; the error is about its square.
 
         Returns:
             The motion, or None if none is found.
         """
         unknowns, row = guess, self.axis(of_speed=False) if fixed is None else fixed
         try:
-            with np.errstate(all='ignore'):  # what overflows is refused by the equations of motion
+            with np.errstate(all='ignore'):  # the equations of motion refuse overflows
                 for allowed in _STEPS:
                     jacobian, residuals = self.equations(unknowns)
                     jacobian[-1] = row
@@ -186,7 +186,7 @@ class HarmonicBalance:
         return None
 
     def _checked(self, unknowns: Array, row: Array) -> PeriodicMotion | None:
-        """Makes the motion with these unknowns, with more harmonics if needed.
+        """Makes the motion of these unknowns, with more harmonics if needed.
 
         Returns:
             The motion; None: its crank stops, or it needs too many harmonics.
@@ -230,7 +230,7 @@ class HarmonicBalance:
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
     def equations(self, unknowns: Array) -> tuple[Array, Array]:
-        """The Jacobian of the equations and their residuals; the last are left to `find`."""
+        """The Jacobian of the equations and their residuals; `find` adds the last equation."""
         jacobian, residuals = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
         values = self._waves @ unknowns[:-1]
         steps = _DIFFERENCE * np.array((*[self._mechanism.crank.length] * 2, values[3].max()))
@@ -238,7 +238,7 @@ class HarmonicBalance:
         moves[[1, 2, 3], [0, 1, 3]] = steps
         x, slope, bend, w, rate = (values + moves[..., None]).swapaxes(0, 1)
         q = np.broadcast_to(self.angles, x.shape), x
-        # R = M q'' + h - Q is M (q'' - the q'' of a motion that is left to itself).
+        # R = M q'' + h - Q is M (q'' - the q'' of the free motion).
         torque = unknowns[-1] - self.damping * w
         spin, push = self.solver.accelerations(q, (w, w * slope), torque)
         (m11, m12), (_, m22) = self.solver.matrix(q)

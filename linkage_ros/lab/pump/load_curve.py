@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The periodic motions over the mean crank speed, and where they lose their stability.
 
-Averaged over time, the motor's torque M0 - m phi1' is M0 - m w, w the mean speed. So M0(w) - m w
-is the load of the motion at w: the load curve. Its crossings with the motor's line are the
-steady states. Each curve is followed along its length, past its folds.
+The motor's torque M0 - m phi1' has the mean M0 - m w over time, where w is the mean speed. So
+M0(w) - m w is the mean load of the motion at w: the load curve. Its intersections with the
+motor's line are the steady states. Each curve is followed along its length, past its folds.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import numpy as np
 from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 
-# How stability is lost, by the largest multiplier: 1 (two motions merge), -1, or a complex pair.
+# Kinds of stability loss, by the largest multiplier: 1 (two motions merge), -1, or a complex pair.
 FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
-# Why a curve ends: at a limit of speed or torque; where no next motion is found, since the crank
-# stops or the dyad is stretched.
+# Ends of a curve: a limit of speed or torque; or no next motion, because the crank stops or the
+# dyad is stretched.
 END, LOST = 'end of the scan', 'end of the description'
-_GAP = 1e-2  # relative, between a torque where a period doubles and the doubled motion beside it
+_GAP = 1e-2  # relative torque difference of a period doubling and the doubled motion
 # Longest and shortest step along a curve, relative to the unknowns' units, for each turn.
 _STEP, _SHORTEST = 0.3, 1e-2
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosines of the angle between two steps: too large, and small
@@ -33,7 +33,7 @@ _ROUGH = 1e-4  # relative, of Newton's last step there
 _FEW = (
     2  # turns of states whose curves are followed: a step of four turns takes eight times as long
 )
-_MOST_SECANTS, _UNIT = 12, 1e-8  # to where a multiplier has the modulus 1, and how nearly
+_MOST_SECANTS, _UNIT = 12, 1e-8  # steps to a multiplier of modulus 1, and tolerance
 
 
 @dataclass(eq=False)
@@ -42,8 +42,8 @@ class Piece:
 
     Attributes:
         motions: In the order of the curve.
-        begins_at: What is at its beginning: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
-        ends_at: What is at its end: one of the same.
+        begins_at: Type of its start: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
+        ends_at: Type of its end, one of the same.
     """
 
     motions: list[PeriodicMotion]
@@ -52,16 +52,16 @@ class Piece:
 
     @property
     def stable(self) -> bool:
-        """Whether its motions are stable; at its ends they may be neither."""
+        """Whether its motions are stable; at its ends stability may be undefined."""
         return self.motions[len(self.motions) // 2].stable
 
 
 class SteadyState(NamedTuple):
-    """A motion that a motor keeps up.
+    """A periodic motion that a motor sustains.
 
     Attributes:
         motion: The motion.
-        piece: The piece of the load curve in which it lies.
+        piece: The piece of the load curve that contains it.
     """
 
     motion: PeriodicMotion
@@ -71,7 +71,7 @@ class SteadyState(NamedTuple):
 def steady_states(
     balance: HarmonicBalance, pieces: Sequence[Piece], torque: float
 ) -> list[SteadyState]:
-    """The motions at a torque of the motor.
+    """Finds the steady states at a torque of the motor.
 
     Args:
         balance: The equations.
@@ -79,7 +79,7 @@ def steady_states(
         torque: Torque of the motor at rest, N m.
 
     Returns:
-        The states by growing speed.
+        The states in order of speed.
     """
     states: list[SteadyState] = []
     for piece in pieces:
@@ -95,7 +95,7 @@ def steady_states(
 
 
 def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
-    """Where pieces of a curve meet: what happens there, and the motion."""
+    """The junctions of the pieces of a curve: type and motion."""
     meeting = itertools.pairwise(pieces)
     return [(a.ends_at, a.motions[-1]) for a, b in meeting if a.motions[-1] is b.motions[0]]
 
@@ -108,7 +108,7 @@ def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
             that it has one state at each of its torques.
 
     Returns:
-        For each range: low and high, N m; low_is and high_is, what ends it there.
+        For each range: low and high, N m; low_is and high_is, the types of its ends.
     """
     spans = [
         sorted(((one.motions[0].torque, one.begins_at), (one.motions[-1].torque, one.ends_at)))
@@ -132,9 +132,9 @@ def with_curves(
     seeds: Iterable[PeriodicMotion | None],
     speeds: tuple[float, float],
 ) -> list[Piece]:
-    """The pieces of the load curve, and those of motions that are not among them.
+    """Completes the load curve with the curves of further motions.
 
-    Where a period of one turn doubles, the motions of two turns are followed, too.
+    At period doublings of motions of one turn, the motions of two turns are followed too.
 
     Args:
         balance: The equations.
@@ -168,7 +168,7 @@ def follow(
     """Follows the curve of a motion both ways.
 
     Args:
-        balance: The equations of as many turns.
+        balance: The equations for the same number of turns.
         seed: The motion.
         speeds: Lowest and highest mean speed, rad/s.
 
@@ -198,7 +198,7 @@ def _kind(multiplier: complex) -> str:
 def _walk(
     balance: HarmonicBalance, seed: PeriodicMotion, sign: int, speeds: tuple[float, float]
 ) -> tuple[list[PeriodicMotion], str]:
-    """The motions of a curve after one of them, and why it ends."""
+    """The motions of a curve after a given one, and the reason for its end."""
     motions, longest = [seed], _STEP * seed.turns
     step = longest / 4
     way = sign * balance.tangent(seed) / balance.units(seed)
@@ -226,7 +226,7 @@ def _walk(
 
 
 def _is_doubled(one: PeriodicMotion, other: PeriodicMotion) -> bool:
-    """Whether the period was doubled between two motions: beyond, turns come in another order."""
+    """Whether the period doubled between two motions: beyond, the order of the turns changes."""
     if one.turns % 2:
         return False
     first, second = one.subharmonics(2), other.subharmonics(2)

@@ -3,8 +3,8 @@
 """Integrates motions of a wind pump from many starts at once.
 
 Each motion has its own step lengths, by Dormand and Prince's method of order 5. A step of many
-motions takes little longer than a step of one. A motion that stretches the dyad is followed past
-that by itself, in other coordinates.
+motions takes little longer than a step of one. A motion that stretches the dyad is continued
+separately in other coordinates.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from linkage_ros.numeric import Array
 
 _TOLERANCE = 5e-4  # of a step, in rad, crank lengths, and these per second at the motor's speed
 _SHORTEST = 1e-5  # step, of the time of a radian
-_FASTEST = 1e3  # rates, in the same units: beyond, a motion has ended
+_FASTEST = 1e3  # limit of rates, in the same units; a faster motion has ended
 _EDGE = 1e-9  # relative, of the square of the dyad's length
-_PAUSE = 10  # steps until motions that have left the coordinates are followed in others
-_KEPT = 400  # steps in which last turns are looked for
+_PAUSE = 10  # steps until motions outside the coordinates are continued in others
+_KEPT = 400  # steps that are searched for the last turns
 # In other coordinates: longest step, s, tolerance, and longest time, of the time of a radian.
 _LONGEST, _ROUGH, _PATIENCE = 0.04, 1e-3, 6.0
-_CALM = 10  # steps in which the first coordinates suit a motion before it goes on in them
+_CALM = 10  # steps in which the first coordinates must be suitable before they are used again
 
 
 class Motions:
     """Motions from many starts.
 
     Attributes:
-        active: Numbers of the motions that are followed; the others stand.
-        ends: By number, where a motion is that is not in this assembly, or why it has ended.
+        active: Numbers of the motions still integrated; the others have stopped.
+        ends: By number: the place of a motion outside this assembly, or the reason for its end.
         times: At all steps, s; each of shape (n).
         phases: Crank angle, rad, slider position, m, and their rates; each of shape (4, n).
     """
 
     def __init__(self, solver: Solver, motor: Motor, starts: Array) -> None:
-        """Begins.
+        """Starts the motions at t = 0.
 
         Args:
             solver: Solver of the pump.
@@ -70,7 +70,7 @@ class Motions:
 
     def advance(self, steps: int) -> None:
         """Advances all motions by a number of steps, some of which are repeated."""
-        with np.errstate(all='ignore'):  # what is not finite has no slope
+        with np.errstate(all='ignore'):  # non-finite values have no slope
             for step in range(steps):
                 self._try()
                 if step % _PAUSE == 0:
@@ -109,7 +109,7 @@ class Motions:
         return found
 
     def _carry(self, number: int) -> None:
-        """Follows one motion in other coordinates until the first ones suit it for some time."""
+        """Follows one motion in other coordinates until the first ones are suitable again."""
         phase, calm = self.phases[-1][:, number], 0
         start = tuple(phase.tolist())
         try:
@@ -139,7 +139,7 @@ class Motions:
             turns: Of the crank, forwards.
 
         Returns:
-            Phases, of shape (4, steps); None if it has ended or turned backwards meanwhile.
+            Phases, of shape (4, steps); None if it has ended or has turned backwards.
         """
         if number in self.ends:
             return None

@@ -21,9 +21,9 @@ from linkage_ros.numeric import Array
 
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 NUMBERS = ('torque', 'load', 'speed', 'stroke', 'flow')
-_FINE, _STEPS = 256, 4  # parts of a turn, and Newton's steps from there to where it turns
+_FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps to each
 _SAME = 1e-6  # relative difference of two numbers of one motion
-_TINY = 1e-5  # wave that counts as none, in crank lengths
+_TINY = 1e-5  # amplitude that counts as 0, in crank lengths
 
 
 def parts_of(turns: int, harmonics: int) -> Array:
@@ -55,7 +55,7 @@ def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
     return _waves(angles.tobytes(), count, turns, derivative)
 
 
-@functools.lru_cache(256)  # most are wanted again and again, at even angles
+@functools.lru_cache(256)  # most are used repeatedly, at equal angles
 def _waves(angles: bytes, count: int, turns: int, derivative: int) -> Array:
     orders = np.arange(1, count // 2 + 1) / turns
     shifted = np.outer(np.frombuffer(angles), orders) + derivative * math.pi / 2
@@ -153,7 +153,7 @@ class PeriodicMotion:
 
     @property
     def repeats_sooner(self) -> bool:
-        """Whether it repeats after a fraction of its turns."""
+        """Whether the motion already repeats after a fraction of its turns."""
         parts = (part for part in range(2, self.turns + 1) if self.turns % part == 0)
         return any(np.abs(self.subharmonics(part)).max() < _TINY for part in parts)
 
@@ -204,7 +204,7 @@ class PeriodicMotion:
 
     @functools.cached_property
     def efficiency(self) -> float | None:
-        """Share of the crank's power that reaches the lift load; None: no such load.
+        """Fraction of the crank's power that reaches the lift load; None: no such load.
 
         The lift load is the slider's force and load curve; a constant force takes no power.
         """
@@ -236,8 +236,8 @@ class PeriodicMotion:
         jacobians = self._jacobians(np.concatenate((angles - aside, angles + aside)))
         one, other = step * jacobians.reshape(2, -1, 3, 3)
         exponents = (one + other) / 2 - math.sqrt(3) / 12 * (one @ other - other @ one)
-        # Exponentials by Pade's approximation: for such small ones, SciPy's takes five times as
-        # long.
+        # Matrix exponentials by Pade approximation; SciPy's is five times slower for such small
+        # matrices.
         squares = exponents @ exponents
         even, odd = np.eye(3) + squares / 10, exponents / 2 + exponents @ squares / 120
         factors = np.linalg.solve(even - odd, even + odd)

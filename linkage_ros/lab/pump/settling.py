@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The states at which motions settle: each end is explained by a state, or counted."""
+"""Finds the states at which motions settle, and counts the motions that settle at none."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ from linkage_ros.quantities import Quantity
 _START = Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6)
 _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
 
-_STEPS = 50  # between two looks where the motions are; a turn takes some 8
+_STEPS = 50  # steps between two checks of the motions; a turn takes about 8
 _ROWS = 10  # steps, about a turn
-_BACK = 50  # steps in which such a motion must have come nearer
-_NEAR = 0.05  # of crank length and speed: a motion so near to a state has settled there
-_COMING, _NEARER = 0.5, 0.95  # or as near as this, and that much nearer than before, twice
-_LED = 2.0  # or as near as this to a state that Newton's method finds from its last turns
-_WAIT = 4  # looks until motions are asked for their states
-_LATE, _RARE = 10, 0.02  # looks after which so few motions are given up
-_ASKED = 6  # failures to find a state at one look
+_BACK = 50  # steps in which such a motion must have approached
+_NEAR = 0.05  # distance of a settled motion, relative to crank length and speed
+_COMING, _NEARER = 0.5, 0.95  # or this distance, and twice in a row a reduction by this factor
+_LED = 2.0  # or this distance to a state that Newton's method finds from its last turns
+_WAIT = 4  # checks before states are identified from motions
+_LATE, _RARE = 10, 0.02  # checks after which this few motions are given up
+_ASKED = 6  # failures to identify a state at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
-_REPEATS = 0.02  # of a motion's spread: what a series over a period may miss
-_GUESSES = 1, 2, 4  # turns, of a motion that has not yet settled
-_ASIDE = 0.1  # from an unstable state to the motions that start beside it, in the same units
-_BLOCKS = 80  # looks at a single motion
+_REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
+_GUESSES = 1, 2, 4  # turns of a motion that has not yet settled
+_ASIDE = 0.1  # distance of starts from an unstable state, in the same units
+_BLOCKS = 80  # checks of a single motion
 
 
 class Search:
     """Motions from many starts, and the stable states at which they settle.
 
-    Beside each unstable state, two more motions start, below and above its speed.
+    Two more motions start near each unstable state, below and above its speed.
 
     Attributes:
-        motions: The motions; those beside unstable states are the last.
+        motions: The motions; those from unstable states are the last.
         states: The states that are known, stable or not.
-        beside: The unstable ones among those known at the beginning.
+        beside: The unstable states known at the start.
         belongs: The number of the state at which each motion settles, or -1.
         stopped: Whether the crank of each motion stands, or rocks to and fro.
     """
@@ -56,11 +56,11 @@ class Search:
         self, balance: HarmonicBalance, motor: Motor, starts: Array,
         states: Iterable[PeriodicMotion] = (), drawn: int = 1,
     ) -> None:  # fmt: skip
-        """Begins with the states that are known; so many starts are drawn, the first ones."""
+        """Starts the search with the known states; the first starts are those that are drawn."""
         self._balance, self._motor, self.states = balance, motor, list(states)
         self.beside = [state for state in self.states if not state.stable]
         starts = np.hstack((starts, *map(_beside, self.beside)))
-        # These are followed further when they have settled.
+        # These are integrated further after they have settled.
         self._drawn: Any = np.full(starts.shape[1], fill_value=True)
         self._drawn[drawn : starts.shape[1] - 2 * len(self.beside)] = False
         self.motions = Motions(balance.solver, motor, starts)
@@ -69,7 +69,7 @@ class Search:
 
     @property
     def ended(self) -> Any:
-        """Whether each motion is in the other assembly, or cannot be followed any more."""
+        """Whether each motion is in the other assembly or cannot be continued."""
         return (self.belongs < 0) & np.isin(np.arange(len(self.belongs)), list(self.motions.ends))
 
     @property
@@ -94,7 +94,7 @@ class Search:
                 return
 
     def _assign(self) -> None:
-        """Finds which motions are at a state, or come near to it."""
+        """Assigns motions to the states that they have reached or approach."""
         phases = self.motions.phases
         turned = np.abs(phases[-1][0] - phases[-_STEPS][0]) > np.pi
         self.stopped = (self.belongs < 0) & ~self.ended & ~turned
@@ -108,7 +108,7 @@ class Search:
                 away, was, began = (state.distance(rows) for rows in (now, before, first))
                 nearer = (away < _NEARER * was) & (was < _NEARER * began)
                 self.belongs[left[(away < _NEAR) | ((away < _COMING) & nearer)]] = number
-        # A motion beside an unstable state goes where those go that started on both of its sides.
+        # A motion near an unstable state is assigned the states reached from both of its sides.
         sides = self.belongs[len(self.belongs) - 2 * len(self.beside) :].reshape(-1, 2)
         for (below, above), state in zip(sides.tolist(), self.beside, strict=True):
             if below == above >= 0:
@@ -116,11 +116,11 @@ class Search:
                 self.belongs[left[near]] = below
 
     def _identify(self, number: int, guesses: Iterable[int]) -> bool:
-        """Finds the state to which a motion leads, by Newton's method, and adds it if it is new.
+        """Finds the limit state of a motion by Newton's method, and adds it if it is new.
 
         Args:
             number: Number of the motion.
-            guesses: Turns after which it may repeat, beside those that fit.
+            guesses: Numbers of turns to try as the period, besides those that fit.
 
         Returns:
             Whether one is found.
@@ -146,7 +146,7 @@ class Search:
 
 
 def _beside(state: PeriodicMotion) -> Array:
-    """Starts beside an unstable state, the slower first, from where motions leave it fastest."""
+    """Starts on both sides of an unstable state, slower first, in its most unstable direction."""
     values, vectors = np.linalg.eig(state.monodromy)
     way = vectors[:, np.abs(values).argmax()].real / state.units
     way *= _ASIDE / np.linalg.norm(way) * np.copysign(state.units, way[1])
@@ -155,7 +155,7 @@ def _beside(state: PeriodicMotion) -> Array:
 
 
 def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float]) -> Array:
-    """The starts of a pump, if they and its motor turn the crank forwards.
+    """The starts of a pump; refuses those, and motors, that do not turn the crank forwards.
 
     Args:
         mechanism: The pump, with the start of its slider.
@@ -166,8 +166,8 @@ def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float])
         Crank angles, rad, slider positions, m, and their rates, of shape (4, n).
 
     Raises:
-        ConfigurationError: They do not.
-        UnreachableError: The pump cannot start from where its slider is.
+        ConfigurationError: The motor or a start speed does not turn the crank forwards.
+        UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
     _FORWARDS.clean('motor.torque', motor.torque)
     slider, solver = mechanism.slider, Solver(mechanism)
@@ -179,12 +179,12 @@ def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float])
 
 
 def pace_of(motor: Motor, speeds: Sequence[float]) -> float:
-    """The speed at which the motor has no torque left; without damping, the fastest start."""
+    """The no-load speed of the motor; without damping, the fastest start."""
     return motor.torque / motor.damping if motor.damping else max(speeds)
 
 
 def equations_of(mechanism: WindPump, motor: Motor, speeds: Sequence[float]) -> HarmonicBalance:
-    """The equations of a pump; if a load of it jumps, of one with a smooth load.
+    """The equations of a pump; a load that jumps is replaced by a smooth one.
 
     Args:
         mechanism: The pump.
@@ -201,19 +201,19 @@ def settle(
     speed: float,
     progress: Callable[[Iterable[Any], str], Any],
 ) -> PeriodicMotion:
-    """Follows a pump until it is near to a stable motion.
+    """Integrates a pump until it is near a stable motion.
 
     Args:
         mechanism: The pump, with the start of its slider.
         motor: Motor of the pump.
         speed: Speed of the crank at angle 0, rad/s.
-        progress: Wraps what is gone through, with a word for it: a progress bar.
+        progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The stable motion.
 
     Raises:
-        ConfigurationError: Motor or speed turn nothing forwards, or it does not settle.
+        ConfigurationError: The crank is not turned forwards, or the pump does not settle.
     """
     start = require_forwards(mechanism, motor, [speed])
     search = Search(equations_of(mechanism, motor, [speed]), motor, start)

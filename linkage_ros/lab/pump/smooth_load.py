@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A load curve with a return_value whose force does not jump where the slider turns.
+"""A load curve with a return_value whose force does not jump where the slider reverses.
 
 Fourier series cannot follow a jump. Between slider speeds of -width and width the force changes
-from the one curve to the other, as a cubic polynomial of the speed.
+from one curve to the other, as a cubic polynomial of the speed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Real
 
-_WIDTH = 0.03  # of crank length x the motor's largest speed
+_WIDTH = 0.03  # relative to crank length x the motor's largest speed
 
 
 class _SmoothForce(NamedTuple):

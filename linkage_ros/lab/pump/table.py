@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from linkage_ros.lab.pump.analysis import CHANGES, COUNT, Analysis
 
-_LARGE = 1e4  # multiplier of which the size alone is shown
+_LARGE = 1e4  # multiplier of which only the magnitude is shown
 
 
 def states_table(analysis: Analysis) -> list[str]:

@@ -25,11 +25,11 @@ from linkage_ros.lab.reference.multibody import Multibody, eliminate
 from linkage_ros.lab.reference.problems import InitialValueProblem
 
 _CONTEXT = Context(prec=34)
-_LOOK = 0.02  # s between two looks for an end
+_LOOK = 0.02  # s between two checks for the end of the coordinates
 _SHORTEST = Decimal('1e-6')  # s
-_GROWTH = Decimal('1.3')  # of steps that take few rows
-_FEW, _ROWS = 9, 12  # of the extrapolation at most: its order is twice that
-_TOLERANCE = Decimal('1e-20')  # of a step, in SI units
+_GROWTH = Decimal('1.3')  # growth of the step length after a step with few rows
+_FEW, _ROWS = 9, 12  # largest number of rows of the extrapolation; the order is twice that
+_TOLERANCE = Decimal('1e-20')  # tolerance of a step, in SI units
 _CLOSED = 4  # corrections of a position in doubles until all digits are right
 _State: TypeAlias = Any  # an array of Decimals; NumPy has no type for it
 
@@ -63,7 +63,7 @@ class MotionReference:
             until: End of the search, s.
 
         Returns:
-            Time, right to 1e-15 s; None: not until then.
+            Time, right to 1e-15 s; None: no such time before `until`.
         """
 
         def sine(time: float) -> float:
@@ -79,7 +79,7 @@ class MotionReference:
         """Initial values: the crank angle, the position of each link as two numbers, all rates."""
         count, bodies, zero = self._problem.count, self._bodies, Decimal(0)
         q, u = self._problem.start[:count], self._problem.start[count:]
-        # From doubles, which serve as a first guess.
+        # Doubles serve as the first guess.
         found = self._problem.driven.solver.state(q, u, (0.0,) * count).position
         places = [
             Vector(Decimal(x), zero) if slides else unit(x)
@@ -135,7 +135,7 @@ class MotionReference:
     def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
         """The state after a step, and rows of its extrapolation table; None: not converged."""
         above: list[_State] = []
-        with suppress(ArithmeticError):  # of a step that goes astray
+        with suppress(ArithmeticError):  # of a diverging step
             slope = self._slope(start)
             for i in range(1, _ROWS + 1):
                 row = [self._midpoint(start, slope, span / (2 * i), 2 * i)]

@@ -57,7 +57,7 @@ class Multibody:
         self._gravity = Vector(*map(number, mechanism.gravity))
         self._bodies = []
         for i, link in enumerate(links):
-            # From pin to pin by lengths, from the last pin to the centre as it is.
+            # From pin to pin by the lengths; from the last pin to the centre by the given value.
             *pins, own = (0j,) * i + (1 + 0j,) if link.slides else link.center.weights[: i + 1]
             center = _vectors(pins, length) | _vectors([0j] * i + [own], number)
             self._bodies.append((number(link.mass), number(link.inertia), center))
@@ -67,7 +67,7 @@ class Multibody:
             self._closure[len(links) - 1] = Vector(number(-1.0), self._zero)
             fixed -= last.origin
         self._fixed = Vector(length(fixed.real), length(fixed.imag))
-        if isinstance(mechanism, FourBar):  # the structure has its pivot in doubles
+        if isinstance(mechanism, FourBar):  # the structure holds its pivot in doubles
             self._fixed = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
         # Loads are tuples of indices and numbers.
         loads: Any = mechanism.link_loads()
@@ -107,7 +107,7 @@ class Multibody:
         return [free[0], *eliminate([row[1:3] for row in closure], right), *free[3:]]
 
     def system(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """The equations above, without a torque on the crank.
+        """The matrix and the right-hand side above, without a torque on the crank.
 
         Args:
             places: See `gap`.
@@ -150,7 +150,7 @@ class Multibody:
 
 
 def _vectors(weights: Sequence[complex], number: Callable[[float], Number]) -> dict[int, Vector]:
-    """The weights of links that are not 0."""
+    """The non-zero weights of a point, by link."""
     return {
         j: Vector(number(weight.real), number(weight.imag))
         for j, weight in enumerate(weights)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reference states for methods, in 130 digits.
+"""Reference states for methods, computed with 130 digits.
 
 Positions are intersections of circles; rates, accelerations and torque solve the multibody
 equations, from which virtual power eliminates the force that closes the loop. Digits cancel near
@@ -30,11 +30,11 @@ _ASIDE = '1e-60'  # rad
 _STRAIGHT = '1e-25'  # sine of the transmission angle: below, the mean of two states is taken
 DIRECTION = 'direction'
 
-_Number: TypeAlias = Any  # an mpf or mpc; mpmath has no types
+_Number: TypeAlias = Any  # an mpf or mpc; mpmath has no type annotations
 # By 'position' (of the coupler, rad, and of the output, rad or m), 'direction' (the same with unit
 # vectors for angles), 'rate', 'acceleration' and 'torque' (in a tuple of one).
 Exact: TypeAlias = dict[str, tuple[_Number, ...]]
-# The mechanisms whose loop textbooks solve in closed form.
+# The mechanisms with a textbook closed form of the loop.
 Linkage: TypeAlias = FourBar | SliderCrank
 
 
@@ -47,7 +47,7 @@ def lengths(linkage: Linkage) -> tuple[float, ...]:
 
 
 def other_assembly(linkage: Linkage) -> Linkage:
-    """The same links in the other assembly."""
+    """The linkage in its other assembly."""
     return replace(linkage, assembly=CROSSED if linkage.assembly == OPEN else OPEN)
 
 
@@ -127,7 +127,7 @@ class Reference:
         Raises:
             UnreachableError: The root does not exist.
         """
-        # At an exact change point rounding may leave less than nothing.
+        # At an exact change point rounding may make the product negative.
         rounding = mp.mpf(10) ** (10 - mp.dps) * (abs(p) + abs(q)) if any(folds) else 0
         if min(p, q) < -rounding:
             raise UnreachableError('the loop does not close', crank_angle=float(theta), arcs=())
@@ -166,5 +166,5 @@ def _vector(number: _Number) -> Vector:
 
 
 def _mean(a: _Number, b: _Number) -> _Number:
-    # Angles to both sides of pi are the same angle.
+    # Angles on both sides of the jump at pi are averaged as neighbours.
     return a + mp.arg(mp.expj(b - a)) / 2 if abs(a - b) > 3 else (a + b) / 2

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Constants of many designs at once, by the code that computes those of one mechanism.
+"""Computes constants of many designs at once, with the code for a single mechanism.
 
 The description of a mechanism gets arrays in place of numbers. Where its code branches on a value,
-the designs must agree; if they do not, they are divided into those for which the condition holds
-and the others, and each group starts again. So every group has one structure, and one program.
+all designs must take the same branch. If they do not, they are divided by this condition, and each
+group starts again. So every group has one structure, and one program.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ Rows = npt.NDArray[np.intp]
 
 
 class DivideError(Exception):
-    """Designs do not agree in a condition: an array of whether it holds for each of them."""
+    """A condition holds only for some designs; the argument is its value for each design."""
 
 
 class Designs(np.ndarray[Any, Any]):
-    """A number of many designs, of shape (designs, 1)."""
+    """A quantity of many designs, of shape (designs, 1)."""
 
     def __bool__(self) -> bool:
         holds = np.asarray(self).ravel() != 0
@@ -47,15 +47,16 @@ def groups(
 
     Args:
         mechanism: The mechanism that the designs have in common.
-        columns: A number for each design, by the name of the parameter that it replaces.
-        count: How many designs.
+        columns: Values for all designs, by parameter name.
+        count: Number of designs.
 
     Yields:
-        Which designs; their model, where numbers that vary are arrays of shape (designs, 1); it
-        and the coupler point as constants. Designs that cannot be assembled are in no group.
+        The indices of the designs; their model, in which varied numbers are arrays of shape
+        (designs, 1); the model and the coupler point as constants. Designs that cannot be
+        assembled are in no group.
 
     Raises:
-        TypeError: The mechanism takes no floats.
+        TypeError: The mechanism cannot be computed for arrays.
     """
     waiting = [np.arange(count)]
     while waiting:
@@ -85,7 +86,7 @@ def _constants(
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:
-    """A description with another value, which is not checked.
+    """A description with one value replaced, without checks.
 
     Args:
         part: A mechanism, one of its parts, or a pair of numbers.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What designs are judged by: functions of many designs over all crank angles of a period."""
+"""The measures of designs: functions of many designs over all crank angles of a period."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import radians_per_second
 
 RPM = 'rpm'
-_AT_ONCE = 16384  # values of an array: what lies between stays in the processor's cache
-_STEPS = 8  # of Newton's method; four reach the last digits
+_AT_ONCE = 16384  # array values per block: intermediate results stay in the processor's cache
+_STEPS = 8  # steps of Newton's method; four reach the last digits
 
 
 class Task(NamedTuple):
-    """What is done with every design.
+    """The computation for every design.
 
     Attributes:
-        mechanism: The mechanism that the designs have in common.
-        rpm: Its crank speed; None: it has none.
+        mechanism: The base mechanism of all designs.
+        rpm: Crank speed; None: not given.
         names: The parameters in which designs differ.
         measures: Names of the measures.
         angles: Number of crank angles in a turn.
@@ -85,11 +85,11 @@ class Batch:
     def __init__(
         self, constants: Constants, transmission: Transmission, speed: Array, task: Task
     ) -> None:
-        """Takes designs.
+        """Computes the motion of the designs.
 
         Args:
-            constants: Those of the model; behind it a coupler point, or None, and the joints.
-            transmission: Those of the transmission angle.
+            constants: Constants of the model, the coupler point or None, and the joints.
+            transmission: Constants of the transmission angle.
             speed: Crank speeds, of shape (designs, 1), rad/s.
             task: Number of angles, and points.
         """
@@ -111,14 +111,14 @@ class Batch:
         return cast('Array', self._run(torque_of, self._angles))
 
     def shaking_force(self) -> Array:
-        """Largest force on the frame, N; it has no bound where there are change points."""
+        """Largest force on the frame, N; unbounded if there are change points."""
         if self._has_change_point:
             return np.full(len(self._speed), math.inf)
         return np.asarray(np.hypot(*self._run(_force_of, self._angles)).max(-1))
 
     @cached_property
     def _reversals(self) -> Array:
-        """Crank angles of two reversals of the output, else not numbers, rad."""
+        """Crank angles of the two reversals of the output, rad; NaN if there are not two."""
         _, rate, _ = self._run(_output_of, self._angles)
         turned = rate * np.roll(rate, -1, axis=-1) < 0
         first, last = turned.argmax(-1), turned[:, ::-1].argmax(-1)
@@ -132,7 +132,7 @@ class Batch:
         return np.where(twice, at, math.nan)
 
     def stroke(self) -> Array:
-        """Distance of the two reversals, rad or m."""
+        """Distance between the two reversals, rad or m."""
         places, *_ = self._run(_output_of, self._reversals)
         return np.asarray(places[:, 1] - places[:, 0])
 
@@ -162,12 +162,12 @@ class Batch:
 
 
 class Measure(NamedTuple):
-    """One quantity that designs are judged by.
+    """One measure of designs.
 
     Attributes:
         unit: Its unit.
         of: Computes it for each design of a batch.
-        needs: What it needs of a task, in words that `has` knows; empty: nothing.
+        needs: Requirement on a task, as a word of `has`; empty: none.
     """
 
     unit: str
@@ -191,7 +191,7 @@ MEASURES = {
 
 
 def has(task: Task, needs: str) -> bool:
-    """Whether a task has what a measure needs."""
+    """Whether a task meets the requirement of a measure."""
     structure = task.mechanism.structure()
     slides = structure.links[-1].slides
     return {
@@ -210,15 +210,15 @@ def measure(task: Task, designs: Array) -> Array:
         designs: A row for each design, a column for each name.
 
     Returns:
-        A row for each design: 1 if its crank turns fully, else 0; then the measures, which are not
-        numbers where a design has none.
+        A row for each design: 1 if its crank turns fully, else 0; then the measures, NaN where a
+        design has none.
     """
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
     found[:, 0] = 0
     columns = dict(zip(task.names, designs.T, strict=True))
     rpms = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
     at_once = max(1, _AT_ONCE // task.angles)
-    # As in Program.arrays: from then on glibc keeps the memory of arrays.
+    # As in Program.arrays: glibc then keeps the memory of arrays.
     np.empty(3_000_000)
     with np.errstate(all='ignore'):
         for rows, model, constants in groups(task.mechanism, columns, len(designs)):

@@ -23,19 +23,19 @@ class Results:
 
     Attributes:
         study: The study.
-        base: Measures of the base by name; not numbers where it has none.
-        of: Measures of the designs by name, likewise.
-        good: Whether each design turns and fulfils the constraints.
+        base: Measures of the base by name; NaN where it has none.
+        of: Measures of the designs by name; NaN likewise.
+        good: Whether the crank of each design turns fully and the constraints are met.
         outcomes: One of OUTCOMES for each design.
     """
 
     def __init__(self, study: Study, base: Array, found: Array) -> None:
-        """Judges designs.
+        """Determines the outcomes of designs.
 
         Args:
             study: The study.
             base: A row of `measure` for the base.
-            found: The rows of the designs that are measured, the others not numbers.
+            found: A row of `measure` for each design; NaN for designs not yet measured.
         """
         self.study, self._turns = study, found[:, 0]
         self.base = dict(zip(study.task.measures, base[1:].tolist(), strict=True))
@@ -51,7 +51,7 @@ class Results:
             self.outcomes[self._front()] = FRONT
 
     def _front(self) -> Array:
-        """The numbers of the designs that no other beats in both goals."""
+        """The numbers of the designs on the Pareto front."""
         first, second = (
             self.of[name] * (1.0 if goal == 'least' else -1.0)
             for name, goal in self.study.goals.items()
@@ -62,10 +62,11 @@ class Results:
         return np.asarray(rows[second[rows] < best_before])
 
     def require_good(self) -> None:
-        """Refuses a study that leaves no design.
+        """Refuses a study without a good design.
 
         Raises:
-            ConfigurationError: With how many designs fulfil each constraint.
+            ConfigurationError: No design is left; the message counts the designs that meet each
+                constraint.
         """
         if not self.good.any():
             counts = ''.join(f', {x.sum()} have {words}' for words, x in self._held.items())
@@ -75,12 +76,12 @@ class Results:
             )
 
     def summary(self) -> str:
-        """How many designs have each outcome."""
+        """The number of designs with each outcome."""
         counts = [f'{(self.outcomes == x).sum()} {x}' for x in OUTCOMES if x in self.outcomes]
         return f'{len(self.good)} designs: {", ".join(counts)}'
 
     def spread(self, measure: str) -> Array:
-        """A measure of the good designs that have it."""
+        """The values of a measure for the good designs that have it."""
         values: Array = self.of[measure][self.good]
         return values[np.isfinite(values)]
 
@@ -108,7 +109,7 @@ class Results:
         return ['design', *(f'{name} [{unit}]' for name, unit in units.items()), 'outcome']
 
     def rows(self) -> Iterator[list[object]]:
-        """Rows of the table, of the designs that are measured; None where there is no value."""
+        """Rows of the table for the measured designs; None where there is no value."""
         table = np.column_stack([self.study.designs, *self.of.values()])
         cells = np.where(np.isnan(table), None, table)  # type: ignore[call-overload]
         for row in np.flatnonzero(np.isfinite(self._turns)).tolist():

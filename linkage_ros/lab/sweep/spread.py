@@ -25,7 +25,7 @@ from typing import Any, cast
 from linkage_ros.errors import ConfigurationError
 
 _ATTEMPTS = 3
-_PATIENCE = 10  # s, for a scheduler to answer, and to have a worker
+_PATIENCE = 10  # s, time limits for a scheduler to answer, and to have a worker
 
 
 def spread(
@@ -33,12 +33,12 @@ def spread(
     blocks: Sequence[Any],
     connect: Callable[[], AbstractContextManager[Executor]],
 ) -> Iterator[tuple[int, Any]]:
-    """Works on blocks; those that a broken executor leaves are given to a new one.
+    """Processes blocks; the unfinished blocks of a broken executor go to a new one.
 
     Args:
-        work: A function that can be pickled.
+        work: The function to apply to each block; it can be pickled.
         blocks: Its arguments.
-        connect: Starts an executor, and ends it.
+        connect: Context manager that starts and ends an executor.
 
     Yields:
         Number and result of each block, in any order.
@@ -67,7 +67,7 @@ def spread(
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """Processes of this machine."""
+    """Starts worker processes on this machine."""
     context = multiprocessing.get_context('spawn')
     executor = ProcessPoolExecutor(count, context, initializer=_prepare)
     try:
@@ -77,7 +77,7 @@ def processes(count: int) -> Iterator[Executor]:
 
 
 def _prepare() -> None:
-    """Makes a worker deaf to Ctrl-C, and ends it once the process that started it is gone."""
+    """Makes a worker ignore Ctrl-C, and ends it when its parent process is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def end_with_parent() -> None:
@@ -89,7 +89,7 @@ def _prepare() -> None:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """The workers of a Dask cluster, on which this package is installed too.
+    """Connects to the workers of a Dask cluster, on which this package must be installed.
 
     Args:
         address: Address of its scheduler.
@@ -109,10 +109,10 @@ def cluster(address: str) -> Iterator[Executor]:
         ImportError: 'a worker has no linkage_ros: install it there',
         CancelledError: 'the scheduler has gone',
     }
-    # It logs what becomes an error here, and that it repeats what a lost worker had.
+    # Dask logs errors that are raised here as well, and the repetition of lost work.
     logging.getLogger('distributed.client').setLevel(logging.CRITICAL)
     try:
-        # A client that finds no scheduler takes 20 s to end.
+        # A client takes 20 s to end if it finds no scheduler.
         socket.create_connection(get_address_host_port(address), _PATIENCE).close()
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, OverflowError) as error:

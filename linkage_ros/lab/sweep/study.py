@@ -33,9 +33,9 @@ class Settings(Checked):
     Attributes:
         base: Preset or parameter file of the mechanism.
         designs: Number of designs.
-        sampler: How designs are chosen.
-        seed: Of the random numbers.
-        angles: Number of crank angles in a turn.
+        sampler: Method of choosing designs.
+        seed: Seed of the random numbers.
+        angles: Number of crank angles per turn.
         rpm: Crank speed; None: the base's.
         points: Points that the coupler point should pass: x, y, x, y and so on, m.
     """
@@ -58,9 +58,9 @@ class Study(NamedTuple):
     """A study, read and sampled.
 
     Attributes:
-        task: What is done with every design.
-        columns: The parameters in which designs differ, with their ranges; defaults are the base.
-        designs: Their values, a row for each design.
+        task: The computation for every design.
+        columns: The varied parameters with their ranges; defaults are the values of the base.
+        designs: Values of these parameters, a row for each design.
         constraints: Smallest and largest value of measures.
         goals: 'least' or 'most' for the two measures of the Pareto front; empty: there is none.
     """
@@ -82,7 +82,7 @@ def read_study(path: str) -> Study:
         The study.
 
     Raises:
-        ConfigurationError: It cannot be used; one line that says what would be valid.
+        ConfigurationError: The study cannot be used; the message names the valid input.
     """
     groups, given = _read_groups(path)
     measures = given.pop('measures', [])
@@ -135,7 +135,7 @@ def _require_measures(task: Task) -> None:
     """Refuses measures that do not exist, or that the mechanism does not have.
 
     Raises:
-        ConfigurationError: There is one, or none is asked for.
+        ConfigurationError: A measure is not available, or none is requested.
     """
     if not task.measures:
         raise ConfigurationError(f'no measures: choose from {", ".join(MEASURES)}')
@@ -180,7 +180,7 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
     """Two numbers, the smaller one first.
 
     Raises:
-        ConfigurationError: They are not.
+        ConfigurationError: The value is not such a pair.
     """
     low, high = cast('tuple[float, float]', replace(allowed, kind='pair').clean(name, value))
     if not low < high:
@@ -189,7 +189,7 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
 
 
 def parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
-    """The numbers that may vary, with their values in the base as defaults."""
+    """The numeric parameters that may be varied, with the values of the base as defaults."""
     values: dict[str, Any] = flatten(mechanism)
     for name, allowed, _ in leaves(type(mechanism)):
         if name in values and hasattr(mechanism, name.partition('.')[0]):  # else of a load
@@ -205,7 +205,7 @@ def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
     """Values of the parameters, a row for each design.
 
     Raises:
-        ConfigurationError: A grid of so few designs has one value of each parameter.
+        ConfigurationError: A grid of this few designs has only one value per parameter.
     """
     count, size = settings.designs, len(columns)
     if settings.sampler == 'grid':
@@ -217,7 +217,7 @@ def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
         axes = np.meshgrid(*[np.linspace(0, 1, steps)] * size, indexing='ij')
         shares = np.stack(axes, -1).reshape(-1, size)
     elif settings.sampler == 'sobol':
-        # SciPy warns of numbers that are no power of 2.
+        # SciPy warns of numbers that are not a power of 2.
         sampler = qmc.Sobol(size, seed=settings.seed)
         shares = sampler.random_base2(math.ceil(math.log2(count)))[:count]
     else:
