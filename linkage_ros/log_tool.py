@@ -25,9 +25,9 @@ from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.verify import Verification, verify
 
 _NAME = 'linkage_log'
-# Stamps below are times since the start of a record, not dates (s).
+# Smaller stamps are times since the start of a record, not dates; s.
 _FIRST_DATE = 10**9
-_MAX_WIDTH = 60  # characters of the column of topics
+_MAX_WIDTH = 60  # width of the topic column, characters
 
 
 def info(log: LogReader) -> Iterator[str]:

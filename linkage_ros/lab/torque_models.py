@@ -26,8 +26,8 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array, Real
 from linkage_ros.quantities import build, flatten
 
-STATIC = 'inertia'  # without it the masses resist no motion; weights and loads remain
-# The parameters of each term, or their group; a term is there if one of them is not 0.
+STATIC = 'inertia'  # removes the masses' resistance to motion; weights and loads remain
+# The parameters of each term, or their group; a term is present if one of them is not 0.
 TERMS: dict[str, tuple[str, ...]] = {
     'gravity': ('gravity',),
     STATIC: ('crank.inertia', 'coupler.inertia', 'rocker.inertia'),
@@ -46,12 +46,12 @@ TERMS: dict[str, tuple[str, ...]] = {
     'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
     **{kind.group: (kind.group,) for kind in LOADS if kind.group},
 }
-_SLOW = 1e-6  # of the speed, at which inertia takes no torque
+_SLOW = 1e-6  # relative to the speed; at this speed inertia takes no torque
 _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
 def counts(mechanism: Mechanism) -> dict[str, int]:
-    """How many values of each parameter are not 0, without centres of massless links."""
+    """The number of non-zero values of each parameter, without centres of massless links."""
     found = {}
     for name, value in flatten(mechanism).items():
         items = value if isinstance(value, tuple) else (value,)
@@ -95,8 +95,8 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         mechanism: The mechanism.
 
     Returns:
-        The mechanism with a massless coupler; None: there is no coupler, or it has no mass, or a
-        centre of mass that is not between the pins.
+        The mechanism with a massless coupler. None: there is no coupler, it has no mass, or its
+        centre of mass is not between the pins.
     """
     coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
     if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):
@@ -154,7 +154,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         static: Whether to leave out all inertia.
 
     Returns:
-        The program; with friction, the repeated rounds.
+        The program; with friction, it repeats rounds.
     """
     if mechanism.joint_loads():
         pace, values = (_SLOW if static else 1.0), flatten(mechanism)
@@ -227,12 +227,12 @@ def _table_torque(table: Any, angle: Real, _: Real) -> tuple[Real]:
 
 
 def operations(source: str) -> int:
-    """Counts the operations of a run of a program, including guards, without their errors."""
+    """Counts the operations of one run of a program, with guards but without their errors."""
     _, run = ast.parse(source).body
     parts = [x.test if isinstance(x, ast.If) else x for x in run.body]  # type: ignore[attr-defined]
     return sum(
         isinstance(x, _COUNTED)
-        # A minus before a number is no operation, nor is a result put together.
+        # Neither the sign of a number nor the assembly of the result counts as an operation.
         and not isinstance(getattr(x, 'operand', None), ast.Constant)
         and getattr(getattr(x, 'func', None), 'id', '') != 'new'
         for part in parts

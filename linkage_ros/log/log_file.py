@@ -32,8 +32,8 @@ class LogFile:
             overwrite: Whether to replace an existing log.
 
         Raises:
-            LogError: The file exists and is not to be replaced, or is no log; it is being written
-                by another run, or cannot be created.
+            LogError: The file exists and must not be replaced, is not a log, is being written
+            by another run, or cannot be created.
         """
         self.path = path
         with suppress(OSError), open_file(path) as old:
@@ -52,7 +52,7 @@ class LogFile:
         self._attempt(self.stream.write, data)
 
     def flush(self) -> None:
-        """Hands all bytes to the operating system; a killed run loses only later ones.
+        """Passes all bytes to the operating system; a killed run loses only later ones.
 
         Raises:
             LogError: The file cannot be written, was removed or truncated.
@@ -65,7 +65,7 @@ class LogFile:
         return int(self.stream.tell())
 
     def _attempt(self, work: Callable[..., object], *arguments: object) -> None:
-        self._check()  # what is written now would hide that somebody cut it off
+        self._check()  # writing now would hide that the file was truncated
         try:
             work(*arguments)
         except OSError as error:
@@ -76,14 +76,14 @@ class LogFile:
             ) from error
 
     def _check(self) -> None:
-        """Checks that the file is there and has the written length; otherwise writing ends.
+        """Checks that the file exists and has the written length; otherwise ends the writing.
 
         Raises:
             LogError: It was removed, or another program truncated it or wrote to it.
         """
         number, problem = self.stream.fileno(), ''
         status, written = os.fstat(number), os.lseek(number, 0, os.SEEK_CUR)
-        if not status.st_nlink:  # it is there as long as somebody has it open
+        if not status.st_nlink:  # an open file exists even after its removal
             problem = (
                 'was removed while it was written; before this process ends, save it with '
                 f'linkage_log recover /proc/{os.getpid()}/fd/{os.dup(number)} OUT.mcap'
@@ -94,17 +94,17 @@ class LogFile:
                 'writes to it; give each run a log of its own'
             )
         if problem:
-            self.stream.raw.close()  # what waits would be written behind a hole
+            self.stream.raw.close()  # buffered data would be written after a hole
             raise LogError(f'{self.path} {problem}')
 
     def close(self) -> None:
-        """Ends the writing."""
-        with suppress(OSError):  # closing flushes once more what could not be written before
+        """Closes the file."""
+        with suppress(OSError):  # closing flushes unwritten data once more
             self.stream.close()
 
 
 class DiskSync:
-    """Brings a log to the disk, so that it survives a power cut; the consumer of a worker.
+    """Syncs a log to the disk, so that it survives a power cut; the consumer of a worker.
 
     A sync may take seconds, while the log must still be flushed; so it has a worker of its own.
     """

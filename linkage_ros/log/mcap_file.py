@@ -29,7 +29,7 @@ from mcap.writer import MCAP0_MAGIC
 from linkage_ros.errors import LogError
 from linkage_ros.files import open_file
 
-# Bytes of a record, and of what a chunk unpacks to. Our chunks have 1 MiB, other tools' a few.
+# Limits of a record and of an unpacked chunk, bytes. Our chunks have 1 MiB, other tools' a few.
 LARGEST = 1 << 24
 HEAD = struct.Struct('<BQ')  # opcode and length of a record
 # Opcode and length of the footer, starts of the summary and of its offsets, checksum, magic.
@@ -45,11 +45,11 @@ _KINDS: dict[int, Any] = {
 }
 # The records in a chunk, and their smallest lengths.
 _IN_CHUNKS = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 0, Opcode.CHANNEL: 0}
-# Reading a message takes as long as unpacking 5000 bytes, parsing a byte as long as 250. That
-# counts as 1000, so that an index which names one large record many times is soon refused.
+# Costs in unpacked bytes: reading a message takes as long as unpacking 5000, parsing a byte as
+# long as 250. It counts as 1000, so that an index that names a large record often is soon refused.
 _MESSAGE_COST, _PARSING_COST = 5000, 1000
 _FREE, _COST_PER_BYTE = 1 << 30, 1000
-# The beginning of a chunk or of a metadata record of linkage_ros, wherever it is.
+# Matches the start of a chunk or of a metadata record of linkage_ros.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
 _LANDMARK_SIZE = 45
 
@@ -64,11 +64,11 @@ def open_mcap(path: Path) -> BinaryIO:
         The file, to be closed by the caller.
 
     Raises:
-        LogError: It cannot be read, or is no MCAP file.
+        LogError: The file cannot be read, or is not an MCAP file.
     """
     try:
         stream = open_file(path)
-        # A pipe may have nothing to read for ever.
+        # A pipe may never have data.
         begin = stream.read(MAGIC_SIZE) if stream.seekable() else b''
     except OSError as error:
         raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
@@ -86,11 +86,11 @@ class McapFile:
 
     Attributes:
         size: Size of the file, bytes.
-        left: What the pass may still cost; negative: it has cost too much.
+        left: Remaining cost allowed for the pass; negative: the limit is exceeded.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
-        """Begins a pass.
+        """Starts a pass.
 
         Args:
             stream: The file; its position is moved.
@@ -99,14 +99,14 @@ class McapFile:
         self.left = _FREE + _COST_PER_BYTE * self.size
 
     def spend(self, size: int, count: int = 0) -> None:
-        """Counts work.
+        """Adds to the cost of the pass.
 
         Args:
             size: Bytes that were unpacked.
             count: Messages among them that were read.
 
         Raises:
-            LogError: It is more than the size of the file allows.
+            LogError: The cost exceeds the limit for the size of the file.
         """
         self.left -= size + count * _MESSAGE_COST
         if self.left < 0:
@@ -132,8 +132,8 @@ class McapFile:
             section, or another record as the library parses it; and the end of the record.
 
         Raises:
-            LogError: It is too large.
-            ValueError: There is none; other exceptions are possible too.
+            LogError: The record is too large.
+            ValueError: There is no record; other exceptions are possible too.
         """
         opcode, length = HEAD.unpack(self._read(at, HEAD.size))
         _check_size(length)
@@ -158,7 +158,7 @@ class McapFile:
             The unpacked records of each.
 
         Raises:
-            LogError: The file unpacks to too much; other exceptions where it is damaged.
+            LogError: The file unpacks to too much. Damage raises other exceptions too.
         """
         opcode, at = 0, MAGIC_SIZE
         while opcode != Opcode.DATA_END:
@@ -196,8 +196,8 @@ class McapFile:
             The opcode, the place and the end of each.
 
         Raises:
-            ValueError: A length is wrong, or it is of a kind that no chunk contains.
-            LogError: It is more than the file may contain.
+            ValueError: A length is wrong, or a record is of a kind that chunks do not contain.
+            LogError: There are more records than the file may contain.
         """
         while at < len(data):
             opcode, length = HEAD.unpack_from(data, at)
@@ -211,7 +211,7 @@ class McapFile:
         """Reads the records of the summary section, by type; None if there is none.
 
         Raises:
-            ValueError: It is damaged; other exceptions are possible too.
+            ValueError: The section is damaged; other exceptions are possible too.
         """
         footer = self._read(self.size - _FOOTER.size, _FOOTER.size)
         opcode, _, start, _, checksum, magic = _FOOTER.unpack(footer)
@@ -243,7 +243,7 @@ def parsed(opcode: int, body: bytes) -> Any:
 def unpack(chunk: records.Chunk) -> bytes:
     """Unpacks the records of a chunk.
 
-    A few bytes may unpack to gigabytes, or claim to be of any size.
+    A few bytes may unpack to gigabytes, or declare any size.
 
     Args:
         chunk: The chunk.
@@ -258,7 +258,7 @@ def unpack(chunk: records.Chunk) -> bytes:
     size, data = chunk.uncompressed_size, chunk.data
     _check_size(size)
     if chunk.compression == 'zstd':
-        # What the frame itself tells is allocated, whatever the limit.
+        # The size in the frame header is allocated, regardless of the limit.
         if zstandard.frame_content_size(data) not in {-1, size}:
             raise ValueError('the size of a chunk is wrong')
         data = zstandard.decompress(data, size)

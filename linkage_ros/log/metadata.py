@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The metadata records of a log: configuration, segments of motion, and the end.
 
-MCAP has no checksums of metadata, so each record has its own: a flipped bit must not turn a
-setting into another one.
+MCAP has no checksums of metadata, so each record has its own: a flipped bit must not change a
+setting unnoticed.
 """
 
 from __future__ import annotations
@@ -89,18 +89,18 @@ def _number(parse: Callable[[str], Any], largest: float) -> Callable[[str], Any]
 
 
 def _fraction(text: str) -> Fraction:
-    """Parses the str of a fraction; Fraction itself would expand 1e999999999."""
+    """Parses a fraction from its text; Fraction itself would expand 1e999999999."""
     return Fraction(*map(int, text.split('/')))
 
 
 def _description(text: str) -> Description:
-    """Parses the str of a description."""
+    """Parses a description from its text."""
     *coordinates, assembly = text.split()
     return Description(tuple(coordinates), assembly)
 
 
 _time, _finite, _exact = _number(int, 2**63 - 1), _number(float, 1e30), _number(_fraction, 1e30)
-_NAMES = {'old_stamp': 'before'}  # fields of segments that have another name in a record
+_NAMES = {'old_stamp': 'before'}  # fields of segments with a different name in records
 _READERS = {
     'stamp': _time, 'phase': _exact, 'speed': _exact, 'rpm': _finite, 'acceleration': _finite,
     'torque': _finite, 'old_stamp': _time, 'description': _description,
@@ -124,7 +124,7 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
 
     Raises:
         LogError: The record is damaged.
-        Exception: It has other fields, or values that none can have.
+        Exception: It has other fields, or impossible values.
     """
     fields = unseal(record)
     kind = TorqueSegment if 'torque' in fields else SpeedSegment

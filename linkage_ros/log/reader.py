@@ -28,8 +28,8 @@ from linkage_ros.units import TIME_END
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.wire.topics import MEASURED_JOINT_STATES, Topic
 
-# Bytes of messages that wait for their turn at a time, where chunks overlap; each takes as many
-# more in Python. A simulator that was reset a hundred times needs a third of it.
+# Limit of messages buffered at a time where chunks overlap, bytes. Each message has this overhead
+# in Python. A simulator that was reset a hundred times needs a third of the limit.
 _MOST_WAITING, _OVERHEAD = 1 << 29, 500
 
 
@@ -81,8 +81,8 @@ class LogReader(AbstractContextManager['LogReader']):
         path: The file.
         configuration: Configuration of the run.
         version: Version of linkage_ros that wrote it.
-        has_same_urdf: Whether its robot_description can be recomputed; older versions gave links
-            the names of joints.
+        has_same_urdf: Whether its robot_description can be recomputed; older versions named links
+        like joints.
         motions: The segments of motion, in order.
         lost: Number of logged messages missing from the file; 0 without an end record.
         topics: The channels.
@@ -97,7 +97,7 @@ class LogReader(AbstractContextManager['LogReader']):
             path: The file.
 
         Raises:
-            LogError: It is not a complete log of linkage_ros; the message says what it is.
+            LogError: The file is not a complete log of linkage_ros; the message describes it.
         """
         self.path = Path(path)
         with self._opened() as file:
@@ -113,7 +113,7 @@ class LogReader(AbstractContextManager['LogReader']):
         statistics = summary[Statistics][-1]
         indexes = summary[MetadataIndex]
         records = [file.part(index.offset)[1] for index in indexes]
-        # The index is under the summary's checksum, the records' names are under none.
+        # The summary's checksum covers the index; no checksum covers the names of the records.
         if [record.name for record in records] != [index.name for index in indexes]:
             raise LogError('it is damaged: its metadata records are not those of its index')
         about = [r.metadata for r in records if r.name == CONFIGURATION_RECORD]
@@ -200,7 +200,7 @@ class LogReader(AbstractContextManager['LogReader']):
 
         Args:
             layout: Layout of their messages, in the log's channels.
-            other: Is given the messages of other channels.
+            other: Called with the messages of other channels.
 
         Yields:
             Whole rows, sequence numbers left out, and None; at the end, the beginning of a last
@@ -264,14 +264,14 @@ class LogReader(AbstractContextManager['LogReader']):
                 yield McapFile(stream)
             except LinkageError as error:
                 raise LogError(f'{self.path} cannot be used: {error}') from error
-            except Exception as error:  # nothing bounds what damage makes a parser raise
+            except Exception as error:  # on damaged data the parser may raise any exception
                 raise LogError(
                     f'{self.path} is damaged or not complete: linkage_log recover saves what can '
                     f'be read of it ({type(error).__name__}: {error})'
                 ) from error
 
     def __exit__(self, *error: object) -> None:
-        """Does nothing: no pass is open any more."""
+        """Does nothing: each pass closes its own file."""
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
@@ -289,8 +289,8 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
 def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
     """Finds the channels of a log that carry given topics, whatever their names.
 
-    Of several channels of one type, those that kept their name come first, then the others in
-    the order in which they were declared, which is that of the topics.
+    If several channels have the same type, those with an unchanged name are matched first, then
+    the others in the order of their declaration, which is that of the topics.
 
     Args:
         log: The log.

@@ -30,9 +30,9 @@ class Recovered:
     Attributes:
         messages: Number of messages recovered.
         duration: Time from the first to the last of them, s.
-        places: Number of damaged stretches, an incomplete end among them.
+        places: Number of damaged stretches, including an incomplete end.
         damaged: Number of bytes in them.
-        unknown: Number of messages lost because nothing tells their topics.
+        unknown: Number of messages lost because their topics are unknown.
     """
 
     messages: int = 0
@@ -78,7 +78,7 @@ class _Copy:
     """Copies the intact records of a log into a new one, with the chunks as they were."""
 
     def __init__(self, file: McapFile, new: LogWriter) -> None:
-        """Begins a copy.
+        """Prepares the copy.
 
         Args:
             file: The broken log.
@@ -86,9 +86,9 @@ class _Copy:
         """
         self._file, self._new = file, new
         self._done, self._is_configured = Recovered(), False
-        # Where the first chunk is lost, the summary still names the topics.
+        # If the first chunk is lost, the summary still names the topics.
         self._spare: list[Schema | Channel] = []
-        with suppress(Exception):  # of a file that is not complete, or damaged there
+        with suppress(Exception):  # the file is incomplete, or its summary is damaged
             summary = file.summary() or {}
             self._spare = [*summary[Schema], *summary[Channel]]
 
@@ -99,8 +99,8 @@ class _Copy:
             progress: As for `recover`.
 
         Raises:
-            LogError: It unpacks to too much or has no configuration, or the new log cannot be
-                written.
+            LogError: The log unpacks to too much or has no configuration, or the new log cannot
+            be written.
         """
         file, done, opcode, at = self._file, self._done, 0, MAGIC_SIZE
         while at < file.size and opcode != Opcode.DATA_END:
@@ -108,7 +108,7 @@ class _Copy:
             try:
                 opcode, content, at = file.part(before)
                 self._take(content)
-            except Exception:  # nothing bounds what damage makes a parser raise
+            except Exception:  # on damaged data the parser may raise any exception
                 if file.left < 0 or self._new.file.stream.closed:
                     raise
                 at = file.next_place(before + 1)
@@ -126,7 +126,7 @@ class _Copy:
         """Copies the content of a part of the file.
 
         Raises:
-            LogError: It is damaged; other exceptions are possible too.
+            LogError: The part is damaged; other exceptions are possible too.
         """
         if isinstance(content, bytes):
             self._take_chunk(content)
@@ -156,6 +156,6 @@ class _Copy:
     def _take_metadata(self, record: Metadata) -> None:
         if record.name.startswith(CONFIGURATION_RECORD):
             unseal(record.metadata)
-        if record.name != END_RECORD:  # the new log has one of its own
+        if record.name != END_RECORD:  # the new log gets its own
             self._is_configured |= record.name == CONFIGURATION_RECORD
             self._new.library.add_metadata(record.name, record.metadata)

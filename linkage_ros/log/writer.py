@@ -88,8 +88,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
             overwrite: Whether to replace an existing log.
 
         Raises:
-            LogError: The file exists and is not to be replaced, or is no log; it is being written
-                by another run, or cannot be created.
+            LogError: The file exists and must not be replaced, is not a log, is being written
+            by another run, or cannot be created.
         """
         self.file = LogFile(path, overwrite=overwrite)
         self.library = Writer(
@@ -126,7 +126,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         return self.library.register_channel(name, 'cdr', schemas[interface.name], metadata)
 
     def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
-        """Declares the channels of rows, which come first in a log.
+        """Declares the channels of rows; they are the first channels of a log.
 
         Args:
             layout: Layout of the rows.
@@ -169,7 +169,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self.add_records(some, {n: np.column_stack([times, places + s]) for n, s in heads})
 
     def declare(self, record: Schema | Channel) -> None:
-        """Appends a schema or channel, unless its number is taken."""
+        """Appends a schema or channel, unless its number is already in use."""
         known: dict[int, Any] = self.channels if isinstance(record, Channel) else self._schemas
         if record.id not in known:
             known[record.id] = record
@@ -213,9 +213,9 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends items, and flushes them.
 
         Args:
-            items: Each a `LogItem`.
+            items: Each is a `LogItem`.
         """
-        # Rows next to each other take far less time than one by one.
+        # Adjacent rows are written together, which takes far less time.
         for is_rows, group in groupby(items, lambda item: isinstance(item, bytes)):
             if is_rows:
                 self.write_rows(b''.join(group))
@@ -228,7 +228,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.flush()
 
     def flush(self) -> None:
-        """Hands all messages to the operating system; a killed run loses only later ones.
+        """Passes all messages to the operating system; a killed run loses only later ones.
 
         Raises:
             LogError: The file cannot be written, was removed or truncated; the log ends.
@@ -243,7 +243,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """
         if self.file.stream.closed:
             return
-        self.flush()  # or the last chunk would lie behind the record
+        self.flush()  # otherwise the last chunk would follow the record
         end = seal({'messages': str(self.statistics.message_count)})
         self.library.add_metadata(END_RECORD, end)
         self.library.finish()
@@ -251,7 +251,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.file.close()
 
     def disk_sync(self) -> DiskSync:
-        """The object that syncs the file to the disk, for a separate worker."""
+        """Returns the object that syncs the file to the disk, for a separate worker."""
         return DiskSync(self.file)
 
     def __exit__(self, *error: object) -> None:

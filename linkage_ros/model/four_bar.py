@@ -74,8 +74,8 @@ from linkage_ros.numeric import (
 )
 from linkage_ros.quantities import quantity
 
-# Where |d - r| is below this part of d + r, the rates need the careful form: the plain one has an
-# error of about an ulp over the square of this.
+# If |d - r| is below this fraction of d + r, the rates need the form of `_careful_mean`: the plain
+# one has an error of about an ulp over the square of this fraction.
 _CLOSE = 1 / 64
 
 
@@ -88,8 +88,8 @@ class FourBarLoop(NamedTuple):
         axis: Direction of the frame: cosine and sine of delta.
         ground: d - r and d + r, m.
         dyad: b - c and side (b + c), m.
-        length: L^2 at theta = 0 and its growth up to theta = pi, m^2; None: crank pin and
-            rocker pivot meet there (rhombus and kite, r = d and b = c).
+        length: L^2 at theta = 0 and its increase up to theta = pi, m^2; None: crank pin and
+        rocker pivot coincide at theta = 0 (rhombus and kite, r = d and b = c).
         moment: (b - c)(b + c), m^2.
         arm: r (r - d cos theta) in the same form as L^2, m^2.
         quotient: +1 or -1: where `length` is None, the quotient of the two triangles' brackets.
@@ -166,7 +166,7 @@ class FourBarLoop(NamedTuple):
     ) -> tuple[Real, Real]:
         """(1 - nu) / 2 and its derivative where A passes B0 closely, L much shorter than d.
 
-        There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' are alike. But
+        There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' nearly agree. But
         (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
         """
         (S, C, sin_m, cos_m, u, v), (turn, bend) = halves, slopes
@@ -199,8 +199,8 @@ class ByRocker(NamedTuple):
     It determines the motion at the dead centres of a crank that cannot turn fully.
 
     Attributes:
-        reversed: Those of the same linkage read from its other end: the rocker is its crank, and
-            its coupler goes from B to A.
+        reversed: Constants of the reversed linkage: its crank is the rocker, and its coupler
+        goes from B to A.
     """
 
     reversed: Loop
@@ -222,9 +222,9 @@ class FourBar(Mechanism):
         crank: Driven link, from A0, the origin.
         coupler: Floating link, from the crank pin A to B.
         rocker: Output link, from B0.
-        assembly: 'open': B lies left of the line from A to B0; 'crossed': right of it. Of a
-            linkage that passes change points it names the branch at crank angles 0 to pi
-            counted from the frame.
+        assembly: 'open': B lies left of the line from A to B0; 'crossed': right of it. For a
+        linkage with change points, it names the branch at crank angles 0 to pi, counted
+        from the frame.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Load curves and friction; other loads belong to the rocker.
     """
@@ -242,7 +242,7 @@ class FourBar(Mechanism):
     loads: tuple[Any, ...] = loads_field()
 
     def __post_init__(self) -> None:
-        if type(self.rocker) is Body:  # without loads of its own
+        if type(self.rocker) is Body:  # a rocker without its own load
             object.__setattr__(self, 'rocker', Rocker(**vars(self.rocker)))
         super().__post_init__()
         longest, *others = sorted(self._lengths(), reverse=True)
@@ -302,7 +302,7 @@ class FourBar(Mechanism):
             moment=diff_bc * sum_bc,
             arm=(-r * diff_dr, 2 * r * d),
             quotient=1 if side * transmission.kappa > 0 else -1,
-            # A crank that cannot reach the near side never comes where L would be short.
+            # A crank that cannot reach the near side never makes L short.
             close=not transmission.sin.limits and bool(abs(diff_dr) < _CLOSE * sum_dr),
         )
 
@@ -333,7 +333,7 @@ class FourBar(Mechanism):
     def other_loop(self) -> ByRocker:
         """The constants of the pose at a rocker angle."""
         r, b, c, d = self._lengths()
-        # Half a turn on, towards 0; the nearest float and its error.
+        # Rotated by half a turn, towards 0; the nearest float and its error.
         way = math.copysign(2.0, -self.frame.angle)
         high, error = two_sum(self.frame.angle, way * HALF_PI[0])
         reference = high, error + way * HALF_PI[1]

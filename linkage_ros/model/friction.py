@@ -19,7 +19,7 @@ class Friction(AppliedLoad):
     """Dry friction: one coefficient and radius for all pins, and one coefficient for the guide.
 
     A pin resists the rotation of its two links with coefficient x radius x force, the guide the
-    sliding with coefficient x normal force; both with 0 where nothing moves.
+    sliding with coefficient x normal force; both are 0 at rest.
 
     Attributes:
         pin: Coefficient of friction of the pins.
@@ -49,7 +49,7 @@ class Friction(AppliedLoad):
         """See `AppliedLoad`.
 
         Raises:
-            ConfigurationError: There is friction in a guide, and no guide.
+            ConfigurationError: Friction in a guide is given for a mechanism without a guide.
         """
         if self.guide and not any(link.slides for link in mechanism.structure().links):
             raise ConfigurationError(
@@ -64,7 +64,7 @@ class Rubbing(NamedTuple):
 
     Attributes:
         arm: Coefficient times radius of the pins, m; ZERO: no friction there.
-        guide: Coefficient of the guide; ZERO: likewise.
+        guide: Coefficient of the guide; ZERO: no friction there.
     """
 
     arm: Real
@@ -73,10 +73,10 @@ class Rubbing(NamedTuple):
     def contacts(
         self, pins: Sequence[Pin], links: Sequence[Link], rates: Sequence[Real]
     ) -> list[Contact]:
-        """See `JointLoad`: the joints that rub, pins first."""
+        """See `JointLoad`; the joints with friction, pins first."""
         contacts = []
         for pin in pins if self.arm is not ZERO else ():
-            # A link that slides does not turn: its guide passes the couple on to the frame.
+            # A sliding link does not turn: its guide transmits the couple to the frame.
             first, *others = (
                 j for j in (pin.second, pin.first) if j is not None and not links[j].slides
             )

@@ -23,7 +23,7 @@ from linkage_ros.numeric import Real, without_turns
 from linkage_ros.quantities import quantity, shown
 
 _TURN = 2 * math.pi
-_ROUNDING = 8 * math.ulp(_TURN)  # rad, of points that are one turn apart
+_ROUNDING = 8 * math.ulp(_TURN)  # rad: tolerance of points that are one turn apart
 _PLACES = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
 _COLUMNS = 'at', 'value', 'return_value'
@@ -42,8 +42,8 @@ class LoadCurve(AppliedLoad):
         at: Crank angles or positions of the points, rising, rad or m.
         value: Load on the link there: N m counter-clockwise; on a slider, N along the guide.
         return_value: With over: position, the load while the link's rate is negative; None: value.
-        file: A CSV file with columns at, value and optionally return_value; it is read at once,
-            and not kept.
+        file: A CSV file with columns at, value and optionally return_value. It is read on
+        creation; the name is not kept.
     """
 
     group: ClassVar[str] = 'load'
@@ -126,8 +126,8 @@ class LoadCurve(AppliedLoad):
         """See `AppliedLoad`.
 
         Raises:
-            ConfigurationError: The mechanism has no such link, or the link turns fully, over:
-                position.
+            ConfigurationError: The mechanism has no such link, or a link of a curve over position
+            turns fully.
         """
         link, at, value = mechanism.output(self.link, 'load.link'), self.at or (), self.value or ()
         if self.over == 'crank_angle':
@@ -212,7 +212,7 @@ def _columns_of(path: str) -> dict[str, tuple[float, ...]]:
     """The columns of a CSV file.
 
     Raises:
-        ConfigurationError: The file cannot be read, or is not such a table.
+        ConfigurationError: The file cannot be read or is not such a table.
     """
     try:
         with open_file(path) as stream:

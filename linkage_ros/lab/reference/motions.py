@@ -57,7 +57,7 @@ class MotionReference:
         return state[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def end(self, until: float) -> float | None:
-        """Finds the first time at which coupler and third link are in line, where coordinates end.
+        """Finds the time at which coupler and third link first are in line: the coordinates end.
 
         Args:
             until: End of the search, s.

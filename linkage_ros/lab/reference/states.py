@@ -67,8 +67,8 @@ class Reference:
             mechanism: The linkage.
             speed: Crank speed, rad/s.
             acceleration: Crank acceleration, rad/s^2.
-            decimal: Whether lengths have their typed decimal value, 0.1 being a tenth; otherwise,
-                like all other numbers, that of the float.
+            decimal: Whether lengths have their typed decimal value: 0.1 is exactly a tenth.
+                Otherwise they have the float's value, as all other numbers do.
         """
         self._mechanism, self._motion = mechanism, (speed, acceleration)
         self.slides = isinstance(mechanism, SliderCrank)

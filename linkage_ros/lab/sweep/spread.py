@@ -123,7 +123,7 @@ def cluster(address: str) -> Iterator[Executor]:
     with client:
         try:
             client.wait_for_workers(1, timeout=_PATIENCE)
-            client.run(version, 'linkage_ros')  # a worker without it ends, and the work waits
+            client.run(version, 'linkage_ros')  # without it a worker ends, and its work waits
             yield client.get_executor()
         except tuple(reasons) as error:
             reason = next(reasons[kind] for kind in reasons if isinstance(error, kind))
