@@ -178,7 +178,7 @@ class McapFile:
         Raises:
             LogError: The file has too many damaged places.
         """
-        self.spend(LARGEST)  # to try it may take as much, and thousands may look like chunks
+        self.spend(LARGEST)  # an attempt may cost this much, and many places may look like chunks
         while len(data := self._read(at, LARGEST)) >= _LANDMARK_SIZE:
             if found := _LANDMARK.search(data):
                 return at + found.start()

@@ -22,7 +22,7 @@ from linkage_ros.parameters.configuration import Configuration, from_strings, to
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
-END_RECORD = 'linkage_ros/end'  # its field: messages, the number that was logged
+END_RECORD = 'linkage_ros/end'  # its field `messages`: the number of logged messages
 
 _CHECKSUM = 'crc32'
 

@@ -123,7 +123,7 @@ class LogReader(AbstractContextManager['LogReader']):
                 'of one'
             )
         self.version, self.configuration = decode_configuration(about[0])
-        self.has_same_urdf = 'frame_id' in about[0]  # as old as the links' present names
+        self.has_same_urdf = 'frame_id' in about[0]  # since the present link names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
         ends = [unseal(record.metadata) for record in records if record.name == END_RECORD]
         self.lost = sum(int(end['messages']) - statistics.message_count for end in ends)
@@ -203,8 +203,8 @@ class LogReader(AbstractContextManager['LogReader']):
             other: Called with the messages of other channels.
 
         Yields:
-            Whole rows, sequence numbers left out, and None; at the end, the beginning of a last
-            row, and the message that does not fit there, None if the log ends.
+            Whole rows without sequence numbers, and None; at the end, the start of an incomplete
+            row, and the message that does not fit there, or None at the end of the log.
 
         Raises:
             LogError: The file is damaged.
@@ -237,7 +237,7 @@ class LogReader(AbstractContextManager['LogReader']):
                     begun = b'' if len(row) == layout.size else row
                     if not begun:
                         yield row, None
-            if found != self._count:  # a damaged opcode hides its record: no checksum covers it
+            if found != self._count:  # no checksum covers opcodes: damage hides a record
                 raise LogError('it is damaged: its messages are not as many as its summary says')
         if begun:
             yield begun, None

@@ -1,12 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads on the links of a mechanism: each gives a generalised force for every link it acts on.
+"""Loads on the links of a mechanism: each gives a generalised force on every loaded link.
 
 The power of a load is the sum of its forces times the links' rates, so that a link that turns gets
-a torque about its own axis, and a link that slides a force along its guide. Viscous friction in a
+a torque about its own axis, and a sliding link gets a force along its guide. Viscous friction in a
 pin would be such a load, too: -c times the relative rate of its two links on one of them, and the
-opposite on the other. Loads are named tuples of floats; in formulas a term that is not there is
-ZERO.
+opposite on the other. Loads are named tuples of floats; in formulas an absent term is ZERO.
 """
 
 import math
@@ -23,7 +22,7 @@ _POSITIVE = (0.0, 1e12)
 
 
 class Load(Protocol):
-    """What acts on links.
+    """A load on links, for formulas.
 
     One that acts on a single link may name its index in an attribute `link`: in MJCF it becomes
     a motor on the joint of this link. Two more methods are optional: `resistance(links, rates)`,
@@ -37,7 +36,7 @@ class Load(Protocol):
         Joint forces treat the force on a turning link as a couple.
 
         Args:
-            links: Where the links are.
+            links: Positions of the links.
             rates: Their velocities, rad/s or m/s.
 
         Returns:
@@ -46,13 +45,13 @@ class Load(Protocol):
 
 
 class Contact(NamedTuple):
-    """A load that the force in a joint makes.
+    """A load caused by the force in a joint.
 
     Attributes:
-        joint: Name of the pin; of a guide, of the link that slides on it.
-        levers: The load on links per force in the joint, by the index of the link: m, of a link
-            that slides a number. On two links it is that of a pin between them; on one, the frame
-            exerts it.
+        joint: Name of the pin or, for a guide, of the link that slides on it.
+        levers: The load per force in the joint, by the index of the link: m; for a sliding link,
+        dimensionless. A load on two links acts between them; one on a single link comes from
+        the frame.
     """
 
     joint: str
@@ -65,7 +64,7 @@ class JointLoad(Protocol):
     def contacts(
         self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
     ) -> list[Contact]:
-        """The joints that make it.
+        """The joints that cause it.
 
         Args:
             pins: `Structure.pins` of the mechanism.
@@ -78,7 +77,7 @@ class JointLoad(Protocol):
 
 
 class AppliedLoad(Checked):
-    """Base of the kinds of load that mechanisms are given: frozen dataclasses of quantities.
+    """Base of the kinds of load in a mechanism's description: frozen dataclasses of quantities.
 
     `linkage_ros.model.load_kinds` lists them.
 
@@ -91,10 +90,10 @@ class AppliedLoad(Checked):
     has_corners: ClassVar[bool] = False
 
     def join(self, _mechanism: Any) -> 'tuple[AppliedLoad, ...]':
-        """Joins a mechanism that is being made.
+        """Adds the load to a mechanism during its creation.
 
         Returns:
-            What remains among its loads: nothing, where a part takes the load into its own values.
+            The remaining loads; none if a part of the mechanism takes over the load's values.
 
         Raises:
             ConfigurationError: The mechanism cannot have it.
@@ -102,7 +101,7 @@ class AppliedLoad(Checked):
         return (self,)
 
     def on(self, _mechanism: Any) -> Load | None:
-        """The load on a mechanism for formulas; None: there is none, or forces in joints make it.
+        """The load on a mechanism for formulas; None: none, or one that depends on joint forces.
 
         Raises:
             ConfigurationError: It does not fit the mechanism.
@@ -110,21 +109,21 @@ class AppliedLoad(Checked):
         return None
 
     def in_joints(self, _mechanism: Any) -> JointLoad | None:
-        """What the forces in a mechanism's joints make; None: nothing. As `on`."""
+        """The part of the load that joint forces cause; None: no such part. See `on`."""
         return None
 
 
 @dataclass(frozen=True)
 class LinkLoad(AppliedLoad):
-    """What the output link works against: the mechanism takes it into the link's own values.
+    """The load on the output link; the mechanism stores it in the values of that link.
 
     `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` is a four-bar whose rocker has torque -5 N m.
 
     Attributes:
         link: 'rocker' or 'slider'.
-        force: On the link: torque, counter-clockwise positive, N m; of a slider force, N.
+        force: Load on the link: torque, counter-clockwise positive, N m; on a slider, force, N.
         damping: Resistance per rate of the link, N m s or N s/m.
-        stiffness: Of a spring to the frame, N m/rad or N/m.
+        stiffness: Stiffness of a spring to the frame, N m/rad or N/m.
         rest: Position at which the spring is at rest, rad or m.
     """
 
@@ -137,7 +136,7 @@ class LinkLoad(AppliedLoad):
     rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
 
     def join(self, mechanism: Any) -> tuple[()]:
-        """See `AppliedLoad`: the link takes it into its own values."""
+        """See `AppliedLoad`; the link stores it in its own values."""
         mechanism.take_in(self.link, self.force, self.damping, self.stiffness, self.rest)
         return ()
 
@@ -171,7 +170,7 @@ class LinkForce(NamedTuple):
         return {self.link: -lost}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`: the spring's."""
+        """See `Load`; that of the spring."""
         stretch = self._stretch(links)
         return 0.5 * (self.stiffness * (stretch * stretch))
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of mechanisms: links between pins, a slider, the fixed link.
+"""The parts of mechanisms: links with two pins, sliders and fixed links.
 
 Lengths in m, masses in kg, inertias in kg m^2 about each body's own centre of mass, angles in
 rad counter-clockwise from the x axis of base_link.
@@ -14,8 +14,8 @@ from linkage_ros.quantities import Checked, quantity
 OPEN = 'open'
 CROSSED = 'crossed'
 
-# Bounds on what may be typed in. Products of up to six lengths must neither overflow nor
-# underflow; every linkage that can be built is far inside.
+# Bounds of inputs. Products of up to six lengths must neither overflow nor underflow; every
+# linkage that can be built is far within these bounds.
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
 _FORCES = (-1e12, 1e12)
@@ -113,7 +113,7 @@ class Guide(Checked):
     """The fixed link of a slider: the crank pivot A0 and a straight guide.
 
     Attributes:
-        angle: Direction of the guide, in which the slider's position counts, rad.
+        angle: Direction of the guide, positive for the slider's position, rad.
     """
 
     angle: float = quantity(
@@ -126,7 +126,7 @@ class Slider(Checked):
     """A body that slides along a guide and does not turn; its pin is its centre of mass.
 
     A disc of mass m, inertia J and radius R that rolls along the guide moves as a slider of mass
-    m + J / R^2. Where the guide is not level, `force` has to carry the weight of J / R^2.
+    m + J / R^2. If the guide is not level, `force` must cancel the weight of J / R^2.
 
     Attributes:
         offset: Distance of the pin's path from the crank pivot, to the guide's left, m.

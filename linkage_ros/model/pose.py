@@ -32,8 +32,8 @@ class Pose(NamedTuple):
 
     Attributes:
         links: One for each moving link.
-        sines: For each dyad, the sine of the angle from its first to its second link, right to a
-            few ulp where it vanishes too; from the first link to the normal of a guide.
+        sines: For each dyad, the sine of the angle from its first to its second link or, for a
+        slider, to the normal of its guide; right to a few ulp even near 0.
     """
 
     links: tuple[LinkPose, ...]

@@ -12,7 +12,7 @@ from linkage_ros.numeric import Array
 
 Arc: TypeAlias = tuple[float, float]
 
-_PER_DECADE = 24  # of the steps that become finer
+_PER_DECADE = 24  # ratio of lengths of successively finer steps
 FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
 
 
@@ -22,7 +22,7 @@ class Reach(NamedTuple):
     Attributes:
         grashof: Class, such as 'crank-rocker' or 'change-point'; see the mechanism.
         arcs: Reachable crank angles, (from, to) with from in [0, 2 pi), rad; the whole turn
-            where it turns fully.
+            if it turns fully.
         period_turns: Turns of the crank after which the motion repeats.
         transmission: Smallest and largest transmission angle, rad in [0, pi]; 0 or pi: links
             become collinear. None: the mechanism has no such angle.
@@ -64,13 +64,13 @@ class Reach(NamedTuple):
             raise MechanismError(self._refusal('turn fully'))
 
     def refuse(self, crank: float) -> NoReturn:
-        """Refuses a crank angle at which no state, or no finite rate, exists.
+        """Refuses a crank angle without a state or with infinite rates.
 
         Args:
             crank: Crank angle, rad.
 
         Raises:
-            UnreachableError: It names the class, the cause, the cures and the reachable arcs.
+            UnreachableError: Always; the message names class, cause, cures and reachable arcs.
         """
         purpose = f'move at {math.degrees(crank):.9g} deg'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)

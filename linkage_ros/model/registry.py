@@ -7,7 +7,7 @@ from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 
-# A package of yours may add its own before it starts a program of this one.
+# Your package may add its own mechanisms before it starts a program of this package.
 MECHANISMS: dict[str, type[Mechanism]] = {
     'four_bar': FourBar,
     'slider_crank': SliderCrank,

@@ -8,7 +8,7 @@ The loop is document 4's (eq. 2, where e = 0), with an offset e and in the guide
 
 Let mu be the transmission angle, which the coupler makes with the normal of the guide. From the
 imaginary parts, cos mu = sin beta = (e - r sin alpha) / b: with theta = alpha + pi/2 this is the
-map that a four-bar has too (`transmission`),
+same map as for a four-bar (`transmission`),
 
     cos^2(mu/2) = (b+e-r)/2b + (r/b) cos^2(theta/2)
     sin^2(mu/2) = (b-e-r)/2b + (r/b) sin^2(theta/2)
@@ -159,7 +159,7 @@ class BySlider(NamedTuple):
 
 @dataclass(frozen=True)
 class SliderCrank(Mechanism):
-    """A slider-crank: crank A0-A, coupler A-B, slider at B on a guide that passes A0.
+    """A slider-crank: crank A0-A, coupler A-B, slider at B on a straight guide.
 
     Attributes:
         crank: Driven link, from A0, the origin.

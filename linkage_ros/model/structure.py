@@ -173,8 +173,8 @@ class Structure(NamedTuple):
     Attributes:
         links: The moving links, each after its parent.
         points: The pins A0, A, B and, if present, B0, D and the coupler point C.
-        closure: The path around the loop without sliding links; it ends at the sliding link, or
-            at its beginning.
+        closure: The path around the loop without sliding links; it ends at the sliding link or
+        at its own start.
         pins: The pin joints; empty if joint forces are not supported.
         dyads: Dyads in the order in which they are closed.
         other_dyads: Dyads in the other coordinates; see `Mechanism`.
@@ -208,8 +208,8 @@ class Mechanism(Checked):
 
     Attributes:
         coordinates: Names of the links whose positions determine all others.
-        other_coordinates: Links that do so where the `coordinates` end, at a dead centre or a
-            stretched dyad; empty: none.
+        other_coordinates: Links that do so where the `coordinates` are singular, at a dead centre
+        or a stretched dyad; empty: none.
         crank: The link that the drive turns.
         assembly: How the loop is closed.
         gravity: Acceleration of gravity [x, y], m/s^2.
@@ -230,14 +230,14 @@ class Mechanism(Checked):
             object.__setattr__(self, 'loads', rest)
 
     def take_in(self, name: str, *terms: float) -> None:
-        """Takes a load of the output link into that part: there is one place for it.
+        """Stores a load on the output link in that part, the only place for it.
 
         Args:
             name: Name of the link.
             *terms: Values of the part's `load_fields`.
 
         Raises:
-            ConfigurationError: There is no such link, or it already has a load.
+            ConfigurationError: The mechanism has no such link, or the link already has a load.
         """
         self.output(name, 'load.link')
         part = getattr(self, name)
@@ -275,14 +275,14 @@ class Mechanism(Checked):
         raise NotImplementedError
 
     def link_loads(self) -> tuple[Load, ...]:
-        """What acts on the links, besides weights and what the forces in joints make."""
+        """Loads on the links, without weights and loads caused by joint forces."""
         parts = ((name, x) for name, x in vars(self).items() if hasattr(x, 'load_fields'))
         own = (self._own_load(name, part) for name, part in parts)
         found = (*own, *(load.on(self) for load in self.loads))
         return tuple(load for load in found if load is not None)
 
     def _own_load(self, name: str, part: Any) -> Load | None:
-        """The load on the output link in the values of its part; None: there is none."""
+        """The load on the output link from the values of its part; None: no load."""
         force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
         if not (force or damping or stiffness):
             return None
@@ -293,7 +293,7 @@ class Mechanism(Checked):
         return LinkForce(link, force, damping, stiffness, rest, middle)
 
     def joint_loads(self) -> tuple[JointLoad, ...]:
-        """What the forces in the joints make; usually nothing."""
+        """Loads caused by joint forces; usually none."""
         return tuple(found for load in self.loads if (found := load.in_joints(self)) is not None)
 
     def output(self, name: str, what: str) -> int:
@@ -301,7 +301,7 @@ class Mechanism(Checked):
 
         Args:
             name: Name of the link.
-            what: The setting that names it, for the error.
+            what: Name of the setting, for the error.
 
         Returns:
             The index.
@@ -320,7 +320,7 @@ class Mechanism(Checked):
         """The middle of the output link's swing, the origin of its position.
 
         Args:
-            _what: The setting that needs it, for the error.
+            _what: Name of the setting, for the error.
 
         Returns:
             Direction in [-pi, pi], rad; None for a sliding link.
@@ -335,5 +335,5 @@ class Mechanism(Checked):
         return None
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Other coordinates than the crank angle at t = 0, and their rates."""
+        """The coordinates other than the crank angle at t = 0, and their rates."""
         return (), ()

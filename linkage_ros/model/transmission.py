@@ -14,7 +14,7 @@ smoothly through the point. With u = kappa cos h / cos m and v = kappa sin h / s
 
     d(2m)/d(2h) = u v        d^2(2m)/d(2h)^2 = [u^2 (1 - v^2) cot m - v^2 (1 - u^2) tan m] / 2
 
-and no division by the sine of the transmission angle is left. The formulas are this project's.
+without division by the sine of the transmission angle. The formulas are this project's.
 """
 
 import math
@@ -45,7 +45,7 @@ class Square(NamedTuple):
     @classmethod
     def of(cls, least: float, most: float) -> 'Square':
         """Makes the square from its smallest and largest values."""
-        most = largest(most, 0.0)  # of a loop that just closes, rounding could make it negative
+        most = largest(most, 0.0)  # rounding could make it negative for a loop that just closes
         limits = bool(least < 0)
         return cls(least or ZERO, most, limits, limits and bool(most < -least))
 
@@ -54,7 +54,7 @@ class Square(NamedTuple):
 
         Args:
             x: kappa cos h, or kappa sin h.
-            other: The other of these.
+            other: The other of these two products.
             refuse: Function that rejects a crank angle.
             crank: Crank angle, rad.
 
@@ -111,11 +111,11 @@ class Transmission(NamedTuple):
         return sin_h, cos_h, sin_m, cos_m, u, v
 
     def slopes(self, at: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
-        """How the transmission angle changes with the crank.
+        """Derivatives of the transmission angle by the crank angle.
 
         Args:
             at: From `place`.
-            factor: What the results are multiplied by.
+            factor: Factor of the results.
 
         Returns:
             d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
@@ -184,7 +184,7 @@ class Transmission(NamedTuple):
             cures: Changes that would let it turn; used only if there are limits.
             equalities: Descriptions of sums of lengths that count as 0.
             pass_by: Half the crank angle within which the crank pin passes the rocker pivot, rad;
-                0: there is no such pivot, or the pin meets it.
+                0: there is no such pivot, or the two coincide there.
 
         Returns:
             The reach.

@@ -76,8 +76,8 @@ class WindPumpLoop(NamedTuple):
             q: Crank angle, rad, and the slider's position, m.
 
         Returns:
-            P, 0 where coupler and rod are stretched or do not reach; Q, 0 where they are folded
-            or do not fit in; L^2; all m^2. P and Q count as 0 within the rounding of their terms.
+            P, 0 where coupler and rod are stretched or too short; Q, 0 where they are folded or
+            too long; L^2; all m^2. P and Q count as 0 within the rounding errors of their terms.
         """
         angle, slide = q
         r, b, c = self.crank, self.coupler, self.rod
@@ -147,7 +147,7 @@ class WindPumpLoop(NamedTuple):
 
 
 class ByCoupler(WindPumpLoop):
-    """The constants where the coordinates are the angles of crank and coupler.
+    """The constants for the angles of crank and coupler as coordinates.
 
     They determine the motion where coupler and rod are in line. `side` is 1 if the rod points
     along the guide, -1 if against it.
@@ -161,7 +161,7 @@ class ByCoupler(WindPumpLoop):
         square = (c - rise) * (c + rise)
         require(square > 0, self.refuse, *q)
         run = self.side * sqrt(square)
-        # How the rod turns: run phi3' = -r cos(phi1) phi1' - b cos(phi2) phi2'.
+        # Rate of the rod: run phi3' = -r cos(phi1) phi1' - b cos(phi2) phi2'.
         one, two = -r * crank.x / run, -b * coupler.x / run
         rod_bends = (
             (r * crank.y + rise * (one * one)) / run,
@@ -199,10 +199,10 @@ class WindPump(Mechanism):
         coupler: From the crank pin A to B.
         rod: From B to the slider's pin D.
         slider: The pump's piston, at D.
-        assembly: 'open': B lies left of the line from A to D; 'crossed': right of it, which is
-            below where the slider is to the right.
+        assembly: 'open': B lies left of the line from A to D; 'crossed': right of it, that is,
+        below it if the slider is to the right.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; what else acts on the slider is its own.
+        loads: Load curves and friction; other loads belong to the slider.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank', 'slider')

@@ -22,35 +22,35 @@ from linkage_ros.numeric import Array
 _TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
 _FIRST_STEP = 1e-4  # s
 _SHORTEST_STEP = 1e-8  # s
-# Between two states; a turn of a four-bar takes a hundred, a second of the wind pump some twenty.
+# Steps between two states; a turn of a four-bar takes 100, a second of the wind pump about 20.
 _STEPS, _STEPS_A_SECOND = 5_000, 20_000
-_END = 1e10  # s, which no run reaches
+_END = 1e10  # s, longer than any run
 
 
 class AdaptiveSteps:
     """Integrates a motion with error control at every step.
 
     Attributes:
-        driven: What moves, in the coordinates that describe it now.
-        time: Up to which it is followed, s.
-        phase: At that time: coordinates, then their rates; the crank within two turns of 0.
-        pairs: Pairs of whole turns that belong to it.
+        driven: The driven mechanism in its current coordinates.
+        time: Time reached, s.
+        phase: Coordinates, then their rates, at that time; the crank within two turns of 0.
+        pairs: Pairs of whole turns removed from the crank angle.
     """
 
     def __init__(self, driven: DrivenMechanism, phase: Values) -> None:
-        """Begins a motion at time 0.
+        """Starts a motion at time 0.
 
         Args:
             driven: The mechanism under its torque.
             phase: Coordinates, then their rates.
 
         Raises:
-            LinkageError: The motion cannot begin; see `Solver.accelerations`.
+            LinkageError: The motion cannot start; see `Solver.accelerations`.
         """
         self.driven, self.time = driven, 0.0
         self.phase, self.pairs = driven.wound(phase)
         self._steps = self._begin(0.0, self.phase)
-        # The continuous solution of the last step, and the pairs of turns left out of it.
+        # The continuous solution of the last step, and the pairs of turns removed from it.
         self._between: Any = None
         self._pairs_ahead = self._pairs_between = self.pairs
 
@@ -93,7 +93,7 @@ class AdaptiveSteps:
             self.advance(times[done])
             yield self.phase, self.pairs
             done += 1
-            # Other times within the same step are a matter of one evaluation.
+            # Other times within the same step need only one evaluation each.
             end = bisect_right(times, self._steps.t, done)
             if end > done:
                 for values in self._between(np.array(times[done:end])).T.tolist():
@@ -121,14 +121,14 @@ class AdaptiveSteps:
             self.driven.fail(steps.t, phase, cause)
         self._between, self._pairs_between = steps.dense_output(), self._pairs_ahead
         phase, pairs = self.driven.wound(tuple(steps.y.tolist()))
-        if pairs:  # a relative tolerance of a large angle would be no tolerance
+        if pairs:  # a relative tolerance would be too loose for a large angle
             steps.y = np.array(phase)
             self._pairs_ahead += pairs
 
     def _try(self) -> LinkageError | None:
         """One step, or what the slope refused on its way; then nothing has moved."""
         try:
-            with np.errstate(all='ignore'):  # what is not finite the slope refuses
+            with np.errstate(all='ignore'):  # the slope refuses non-finite values
                 self._steps.step()
         except LinkageError as refusal:
             return refusal

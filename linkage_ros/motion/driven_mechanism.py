@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mechanism under a torque, as a first-order system for integrators.
 
-Where the mechanism's own coordinates come near their end, at a dead centre or a stretched dyad,
-the motion is described by its other coordinates, and behind it by its own again, perhaps in the
-other assembly.
+Near a singularity of the mechanism's own coordinates, at a dead centre or a stretched dyad, the
+motion is described in its other coordinates. Beyond it the own coordinates are used again, perhaps
+in the other assembly.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from linkage_ros.numeric import Array, Real, with_turns, within_two_turns, wrap
 # The torque on the crank, N m, at a crank speed, rad/s.
 TorqueLaw: TypeAlias = Callable[[Any], Real]
 
-_NUDGE = 1e-7  # of a value, or of its unit, for derivatives
+_NUDGE = 1e-7  # relative step of a value, or of its unit, for derivatives
 _PLACES = 12  # crank angles at which eigenvalues are found
-_SLOW = 1e-3  # rad/s or m/s: as good as rest
+_SLOW = 1e-3  # rad/s or m/s: counts as rest
 _SOON = 1e-3  # s
-_NEAR = 0.05  # sine of the angle of a dyad that counts as stretched or folded
-# Such sines at which a motion leaves its own coordinates, and comes back to them.
+_NEAR = 0.05  # sine of the dyad angle below which the dyad counts as stretched or folded
+# Sines at which a motion leaves its own coordinates and returns to them.
 _LEAVE, _RETURN = 0.1, 0.2
 
 
@@ -48,8 +48,8 @@ class DrivenMechanism:
     Attributes:
         solver: Solver of the mechanism.
         torque: Torque on the crank, N m, as a function of its speed, rad/s.
-        middle: Where the crank is no coordinate, the middle of the arc on which it moves, rad.
-        solvers: Solvers of its descriptions, as far as they were needed.
+        middle: If the crank is not a coordinate, the middle of the arc on which it moves, rad.
+        solvers: Solvers of the descriptions used so far.
     """
 
     solver: Solver
@@ -86,7 +86,7 @@ class DrivenMechanism:
 
         Args:
             y: Coordinates, then their rates.
-            pairs: Of turns that belong to it.
+            pairs: Pairs of whole turns removed from y.
 
         Returns:
             The angle, rounded once.
@@ -97,14 +97,14 @@ class DrivenMechanism:
         return with_turns(angle, pairs + turns_between(angle, self.middle))
 
     def described(self, description: Description) -> DrivenMechanism:
-        """The same in one of its descriptions."""
+        """This driven mechanism in another description."""
         self.solvers.setdefault(self.solver.description, self.solver)
         if description not in self.solvers:
             self.solvers[description] = Solver(self.solver.mechanism, description=description)
         return replace(self, solver=self.solvers[description])
 
     def ready(self, y: tuple[float, ...]) -> tuple[DrivenMechanism, tuple[float, ...], float]:
-        """The motion in the coordinates that suit it best.
+        """Chooses the best coordinates for the motion.
 
         Args:
             y: Coordinates, then their rates.
@@ -137,7 +137,7 @@ class DrivenMechanism:
         return self.solver.coordinates == self.solver.mechanism.coordinates
 
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
-        """The coordinates to take from here on; empty: these."""
+        """The coordinates to use from here on; empty: the present ones."""
         mechanism = self.solver.mechanism
         is_worse = sine < _LEAVE and other_sine > 2 * sine
         if self.is_own:
@@ -158,7 +158,7 @@ class DrivenMechanism:
             coordinates: The mechanism's own or its other ones.
 
         Returns:
-            What moves, and y in its coordinates.
+            The driven mechanism, and y in its coordinates.
 
         Raises:
             LinkageError: As `Solver.state`.
@@ -202,7 +202,7 @@ class DrivenMechanism:
         return with_turns(middle, turns_between(middle, crank))
 
     def _state(self, y: tuple[float, ...]) -> State:
-        """Where all links are, and their rates."""
+        """Positions and rates of all links."""
         return self.solver.state(y[: len(y) // 2], y[len(y) // 2 :])
 
     @functools.cached_property
@@ -235,7 +235,7 @@ class DrivenMechanism:
         """
         found: list[float] = []
         for i, (value, unit) in enumerate(zip(y, self.units, strict=True)):
-            # Away from 0, at which the force of a load may leap.
+            # Steps go away from 0, where the force of a load may jump.
             nudged = value + math.copysign(_NUDGE * max(abs(value), unit), value)
             there = self.slope((*y[:i], nudged, *y[i + 1 :]))
             pairs = zip(there[len(y) // 2 :], slope[len(y) // 2 :], strict=True)
@@ -244,10 +244,10 @@ class DrivenMechanism:
 
     @functools.cached_property
     def rates(self) -> tuple[float, float]:
-        """How fast it settles, and how fast it swings, about rest without the motor's torque, 1/s.
+        """Largest rates of settling and of swinging about rest, without the motor's torque, 1/s.
 
-        From the eigenvalues of its linearised motion at several crank angles, the median of the
-        largest: at the dead centre of a massless crank one is infinite.
+        Each is the median of the largest eigenvalues of the linearised motion at several crank
+        angles: at the dead centre of a massless crank one is infinite.
         """
         free = DrivenMechanism(self.solver, lambda speed: self.torque(speed) - self.torque(0.0))
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
@@ -277,11 +277,11 @@ class DrivenMechanism:
             cause: Error of the next step.
 
         Raises:
-            MotionError: It names time and place, and what to do.
+            MotionError: Always; the message names time and place, and what to do.
         """
         sine, words = self.solver.alignment(y[: len(y) // 2])
         q, other_sine = y[: len(y) // 2], 1.0
-        with suppress(LinkageError):  # the end itself is a little later
+        with suppress(LinkageError):  # the exact end is a little later
             _, _, left = self.ready(y)
             time += left if left < _SOON else 0.0
             others = self.solver.meetings(y)[len(self.solver.structure.dyads) :]
@@ -312,11 +312,11 @@ class DrivenMechanism:
 
     @functools.cached_property
     def is_limited(self) -> bool:
-        """Whether the coordinates cannot describe every motion; change points do no harm."""
+        """Whether the coordinates cannot describe every motion; change points do not count."""
         mobility = self.solver.mobility
         return mobility is None or not mobility.turns_fully
 
 
 def turns_between(angle: float, middle: float) -> Fraction:
-    """The pairs of turns that bring an angle within pi of another."""
+    """The number of pairs of turns that bring an angle within pi of another."""
     return Fraction(round((middle - angle) / (2 * math.pi)), 2)
