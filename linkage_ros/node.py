@@ -62,9 +62,9 @@ class LinkageNode(ParameterNode):
         super().__init__(_NAME)
         given = given_values(self)
         configuration = configure(given)
-        self._stop, self._drive = stop, configuration.drive  # with what was set since the start
+        self._stop, self._drive = stop, configuration.drive  # the start values with later changes
         values = configuration.parameters()
-        values.setdefault('start_rpm', values.get('rpm'))  # in force where it was left out
+        values.setdefault('start_rpm', values.get('rpm'))  # value in force if it was left out
         self.declare(parameter_leaves(configuration.kind), values)
         self._simulator = simulator = Simulator(configuration)
         simulator.prepare_live()
@@ -75,7 +75,7 @@ class LinkageNode(ParameterNode):
         if isinstance(self._drive, SpeedFeedForward) and self._drive.trajectory_command_topic:
             self._ahead = CrankTrajectory(simulator, self._drive)
             others.append(self._ahead.topic)
-        with reported_as_configuration():  # a topic may have an invalid name
+        with reported_as_configuration():  # a topic name may be invalid
             topics = [*simulator.topics, *others]
             require_distinct(self, [*heard, *topics])
             self._output_publishers = {
@@ -95,12 +95,12 @@ class LinkageNode(ParameterNode):
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
         wait_for_subscribers(self._state_publishers)
         freeze_heap()
-        # Simulated time may stand still: the reports keep real time.
+        # Simulated time may stop, so the reports use real time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
 
     def _open_outputs(self, others: list[Topic]) -> tuple[Any, RunLog]:
-        """Opens view, None if there is none, and log; Rerun may be missing, and is imported here.
+        """Opens view, if any, and log; imports Rerun only here, because it may be missing.
 
         Raises:
             ViewerError: The view cannot be opened.
@@ -133,12 +133,12 @@ class LinkageNode(ParameterNode):
 
     def work(self) -> int:
         """Runs the motion until the end is requested; returns the exit code."""
-        # Before the first tick, which with use_sim_time may be a long time away.
+        # Published before the first tick, which may be late with use_sim_time.
         self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
         self._stop.wait()
         self._ticker.stop()
-        self._report_timer.cancel()  # nothing is said after the closing line
+        self._report_timer.cancel()  # no messages after the closing line
         try:
             self._report()
             self._report_totals()
@@ -165,11 +165,11 @@ class LinkageNode(ParameterNode):
         motion = self._continue(motion.follow(stamp, self._drive))
         if isinstance(motion, TorqueMotion):
             for subscription, commands in self._inputs:
-                for _ in subscription.take():  # what is read is in force
+                for _ in subscription.take():  # the drive that was read is in force
                     pass
                 motion.command(stamp, commands.torque())
         snapshot = self._simulator.snapshot_at(motion, stamp)
-        self._continue(motion)  # it may be described in another way from here on
+        self._continue(motion)  # the description may change here
         self._show(snapshot)
         if self._ahead and isinstance(motion, SpeedMotion):
             message = self._ahead.message_at(motion, stamp)
@@ -181,7 +181,7 @@ class LinkageNode(ParameterNode):
         self._show(self._simulator.snapshot_measured(stamp, coordinates))
 
     def _continue(self, motion: Motion) -> Motion:
-        """Continues with a motion, and logs its segment if that is new."""
+        """Continues with a motion, and logs its segment if it is new."""
         self._log.write_motion(motion.segment)
         self._motion = motion
         return motion
@@ -211,11 +211,11 @@ class LinkageNode(ParameterNode):
         self._log.write(time.time_ns(), topic, message)
 
     def set_live(self, name: str, value: float) -> None:
-        """Takes a new rpm or motor.torque, which is in force from the next tick on."""
+        """Sets a new rpm or motor.torque, in force from the next tick on."""
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
 
     def _report(self) -> None:
-        """Publishes the diagnostics, and logs what went wrong since the last report."""
+        """Publishes the diagnostics, and logs new problems since the last report."""
         is_waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
         troubles, figures = ['waiting for /clock'] * is_waiting, self._figures()
         for subscription, source in self._inputs:
@@ -228,7 +228,7 @@ class LinkageNode(ParameterNode):
                 logger.warning(status.message)
             else:
                 logger.info(status.message)
-        now = self.get_clock().now().nanoseconds  # 0 until simulated time is heard
+        now = self.get_clock().now().nanoseconds  # 0 until a simulated time is received
         hardware = self._simulator.configuration.kind.mechanism
         self._publish(DIAGNOSTICS, encode_diagnostics(now, hardware, statuses))
 

@@ -23,7 +23,7 @@ Array: TypeAlias = npt.NDArray[np.float64]
 
 
 def by_element(function: Callable[..., float]) -> Callable[..., Real]:
-    """Lets a function of floats take arrays; NumPy's functions may differ in the last bit."""
+    """Extends a function of floats to arrays; NumPy's functions may differ in the last bit."""
     floats = {float}
 
     @functools.wraps(function)
@@ -55,10 +55,10 @@ def exact_sum(*terms: float) -> float:
     return math.fsum(terms)
 
 
-# pi/2 and 2 pi in two parts: the nearest double, and what it lacks.
+# pi/2 and 2 pi in two parts: the nearest double, and the remainder.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 _TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
-# The same with a first part of 31 bits: 4 million turns times that are exact.
+# The same with a first part of 31 bits: its products with up to 4 million turns are exact.
 _SHORT_TWO_PI = (6.2831853069365025, 2.430840202602477e-10)
 TURN = Fraction(_TWO_PI[0]) + Fraction(_TWO_PI[1])
 
@@ -113,7 +113,7 @@ def within_two_turns(angle: float) -> tuple[float, int]:
 
 
 def with_turns(angle: float, pairs: int | Fraction) -> float:
-    """An angle with pairs of turns added to it, rounded once: undoes `within_two_turns`."""
+    """Adds pairs of turns to an angle and rounds once: the inverse of `within_two_turns`."""
     return math.fsum((angle, *_parts_of(pairs))) if pairs else angle
 
 
@@ -170,7 +170,7 @@ def equalities(longest: float, sums: Mapping[str, Sequence[float]]) -> Iterator[
 
     Args:
         longest: Longest link, m.
-        sums: Their signed terms by their words.
+        sums: Signed terms of the sums by their descriptions.
 
     Yields:
         A clause for each.
@@ -182,7 +182,7 @@ def equalities(longest: float, sums: Mapping[str, Sequence[float]]) -> Iterator[
 
 
 def rounded(length: float, *, up: bool) -> str:
-    """A bound in six digits, rounded to the side on which it still holds.
+    """Formats a bound with six digits, rounded to the side on which it still holds.
 
     Args:
         length: The bound, m.
@@ -203,13 +203,13 @@ def require_finite(**named: Real) -> None:
     """Raises unless every value is finite.
 
     Args:
-        **named: Floats or arrays, by what they are called, words joined by _.
+        **named: Floats or arrays, by name in errors, words joined by _.
 
     Raises:
         ConfigurationError: A value is not finite.
     """
     for name, values in named.items():
-        # A sum is cheaper than a test of each value; it may overflow where all are finite.
+        # A sum is cheaper than a test of each value, but it may overflow for finite values.
         if not math.isfinite(values if isinstance(values, float) else np.sum(values)):
             for bad in np.extract(~np.isfinite(values), values)[:1]:
                 words = name.replace('_', ' ')
@@ -220,13 +220,13 @@ def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
     """Converts arguments to floats or arrays of floats.
 
     Args:
-        **named: Numbers, arrays or nested sequences, by what errors call them, words joined by _.
+        **named: Numbers, arrays or nested sequences, by name in errors, words joined by _.
 
     Returns:
         A float or an array of floats for each, and the shape to which they broadcast.
 
     Raises:
-        ConfigurationError: One is text, complex, None or anything else that is not a real number,
+        ConfigurationError: A value is text, complex, None or otherwise not a real number,
             or the shapes do not broadcast.
     """
     values = [float(x) if isinstance(x, float) else _real(name, x) for name, x in named.items()]

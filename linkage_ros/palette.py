@@ -3,7 +3,7 @@
 """All colours of Rerun, charts, documents and URDF.
 
 The palette of Okabe and Ito, which colour-blind people can tell apart, and greys. A link and its
-curves have the same colour; those of links stand out from black and from white alike. Pairs of
+curves have the same colour; colours of links stand out from black and from white. Pairs of
 other things, such as states, energies or controllers, have two further colours. In charts without
 a mechanism, a legend explains the colours.
 """
@@ -32,8 +32,8 @@ COLORS: dict[str, Color] = {
     'rod': PURPLE,
     'slider': GREEN,
 }
-_OTHER_LINK = GREY  # of a link with a name of its own
-# Of two things that are no link; what is third is grey.
+_OTHER_LINK = GREY  # colour of a link with an unknown name
+# Colours of two things that are not links; a third one is grey.
 FIRST, SECOND = SKY, ORANGE
 
 

@@ -59,7 +59,7 @@ class Contact(NamedTuple):
 
 
 class JointLoad(Protocol):
-    """What the forces in the joints make, such as friction: it is found together with them."""
+    """Loads caused by joint forces, such as friction; both are solved together."""
 
     def contacts(
         self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]

@@ -50,7 +50,7 @@ class Loop(Protocol):
 def directions(
     apart: Vector, square: Real, root: Real, first: float, second: float
 ) -> tuple[Vector, Vector]:
-    """The directions of both links, each along the way from the first outer pin to the second.
+    """The directions of a dyad's links, along the path from the first to the second outer pin.
 
     Args:
         apart: From the first link's outer pin to the second's, m.

@@ -58,7 +58,7 @@ class Reach(NamedTuple):
         """Refuses a mechanism whose crank does not turn through every angle.
 
         Raises:
-            MechanismError: It names the class, the cause and the reachable arcs.
+            MechanismError: The crank is limited; the message names class, cause and arcs.
         """
         if not self.turns_fully:
             raise MechanismError(self._refusal('turn fully'))

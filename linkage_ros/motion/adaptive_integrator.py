@@ -126,7 +126,7 @@ class AdaptiveSteps:
             self._pairs_ahead += pairs
 
     def _try(self) -> LinkageError | None:
-        """One step, or what the slope refused on its way; then nothing has moved."""
+        """Makes one step; returns the slope's error if it refuses a value, and changes nothing."""
         try:
             with np.errstate(all='ignore'):  # the slope refuses non-finite values
                 self._steps.step()

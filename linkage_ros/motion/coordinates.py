@@ -24,7 +24,7 @@ class Coordinates(NamedTuple):
         u: Their rates, rad/s and m/s.
         a: Their accelerations, rad/s^2 and m/s^2.
         unwrapped: The whole crank angle, correctly rounded, rad.
-        state: The state where the coordinates do not tell it, as in another assembly; else None.
+        state: The state, if the coordinates do not determine it (in another assembly); else None.
     """
 
     q: tuple[Real, ...]

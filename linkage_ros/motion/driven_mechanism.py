@@ -110,8 +110,8 @@ class DrivenMechanism:
             y: Coordinates, then their rates.
 
         Returns:
-            What moves, y in its coordinates, and the time in which these would reach their end if
-            all rates were constant, s.
+            The driven mechanism, y in its coordinates, and the time to the end of these
+            coordinates at constant rates, s.
 
         Raises:
             LinkageError: As `Solver.accelerations`.
@@ -151,7 +151,7 @@ class DrivenMechanism:
     def redescribed(
         self, y: tuple[float, ...], coordinates: tuple[str, ...]
     ) -> tuple[DrivenMechanism, tuple[float, ...]]:
-        """The motion in given coordinates, in the assembly in which the links are where they are.
+        """The motion in given coordinates, in the assembly that matches the links' positions.
 
         Args:
             y: Coordinates, then their rates.

@@ -4,7 +4,7 @@
 
 Each step is Dormand and Prince's of order 5 (J. Comput. Appl. Math. 6 (1980), RK5(4)7M). Its
 difference from the embedded result of order 4 shows whether the step was short enough. If not, it
-is halved, within a limited number of trials; if that fails, the motion is at the edge of its
+is halved, within a limited number of trials; if that fails, the motion is at a singularity of its
 coordinates, and ends with an error.
 """
 
@@ -28,16 +28,16 @@ Values: TypeAlias = tuple[float, ...]
 
 LONGEST_STEP = 1e-3  # s
 TOLERANCE = 1e-9
-EDGE_PART = 0.25  # longest step, of the time to the edge
+EDGE_PART = 0.25  # longest step, relative to the time to the end of the coordinates
 _HALVINGS = 50
-_TRIALS = 400  # of steps, within one part of at most 1 ms
+_TRIALS = 400  # largest number of trial steps per part of at most 1 ms
 
 
 class Method(NamedTuple):
-    """The weights of a method's sums of slopes; 0 where there is none.
+    """The weights of a method's sums of slopes; 0 for unused slopes.
 
     Attributes:
-        stages: Weights for the place of each slope but the first.
+        stages: Weights of the point of each slope except the first.
         end: Weights for the end of a step.
         error: Weights for its error, including the slope at the end.
     """
@@ -61,10 +61,10 @@ DORMAND_PRINCE = Method(
 
 
 class Steps(Protocol):
-    """An integrator that follows one motion.
+    """The interface of integrators of one motion.
 
     Attributes:
-        driven: What moves, in the coordinates that describe it now.
+        driven: The driven mechanism in its current coordinates.
         phase: These coordinates, then their rates; the crank within two turns of 0.
         pairs: Pairs of whole turns removed from the crank angle.
         time: Time reached, s.
@@ -85,7 +85,7 @@ class Steps(Protocol):
         """Integrates to rising times, s; yields phase and pairs of whole turns at each."""
 
 
-# Makes the integrator of a motion, from its values at t = 0.
+# Makes the integrator of a motion from the values at t = 0.
 Integrate: TypeAlias = Callable[[DrivenMechanism, Values], Steps]
 
 
@@ -93,10 +93,10 @@ class FixedSteps:
     """Integrates a motion in equal steps between the requested times.
 
     Attributes:
-        driven: What moves, in the coordinates that describe it now.
-        time: Up to which it is followed, s.
-        phase: At that time: coordinates, then their rates; the crank within two turns of 0.
-        pairs: Pairs of whole turns that belong to it.
+        driven: The driven mechanism in its current coordinates.
+        time: Time reached, s.
+        phase: Coordinates, then their rates, at that time; the crank within two turns of 0.
+        pairs: Pairs of whole turns removed from the crank angle.
         method: Method of a step.
     """
 
@@ -111,10 +111,10 @@ class FixedSteps:
         time: float = 0.0,
         trials: int = _TRIALS,
     ) -> None:
-        """Begins a motion.
+        """Starts a motion.
 
         Args:
-            driven: What moves.
+            driven: The driven mechanism.
             phase: Coordinates, then their rates.
             longest: Length of a step, s.
             tolerance: Largest error of a step, in rad and crank lengths; of rates, in the same
@@ -123,7 +123,7 @@ class FixedSteps:
             trials: Largest number of trial steps for each step.
 
         Raises:
-            LinkageError: The motion cannot begin; see `Solver.accelerations`.
+            LinkageError: The motion cannot start; see `Solver.accelerations`.
         """
         self.driven, self.time = driven, time
         self.phase, self.pairs = driven.wound(phase)
@@ -149,7 +149,7 @@ class FixedSteps:
             time: Not before the time reached, s.
 
         Raises:
-            MotionError: The motion ends earlier; `time` and `phase` are those reached.
+            MotionError: The motion ends earlier; `time` and `phase` hold the last values.
         """
         start, span = self.time, time - self.time
         steps = math.ceil(span / self._longest * (1 - 1e-9))

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motion of a measured crank: its measured angle, and rates from a tracking filter.
 
-The filter follows a signal m with a value x and a rate v, both poles at -w = -2 pi bandwidth:
+The filter tracks a signal m with a value x and a rate v; both poles are at -w = -2 pi bandwidth:
 
     x' = v + 2 w (m - x)        v' = w^2 (m - x)
 
-It follows a steady rate without error, and where the rate changes steadily v' is that change. With
-e = m - x and d = m' - v it reads e' = d - 2 w e, d' = -w^2 e, and between two measurements, where
-m' = s is taken for constant,
+It tracks a constant rate without error; if the rate changes steadily, v' equals that change. With
+e = m - x and d = m' - v the filter is e' = d - 2 w e, d' = -w^2 e. Between two measurements
+m' = s is assumed constant, so
 
     e(t) = [e + (d - w e) t] exp(-w t)        d(t) = [d + w (d - w e) t] exp(-w t)
 
@@ -27,12 +27,12 @@ from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.units import NS_PER_S
 
-# A step back of more than this is a bag that loops or a simulator that starts again, ns.
+# A larger step back, ns, comes from a bag in a loop or from a restarted simulator.
 _RESTART = NS_PER_S
-# Of 1 / bandwidth; after a longer gap the filter begins anew.
+# Relative to 1 / bandwidth; a longer gap resets the filter.
 _GAP = 10.0
 
-# Beyond it, rad or rad/s, nothing is measured, and squares would overflow.
+# Larger values, rad or rad/s, are not measurements, and their squares would overflow.
 _LARGEST = 1e12
 
 NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite, or beyond 1e+12'
@@ -91,7 +91,7 @@ class FollowMotion:
     """
 
     def __init__(self, drive: FollowDrive) -> None:
-        """Begins without a measurement.
+        """Starts without a measurement.
 
         Args:
             drive: The settings.

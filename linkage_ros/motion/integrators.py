@@ -28,15 +28,15 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Steps, Values
 from linkage_ros.motion.stiff_integrator import StiffSteps
 
-# Rates, 1/s: of settling, from which implicit steps cost less than explicit ones; of swinging, for
-# which all of them need more than a core.
+# Rates, 1/s: of settling, above which implicit steps cost less than explicit ones; of swinging,
+# above which both need more than a core.
 _STIFF, _TOO_FAST = 2e3, 1e4
-_RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # of implicit steps
+_RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # tolerance of implicit steps
 _RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # of explicit ones
 
 
 def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
-    """Begins to integrate a motion, with bounded work per tick.
+    """Makes an integrator with bounded work per tick.
 
     Args:
         driven: The mechanism under its torque.
@@ -53,12 +53,12 @@ def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
 
 
 def live_method(driven: DrivenMechanism) -> type[FixedSteps]:
-    """The integrator of live runs that costs less, by how fast a motion settles."""
+    """Selects the cheaper integrator of live runs by the settling rate."""
     return StiffSteps if driven.rates[0] > _STIFF else FixedSteps
 
 
 def require_live(driven: DrivenMechanism, period: float) -> None:
-    """Refuses a mechanism whose springs swing too fast for a live run.
+    """Refuses a mechanism whose natural frequency is too high for a live run.
 
     Args:
         driven: The mechanism under its torque.
@@ -78,7 +78,7 @@ def require_live(driven: DrivenMechanism, period: float) -> None:
 
 
 def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
-    """Begins to integrate a motion as accurately as possible; see `live_steps`."""
+    """Makes the most accurate integrator; see `live_steps`."""
     if driven.rates[0] > _STIFF:
         return live_steps(driven, phase, **_RECORD)
     # Between the corners of a load, long steps of high order lose their accuracy.

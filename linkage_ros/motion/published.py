@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The moments of a motion under a torque, as a run publishes them and a log holds them."""
+"""The coordinates of a torque-driven motion as runs publish them and logs hold them."""
 
 import functools
 import math
@@ -18,16 +18,16 @@ _ROUNDINGS = 8
 
 
 def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coordinates:
-    """The moment that a run publishes.
+    """The coordinates that a run publishes.
 
     Args:
-        driven: What moves.
+        driven: The driven mechanism.
         y: Coordinates, then their rates.
-        pairs: Pairs of whole turns that belong to it.
+        pairs: Pairs of whole turns removed from y.
 
     Returns:
-        The moment. What a reader of its messages computes from them is the same, to the bit:
-        the crank angle within two turns is that of the rounded whole one.
+        The coordinates. A reader of the messages computes the same values to the bit, because
+        the crank angle within two turns is derived from the rounded whole angle.
 
     Raises:
         LinkageError: As `Solver.accelerations`.
@@ -53,7 +53,7 @@ def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coor
 def all_published(
     driven: DrivenMechanism, moments: list[tuple[tuple[float, ...], int]]
 ) -> Coordinates:
-    """The same of many moments, in arrays, to the bit."""
+    """The same for many moments, in arrays, with the same bits."""
     solver = driven.solver
     if solver.coordinates != solver.mechanism.coordinates:
         return stacked([published(driven, *moment) for moment in moments])
@@ -69,13 +69,13 @@ def all_published(
 
 
 def legible(driven: DrivenMechanism, y: tuple[float, ...]) -> tuple[float, ...]:
-    """Y as it is read off messages, which hold angles and rates from the link before."""
+    """The values y after a round trip through messages, which hold angles and rates of joints."""
     crank, half = driven.solver.links[0], len(y) // 2
     values = list(y)
     for i, link in enumerate(driven.links):
         if link.slides or link.name == crank:
             continue
-        # A joint that hangs on the crank counts from it.
+        # The angle of a joint on the crank is relative to the crank.
         base, speed = (y[0], y[half]) if link.parent is not None else (0.0, 0.0)
         values[i] = _settled(functools.partial(_of_joint, base), y[i])
         values[half + i] = _settled(functools.partial(_of_rate, speed), y[half + i])
@@ -83,16 +83,16 @@ def legible(driven: DrivenMechanism, y: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
-    """A moment whose state its own coordinates do not tell.
+    """Coordinates with a state that the own coordinates do not determine.
 
     Args:
-        solver: Which found the state.
+        solver: The solver of the state.
         state: Floats or arrays.
         unwrapped: The whole crank angle, rad.
 
     Returns:
-        The moment.
-    """
+        The coordinates.
+        """
     own = [solver.links.index(name) for name in solver.mechanism.coordinates]
     q, u, a = (tuple(row[i] for i in own) for row in state[:3])
     return Coordinates(q, u, a, unwrapped, state)
@@ -113,7 +113,7 @@ def _of_rate(base: float, value: float) -> float:
 
 
 def _settled(function: Callable[[float], float], value: float) -> float:
-    """What the function makes of a value again and again, until that does not change."""
+    """Applies a function to a value repeatedly until the value does not change."""
     for _ in range(_ROUNDINGS):
         before, value = value, function(value)
         if value == before:

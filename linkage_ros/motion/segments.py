@@ -13,14 +13,14 @@ from linkage_ros.model.structure import Description
 
 @dataclass(frozen=True)
 class SpeedSegment:
-    """A crank that moves from a phase and a speed to a set speed.
+    """A segment in which the crank goes from a phase and a speed to a set speed.
 
     Attributes:
         stamp: Start, ns.
-        phase: At the start, turns.
-        speed: At the start, turns per minute.
-        rpm: The speed it moves to, turns per minute.
-        acceleration: At which it does so, rad/s^2, not negative; 0: at once.
+        phase: Phase at the start, turns.
+        speed: Speed at the start, turns per minute.
+        rpm: Set speed, turns per minute.
+        acceleration: Acceleration towards it, rad/s^2, not negative; 0: at once.
         old_stamp: The start on the clock before it was stepped, ns; None: it was not.
     """
 
@@ -34,13 +34,13 @@ class SpeedSegment:
 
 @dataclass(frozen=True)
 class TorqueSegment:
-    """A mechanism under a motor torque.
+    """A segment in which the mechanism is driven by a motor torque.
 
     Attributes:
         stamp: Start, ns.
         torque: Torque of the motor at rest, N m.
         old_stamp: The start on the clock before it was stepped, ns; None: it was not.
-        description: Of the states; None: the mechanism's own.
+        description: Description of the states; None: the mechanism's own.
     """
 
     stamp: int

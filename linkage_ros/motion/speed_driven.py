@@ -52,18 +52,18 @@ class SpeedMotion:
         self._speed = round(segment.speed * _GRID)
         gap = self._target - self._speed
         rate = round(Fraction(segment.acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
-        rate = max(rate, 1)  # an acceleration next to nothing still is none "at once"
+        rate = max(rate, 1)  # a tiny acceleration must not count as "at once"
         self._ramp_ns = math.ceil(Fraction(abs(gap) * NS_PER_S, rate))
         self._rate = rate if gap > 0 else -rate
-        # Once settled, the crank is where it would be had it always turned at its final speed,
-        # but for gap^2 / (2 rate).
+        # A settled crank differs by gap^2 / (2 rate) from one that has always turned at the
+        # final speed.
         settled = self._phase - round(Fraction(gap * gap, 120 * self._rate))
         self._settled_phase = settled * (_TURN // _GRID)
         self._settled_speed = _radians(self._target * NS_PER_S, _SPEED_SIZE)
 
     @classmethod
     def begin(cls, drive: SpeedDrive, stamp: int) -> SpeedMotion:
-        """The motion of a drive from t = 0.
+        """Starts the motion of a drive at t = 0.
 
         Args:
             drive: The settings.
@@ -116,7 +116,7 @@ class SpeedMotion:
         return Coordinates((angle,), (self._settled_speed,), (0.0,), unwrapped)
 
     def follow(self, stamp: int, drive: Any) -> SpeedMotion:
-        """The motion from a stamp on under a drive; a new one if the speed was set.
+        """The motion from a stamp on under a drive; a new motion if the speed was set.
 
         Args:
             stamp: ns.
@@ -218,7 +218,7 @@ def _segment(
 def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
     """The first number from low to high for which a condition, once true, stays true.
 
-    bisect cannot: its ranges end at 2^63, ours do not.
+    The ranges may exceed 2^63, the limit of bisect.
     """
     while low < high:
         middle = (low + high) // 2

@@ -3,15 +3,15 @@
 """Integrates torque-driven motion with strong damping, in linearly implicit fixed steps.
 
 Strong damping brings a rate to its balance within a time constant (inertia / damping) that may be
-far shorter than a step. An explicit step must be as short as that time constant, or it diverges; a
-linearly implicit (Rosenbrock) step only as short as its error demands. The method is Rodas5P, of
+far shorter than a step. An explicit step diverges unless it is as short as that time constant; a
+linearly implicit (Rosenbrock) step is limited only by its error. The method is Rodas5P, of
 order 5, L-stable and stiffly accurate (G. Steinebach, BIT Numer. Math. 63 (2023), article 27):
 with the matrix J of the slope's derivatives, its stages solve
 
     (1 / gamma - h J) k_i = slope(y + h sum_j a_ij k_j) + sum_j c_ij k_j.
 
 The rates of the coordinates are among the values, so that only the n accelerations of each stage
-need a system of n equations. What the last stage adds is the difference from order 4.
+need a system of n equations. The last stage gives the difference from order 4.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ class StiffSteps(FixedSteps):
 def _solvers(size: int) -> list[Callable[..., Values]]:
     """The programs that solve the stages, for a number of values.
 
-    Each from h, the derivatives of the accelerations, the slope of its stage and the results of
-    the stages before it, all flat.
+    Each takes h, the derivatives of the accelerations, the slope of its stage and the results of
+    the previous stages, all flat.
     """
 
     def row(word: str, count: int = size) -> tuple[str, ...]:
@@ -125,7 +125,7 @@ def _solved(
 
 
 def _eliminated(rows: Sequence[Sequence[Real]], right: Sequence[Real]) -> list[Real]:
-    """Solves equations by elimination, without exchanges: the identity is the larger part."""
+    """Solves equations by elimination without pivoting: the identity dominates the matrix."""
     (pivot, *row), *others = rows
     if not others:
         return [right[0] / pivot]

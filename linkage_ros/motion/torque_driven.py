@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a mechanism under its motor and under commands, integrated from stamp to stamp."""
+"""The motion of a mechanism under motor and commands, integrated from stamp to stamp."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real, within_two_turns
 from linkage_ros.units import NS_PER_S, radians_per_second
 
-# What a late run makes up for beyond a tick, ns. More would only hold it up further.
+# Delay beyond a tick that a late run makes up for, ns. More would only delay it further.
 CATCH_UP = NS_PER_S // 4
 
 
@@ -90,11 +90,11 @@ class TorqueMotion:
             stamps: Not before the last one, rising, ns.
 
         Returns:
-            Arrays; shorter than the stamps where the motion cannot be followed to all of them, or
-            goes on in other coordinates, in another segment.
+            Arrays. They are shorter than the stamps if the motion ends or changes its coordinates,
+            which starts another segment.
 
         Raises:
-            MotionError: It cannot be followed to the first one.
+            MotionError: The motion cannot be followed to the first stamp.
         """
         if self._end:
             raise self._end
@@ -115,7 +115,7 @@ class TorqueMotion:
         return all_published(driven, moments)
 
     def command(self, stamp: int, torque: float) -> None:
-        """Sets the torque that is added to the motor's from a stamp on.
+        """Sets the torque added to the motor's from a stamp on.
 
         Args:
             stamp: Stamp, not before the last one, ns.
@@ -130,7 +130,7 @@ class TorqueMotion:
             self._steps.changed()
 
     def follow(self, stamp: int, drive: Any) -> TorqueMotion:
-        """Continues under a drive; a new segment begins where the motor was set.
+        """Continues under a drive; a change of the motor starts a new segment.
 
         A new segment also begins if the run is late by more than 0.25 s: the plant is then paused
         for that time.
@@ -187,7 +187,7 @@ class TorqueMotion:
                 published(driven, there, 0)
 
     def _describe(self, stamp: int, driven: DrivenMechanism) -> None:
-        """Begins a segment at a stamp if the motion is described in another way from there on."""
+        """Starts a segment at a stamp if the description of the motion changes there."""
         description: Description | None = driven.solver.description
         if description == self._solver.description:
             description = None
@@ -212,7 +212,7 @@ class TorqueMotion:
         return self._motor.at(speed) + self._command
 
 
-# The motion of a run, whatever drives it.
+# The motion of a run under any drive.
 Motion: TypeAlias = SpeedMotion | TorqueMotion
 
 
