@@ -24,8 +24,8 @@ def progress_bar(
     Returns:
         The bar, which yields the items.
     """
-    disable = None if wanted else True  # None: where stderr is no terminal
-    # Every item may be shown (miniters): tqdm would learn from quick ones to skip slow ones.
+    disable = None if wanted else True  # None: no bar if stderr is not a terminal
+    # Every item may update the bar (miniters): after quick items, tqdm would skip slow ones.
     options = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **options}
     return tqdm(items, disable=disable, **options)
 
@@ -35,7 +35,7 @@ def waiting(words: str) -> Iterator[None]:
     """Shows a line on stderr while the block runs, if stderr is a terminal.
 
     Args:
-        words: The line, such as what the program waits for.
+        words: The line, such as the reason for waiting.
 
     Yields:
         None.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Dataclass fields with a meaning, a unit and a range, which are checked.
+"""Checked dataclass fields with a meaning, a unit and a range.
 
 `quantity` declares the fields of mechanisms, drives, session and controller settings. The ROS
 parameters, their descriptors, checks and error messages all come from these declarations.
@@ -33,7 +33,7 @@ class Quantity:
         kind: 'number', 'whole', 'pair', 'list', 'choice', 'text' or 'switch'.
         meaning: One line for people.
         unit: SI unit; empty where there is none.
-        low: Smallest valid value, inclusive (numbers, whole ones too, and pairs).
+        low: Smallest valid value, inclusive (numbers, whole numbers and pairs).
         high: Largest valid value, inclusive.
         choices: The valid words of a choice.
         pattern: Regular expression of valid text; empty: any text is valid.
@@ -119,7 +119,7 @@ def shown(value: object) -> str:
     """Formats a value for an error message, shortened."""
     try:
         return shortened(' '.join(repr(value).split()), _LONGEST)
-    except ValueError:  # Python writes no whole number of thousands of digits
+    except ValueError:  # Python cannot print an integer of thousands of digits
         return 'a number of thousands of digits'
     except RecursionError:
         return 'lists nested deeper than Python goes'
@@ -145,9 +145,9 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
     """Declares a dataclass field that holds a tuple of dataclasses of quantities.
 
     Args:
-        base: Base class of all that it may hold.
-        kinds: Such classes. Each has the name of its group of parameters in `group`, or '' for
-            none. A parameter file may set one of each group.
+        base: Base class of the valid objects.
+        kinds: The valid classes. The attribute `group` names the group of parameters of each; ''
+        for none. A parameter file may set one of each group.
 
     Returns:
         The field; empty by default.
@@ -163,8 +163,8 @@ class _Held(NamedTuple):
 
     Attributes:
         kinds: The dataclasses by their names in dotted names.
-        base: Class of all that it may hold.
-        valid: What it may hold, in words.
+        base: Base class of the valid objects.
+        valid: Description of the valid objects.
         is_group: Whether it holds a tuple of them, one of each kind at most.
     """
 
@@ -175,7 +175,7 @@ class _Held(NamedTuple):
 
 
 def _parts(cls: Any) -> Iterator[tuple[dataclasses.Field[Any], Quantity | _Held]]:
-    """The fields of a dataclass of quantities, and what each holds."""
+    """The fields of a dataclass of quantities, and the contents of each."""
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         kind = hints[field.name]
@@ -226,7 +226,7 @@ def leaves(cls: type, prefix: str = '') -> tuple[Leaf, ...]:
             continue
         for name, kind in part.kinds.items():
             for leaf in leaves(kind, f'{prefix}{name}.'):
-                # Of a group required only where the group is there.
+                # Required only if the group is present.
                 is_optional = part.is_group and leaf.default is MISSING
                 found.append(leaf._replace(default=None) if is_optional else leaf)
     return tuple(found)

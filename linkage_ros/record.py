@@ -40,8 +40,8 @@ _DEFAULT_DURATION = 10.0  # s
 _LONGEST = 1e9  # s; stamps of thirty years still fit ROS's time
 _DURATION = Quantity('number', 'how long', 's', 1e-9, _LONGEST)
 _REVOLUTIONS = Quantity('whole', 'how far the crank turns', 'turns', 1, _LONGEST)
-_LONGEST_WAIT = 3600  # s of a motion under a torque, for its revolutions
-_BATCH = 2048  # states that are solved at a time
+_LONGEST_WAIT = 3600  # s; time limit of the revolutions of a torque-driven motion
+_BATCH = 2048  # states per batch
 _RATE = next(leaf.quantity for leaf in leaves(Session) if leaf.name == 'rate_hz')
 
 
@@ -123,7 +123,7 @@ def _rows(
     """
     start, tick = simulator.configuration.drive.crank_angle, 0
     while tick != count:
-        # A motion that ends with a turn is followed for no longer than a second beyond it.
+        # A motion that ends with a turn is followed for at most a second beyond it.
         most = simulator.tick_at(NS_PER_S) + 1 if count is None else count - tick
         stamps = [simulator.elapsed(tick + i) for i in range(min(_BATCH, most))]
         found = motion.at_all(stamps)
@@ -164,7 +164,7 @@ def count_states(
     if revolutions is None:
         duration = _DEFAULT_DURATION if duration is None else duration
         _DURATION.clean('duration', duration)
-        # The decimals count: in binary, 0.535 * 10^9 is a little more than 535000000.
+        # Uses the decimal value: in binary, 0.535 * 10^9 is slightly more than 535000000.
         end = math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
     else:
         _REVOLUTIONS.clean('revolutions', revolutions)

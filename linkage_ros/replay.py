@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
         ('run.mcap', 'run.mcap --rate 0.5 --start-offset 2 --topics /joint_states',
          'run.mcap --loop --clock', 'run.mcap --viewer spawn --no-ros'),
     )  # fmt: skip
-    parser.usage = '%(prog)s LOG.mcap [options]'  # behind --topics it would be one of them
+    parser.usage = '%(prog)s LOG.mcap [options]'  # after --topics it would be parsed as a topic
     parser.epilog = f'{KEYS}\n\n{parser.epilog}'
     cli.add_options(parser, _OPTIONS)
     return parser
@@ -115,7 +115,7 @@ def _sinks(
     stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
     excerpt: Excerpt, pace: Pace,
 ) -> list[Sink]:  # fmt: skip
-    # Without ROS there is still a view.
+    # The view also works without ROS.
     publishes = not options.no_ros and (
         find_spec('rclpy') or options.clock is not None or not options.viewer
     )

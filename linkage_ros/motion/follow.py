@@ -12,7 +12,7 @@ m' = s is assumed constant, so
 
     e(t) = [e + (d - w e) t] exp(-w t)        d(t) = [d + w (d - w e) t] exp(-w t)
 
-exactly, whatever the time t between them. Of the crank's angle v is the speed and w^2 e the
+exactly, for any time t. Of the crank's angle v is the speed and w^2 e the
 acceleration. Where the sensor gives the speed, the filter follows that, and v is the acceleration.
 """
 
@@ -133,7 +133,7 @@ class FollowMotion:
         return Coordinates((angle,), *self._rates(velocity), position)
 
     def _advance(self, position: float, velocity: float | None, time: float) -> None:
-        # A sensor may begin each turn at 0: of all whole turns, those next to the speed.
+        # A sensor may restart at 0 each turn: choose the whole turns by the speed.
         turn = 2 * math.pi
         ahead = self._angle.value + self._angle.rate * time
         turns = round((ahead - position) / turn)

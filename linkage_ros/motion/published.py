@@ -92,7 +92,7 @@ def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinate
 
     Returns:
         The coordinates.
-        """
+    """
     own = [solver.links.index(name) for name in solver.mechanism.coordinates]
     q, u, a = (tuple(row[i] for i in own) for row in state[:3])
     return Coordinates(q, u, a, unwrapped, state)

@@ -174,7 +174,7 @@ class TorqueMotion:
         return self
 
     def rehearse(self) -> None:
-        """Compiles what the motion needs where its coordinates end: there it would come late."""
+        """Compiles the programs for the end of the coordinates, to avoid a delay there."""
         own, mechanism = self._steps.driven, self._solver.mechanism
         if not (own.is_limited and mechanism.other_coordinates):
             return

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From parameters to a checked configuration: the same for the node, a file and a log."""
+"""Makes a checked configuration from parameters of a node, a file or a log."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quanti
 
 DEFAULT_PRESET = 'quadrilateral'
 
-# Parameters that every node of rclpy has.
+# Parameters of every rclpy node.
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
 
@@ -88,7 +88,7 @@ class Configuration:
 def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
     """The parameters that a mechanism and a drive use, in the order of their declaration."""
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
-    unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set it
+    unused = 'rate_hz' if kind.drive == 'follow' else ''  # set by measurements
     return tuple(leaf for cls in classes for leaf in leaves(cls) if leaf.name != unused)
 
 
@@ -115,7 +115,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
     preset: Mapping[str, object] = {}
     if 'mechanism' not in given:
         preset = read_parameter_file(preset_path(DEFAULT_PRESET))
-    # Those of the preset that the drive does not have, such as rpm, are ignored.
+    # Parameters of the preset that the drive lacks, such as rpm, are ignored.
     chosen = {**preset, **given}
     kind = MechanismAndDrive.of(chosen)
     valid = [leaf.name for leaf in parameter_leaves(kind)]
@@ -155,7 +155,7 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
 
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
-    """The other kinds with a parameter or group of this name; none if the own kind has it."""
+    """The other kinds with a parameter or group of this name; none if this kind has it."""
     names = {kind: [f'{leaf.name}.' for leaf in leaves(cls)] for kind, cls in kinds.items()}
     having = [kind for kind in kinds if any(x.startswith(f'{sought}.') for x in names[kind])]
     return [] if own in having else having

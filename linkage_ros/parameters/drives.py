@@ -19,7 +19,7 @@ class FeedForward(Checked):
 
     Attributes:
         effort_command_topic: Topic of the driving torque for a controller; empty: none.
-        lead_time: How far ahead of the stamp that torque is computed, s.
+        lead_time: Time after the stamp for which that torque is computed, s.
     """
 
     effort_command_topic: str = quantity(
@@ -38,7 +38,7 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
 
     Attributes:
         trajectory_command_topic: Topic of the crank's motion ahead of time; empty: none.
-        trajectory_horizon: How far ahead that motion reaches, s.
+        trajectory_horizon: Length of that motion, s.
     """
 
     trajectory_command_topic: str = quantity(

@@ -24,7 +24,7 @@ from linkage_ros.quantities import Quantity
 from linkage_ros.wire.codecs import ROOT_FRAME
 from linkage_ros.wire.urdf import make_urdf
 
-# Arguments that are text even where they look like a number; empty arguments are not given.
+# Arguments that are text even if they look like a number; empty arguments count as not given.
 _TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic')
 _COMMON = ('use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer')
 
@@ -51,7 +51,7 @@ def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, objec
         names: Names of the arguments that are parameters.
 
     Returns:
-        Values of the types that `-p NAME:=VALUE` gives them.
+        Values, with the types that `-p NAME:=VALUE` gives them.
     """
     texts = {name: arguments[name] for name in names if arguments[name]}
     return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
@@ -64,7 +64,7 @@ def follow(arguments: Mapping[str, str]) -> Linkage:
         arguments: All arguments of follow.launch.py.
 
     Returns:
-        The parameters; values of the file that such a node lacks are left out.
+        The parameters, without values of the file that such a node lacks.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -72,7 +72,7 @@ def follow(arguments: Mapping[str, str]) -> Linkage:
     names = ('follow_bandwidth', 'effort_command_topic', 'lead_time', *_COMMON)
     file = read_values(arguments['params'], arguments['namespace'])
     configure(file)
-    # A preset says how its crank turns; here that is measured.
+    # A preset sets the motion of its crank; here the crank is measured.
     kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
     known = {leaf.name for leaf in parameter_leaves(kind)}
     kept = {name: value for name, value in file.items() if name in known}
@@ -114,7 +114,7 @@ def is_asked_for(arguments: Mapping[str, str], name: str) -> bool:
     """Returns whether a switch such as rviz is on.
 
     Raises:
-        ConfigurationError: It is neither true nor false.
+        ConfigurationError: The value is neither true nor false.
     """
     switch = Quantity('switch', name)
     return switch.clean(name, given(arguments, [name]).get(name, False)) is True
@@ -159,7 +159,7 @@ def _file_in_memory(text: str) -> str:
 
 
 def how_to_install(package: str, feature: str) -> str:
-    """What to do where no sourced workspace has a ROS package; empty if one has it.
+    """Installation advice for a missing ROS package; empty if a sourced workspace has it.
 
     Args:
         package: Its name.

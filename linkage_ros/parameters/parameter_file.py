@@ -27,9 +27,9 @@ _Scalar: TypeAlias = bool | int | float | str
 ParameterValue: TypeAlias = _Scalar | list[bool] | list[int] | list[float] | list[str]
 Parameters: TypeAlias = dict[str, ParameterValue]
 
-_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # libyaml, as in rcl, if it is there
+_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # libyaml, as in rcl, if available
 _MAX_BYTES = 1 << 20
-_MAX_NAME = 255  # bounds the depth of nesting too, as parents count
+_MAX_NAME = 255  # also bounds the nesting depth, because parents count
 _NODE = re.compile(r'/?((\*\*?|[A-Za-z_]\w{0,243})/)*(\*\*?|[A-Za-z_]\w*)', re.ASCII)
 _BOOL = re.compile('([yY]|[yY]es|YES|[tT]rue|TRUE|[oO]n|ON)|[nN]o?|NO|[fF]alse|FALSE|[oO]ff|OFF')
 _VALUE = 'write a bool, integer, float or string, or a list of one of these'
@@ -109,7 +109,7 @@ class _Reader:
             if not isinstance(event, yaml.MappingStartEvent):
                 yield (*path, key), event
                 continue
-            # Within another name, rcl misnames what follows these.
+            # Inside another name, rcl misnames the parameters after these.
             if path and section != len(path) - 1 and ('/' if section is None else '.') in key:
                 raise self.error(f'{key!r} is a path; write its parts one below the other')
             yield from self.leaves((*path, key))
@@ -117,7 +117,7 @@ class _Reader:
             raise self.error(f'{path[-1]!r} is an empty group; remove it')
 
     def take(self, path: tuple[str, ...], event: yaml.Event) -> None:
-        """Takes a value, if it is for this node."""
+        """Stores a value if it is for this node."""
         section = _section(path)
         if section is None or section == len(path) - 1:
             raise self.error(f'{_show(event)} where a mapping belongs; {self.layout}')
@@ -175,7 +175,7 @@ class _Reader:
         try:
             event = next(self.events)
         except (yaml.YAMLError, ValueError, OverflowError) as error:
-            if isinstance(error, yaml.reader.ReaderError):  # it has no mark
+            if isinstance(error, yaml.reader.ReaderError):  # this error has no mark
                 self.line = self.data.count(b'\n', 0, error.position) + 1
             self.line = getattr(getattr(error, 'problem_mark', None), 'line', self.line - 1) + 1
             reason = getattr(error, 'problem', None) or getattr(error, 'reason', error)
@@ -195,7 +195,7 @@ class _Reader:
 
 def _section(path: tuple[str, ...]) -> int | None:
     """Place of `ros__parameters` in a path of names; None if it is not there."""
-    # rcl compares no further than its length.
+    # rcl compares only as many characters as this name has.
     return next((i for i, key in enumerate(path) if key.startswith(_SECTION)), None)
 
 
@@ -232,6 +232,6 @@ def read_scalar(text: str) -> _Scalar:
         real = float.fromhex(number) if 'x' in number else float(number)
     except (ValueError, OverflowError):
         return text
-    # float() takes more than strtod, and what strtod finds out of range is text to rcl.
+    # float() accepts more than strtod, and rcl keeps values out of strtod's range as text.
     lost = abs(real) in {0, float('inf')} and re.match('[^ex]*[1-9]|[^p]*x[^p]*[1-9a-f]', number)
     return text if lost or not re.fullmatch('[-+.0-9a-z]+', number) else real

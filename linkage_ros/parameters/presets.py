@@ -66,11 +66,11 @@ def _presets() -> dict[str, Path]:
     sourced = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
     prefixes = [*map(Path, sourced), root, *root.parents[2:3], Path(sys.prefix)]
     folders = [prefix / 'share' / 'linkage_ros' / 'config' for prefix in prefixes]
-    if (root / 'package.xml').is_file():  # a stranger's site-packages/config is not ours
+    if (root / 'package.xml').is_file():  # site-packages/config may belong to another package
         folders.append(root / 'config')
     paths = (path for folder in folders for path in folder.glob('*.yaml'))
     presets: dict[str, Path] = {}
     for path in paths:
-        if path.is_file():  # a link into a workspace that was deleted is not
+        if path.is_file():  # a link into a deleted workspace is not a file
             presets.setdefault(path.stem, path)
     return presets

@@ -28,13 +28,13 @@ class Session(Checked):
     """How a run is published, logged and shown.
 
     Attributes:
-        rate_hz: States a second.
+        rate_hz: States per second.
         log: Path of the MCAP file; empty: no log.
         log_overwrite: Whether an existing log or .rrd file may be replaced.
         viewer: One of VIEWERS; empty: no viewer.
         viewer_bind: Address on which a spawned viewer's data, or the page, are served.
         joint_prefix: Prepended to every joint name in messages and to the URDF's link names.
-        crank_joint: A robot's name for the crank in messages from and to it; empty: the own name.
+        crank_joint: Name of the crank in messages from and to a robot; empty: its own name.
         frame_id: Link, and frame of messages, that carries the fixed pivots.
     """
 

@@ -14,7 +14,7 @@ _SIMILAR, _SIMILAR_WORD = 0.85, 0.65
 # Groups whose parameters may have no group here, such as crank.rpm.
 _TOP = ('', 'crank', 'motor', 'drive')
 
-# Words of textbooks and other tools, and the names that they may stand for, the likeliest first.
+# Words of textbooks and other tools, with the names that they may mean, the likeliest first.
 _MEANINGS = {
     'base ground fixed': ('frame',),
     'input driver': ('crank',),

@@ -52,7 +52,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         watched = [self._descriptor] if self._take_terminal() else []
         key = self._next_key()
         if key is None and select.select(watched, [], [], timeout)[0] and self._take_terminal():
-            # What woke this may have been a line for the shell, such as fg, which has read it.
+            # The wake-up may be due to a line that the shell has read, such as fg.
             if select.select(watched, [], [], 0)[0]:
                 self._receive()
             key = self._next_key()
@@ -76,12 +76,12 @@ class Keyboard(AbstractContextManager['Keyboard']):
         with suppress(OSError):
             data = os.read(self._descriptor, 64)
         self._pending += data
-        if not data:  # the terminal has gone: it would always be ready, with nothing
+        if not data:  # the terminal is closed: it would always be ready, without data
             self._saved = None
 
     def _next_key(self) -> bytes | None:
         found = _KEY.search(self._pending)
-        # Without a key, the end may be the first two bytes of one.
+        # If no key is complete, the last bytes may be the start of one.
         self._pending = self._pending[found.end() :] if found else self._pending[-2:]
         return found[0].replace(b'O', b'[') if found else None
 

@@ -75,7 +75,7 @@ class Pace:
             time: Its log time, ns.
 
         Returns:
-            Real time until it is due, s; 0 or less: now; infinite while paused.
+            Real time until the message is due, s; 0 or less: now; infinite while paused.
         """
         self._next = time
         if time <= self._played_until:  # messages of one log time come together
@@ -141,7 +141,7 @@ def play(
     for item in items:
         if count == 0 and not paused:
             pace.toggle()  # not before: reading the first message takes a while
-        # If every message is late, nothing waits, but keys must be read all the same.
+        # If every message is late, there are no waits, but keys must still be read.
         while (left := pace.seconds_until(item.time)) > 0 or time.monotonic() >= check_at:
             if stop.is_set():
                 return count

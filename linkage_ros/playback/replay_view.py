@@ -28,7 +28,7 @@ def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[
         name: Name of the program, for its messages to the user.
         log: The log.
         target: As for a View.
-        alone: Whether this is the only sink, so that the replay ends with the view.
+        alone: Whether this is the only sink; the replay then ends with the view.
 
     Yields:
         The function that shows a message, if it contains joint states.

@@ -26,8 +26,8 @@ from linkage_ros.ros.topics import create_publisher, wait_for_subscribers
 from linkage_ros.wire.cdr import encode_clock
 from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
 
-# s: to find a subscriber, because messages without one are lost; for subscribers to find the
-# node; and for them to receive the last messages.
+# Waiting times, s: for a subscriber, because earlier messages are lost; for subscribers to find
+# the node; and for them to receive the last messages.
 _DISCOVERY_SECONDS, _MATCH_SECONDS, _LAST_SECONDS = 3.0, 0.5, 2.0
 
 

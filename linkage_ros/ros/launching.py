@@ -18,13 +18,13 @@ from linkage_ros.parameters.session import VIEWERS
 # Default and meaning of launch arguments, by name.
 Arguments: TypeAlias = dict[str, tuple[str, str]]
 
-# Those of every launch file. An empty argument leaves the parameter as it is.
+# Arguments of every launch file. An empty argument leaves the parameter unchanged.
 NAMES: Arguments = {
     'namespace': ('', 'namespace of all nodes, such as left'),
     'use_sim_time': ('', 'true: take the time from /clock'),
     'joint_prefix': ('', 'put before every joint and link name, such as left_'),
 }
-# Of those that start robot_state_publisher.
+# Arguments of launch files that start robot_state_publisher.
 FRAMES: Arguments = {'frame_prefix': ('', 'put before every tf frame, such as left/')}
 OUTPUTS: Arguments = {
     'log': ('', '.mcap file to write'),
@@ -63,10 +63,10 @@ def program(
     """Starts a program of this package; the launch ends with it.
 
     Args:
-        name: Of the executable.
-        namespace: Of its node.
-        values: Its parameters.
-        remappings: Names of topics, and what they become.
+        name: Name of the executable.
+        namespace: Namespace of its node.
+        values: Parameters of the node.
+        remappings: Topic names and their replacements.
 
     Returns:
         The action.
@@ -90,14 +90,14 @@ def state_publisher(
     """Starts robot_state_publisher, if it is installed.
 
     Args:
-        namespace: Of its node.
-        values: Its parameters.
-        remappings: Names of topics, and what they become.
+        namespace: Namespace of its node.
+        values: Parameters of the node.
+        remappings: Topic names and their replacements.
 
     Returns:
         The action.
     """
-    # Node and publisher would both publish it, latched; the node's belongs to the log.
+    # Otherwise both nodes would publish it, latched; the log contains the one of linkage_node.
     own = 'robot_description', 'robot_state_publisher/robot_description'
     publisher = Node(
         package='robot_state_publisher',
@@ -110,15 +110,15 @@ def state_publisher(
 
 
 def where_installed(package: str, feature: str, action: Any) -> Any:
-    """An action that needs a ROS package.
+    """Checks the ROS package that an action needs.
 
     Args:
         package: Its name.
-        feature: What is missing without it.
+        feature: The feature that needs it.
         action: The action.
 
     Returns:
-        The action, or one that says what to install.
+        The action, or one that prints what to install.
     """
     cure = how_to_install(package, feature)
     return LogInfo(msg=cure) if cure else action

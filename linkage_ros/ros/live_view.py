@@ -29,7 +29,7 @@ class LiveView(Worker[Sample]):
             configuration: Configuration of the run.
 
         Raises:
-            ViewerError: It cannot be opened.
+            ViewerError: The view cannot be opened.
         """
         session, logger = configuration.session, node.get_logger()
         self._view = view = View(

@@ -46,7 +46,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
 
         Args:
             name: Its name.
-            options: As for every node.
+            options: Options of `rclpy.node.Node`.
 
         Raises:
             ConfigurationError: rclpy refuses a name or value of the command line.
@@ -63,10 +63,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
 
         Args:
             parameters: Names and quantities.
-            values: Already checked; the node's own overrides are part of them.
+            values: Checked values, including the overrides of the node.
         """
         for name, quantity, _ in parameters:
-            # One that is None has no value to show; rclpy fails to dump such.
+            # A parameter that is None has no value, and rclpy cannot dump it.
             if name in values:
                 # The overrides are in the values; rclpy would refuse 60 for 60.0.
                 descriptor = _descriptor(name, quantity)
@@ -101,7 +101,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
 
 
 def _descriptor(name: str, quantity: Quantity) -> ParameterDescriptor:
-    """What `ros2 param describe` shows: meaning, unit, range, and whether it may be set live."""
+    """The descriptor for `ros2 param describe`: meaning, unit, range, and whether it is live."""
     unit = f' [{quantity.unit}]' if quantity.unit else ''
     is_number = quantity.kind == 'number'
     span = FloatingPointRange(from_value=quantity.low, to_value=quantity.high)

@@ -37,9 +37,9 @@ from linkage_ros.parameters.presets import preset_names, preset_path
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
 _FLUSH_SECONDS = 1.0  # s, for the reader of our last lines
-_DESTROY_SECONDS = 10.0  # s after which a node that does not end never will
+_DESTROY_SECONDS = 10.0  # s; a node that ends later is killed
 
-# What rclpy raises for command lines, files, names and values that a user got wrong. RCLError,
+# Errors of rclpy for wrong command lines, files, names and values. RCLError,
 # which has no public name, is a RuntimeError.
 USER_ERRORS = (
     RuntimeError,
@@ -58,7 +58,7 @@ def run_program(
 
     Args:
         arguments: The command line.
-        parser: Knows the program's name, --help and --version.
+        parser: Parser with the program's name, --help and --version.
         make: Makes the node; its method `work` runs until the end and returns an exit code.
 
     Returns:
@@ -83,7 +83,7 @@ def run_program(
 
 
 def _check_parameter_files(arguments: list[str], node: str) -> None:
-    """Reads parameter files before rcl does, to give clearer errors than rcl.
+    """Checks parameter files before rcl reads them, to give clearer errors.
 
     Args:
         arguments: Arguments of the command line.
@@ -100,7 +100,7 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
                 raise ConfigurationError(
                     f'{path} is a preset, and --params-file takes a path: {preset_path(path)}'
                 )
-            # Of a pipe, rcl would read, or wait for, what is read here.
+            # A pipe can be read only once, and rcl has to read it.
             if path_exists(path) and not Path(path).is_file():
                 raise ConfigurationError(f'{path} is no file: give the path of a parameter file')
             read_parameter_file(path, f'{given.get("__ns", "")}/{name}')
@@ -119,7 +119,7 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
         The arguments that are not ROS's, without the program's name.
 
     Raises:
-        ConfigurationError: rcl refuses them, or the environment.
+        ConfigurationError: rcl refuses the arguments or the environment.
     """
     with muted_stderr(), reported_as_configuration():
         others: list[str] = remove_ros_args(arguments)
@@ -140,11 +140,11 @@ def reported_as_configuration() -> Iterator[None]:
     """
     try:
         yield
-    except LinkageError:  # it says by itself what to do
+    except LinkageError:  # its message already says what to do
         raise
     except USER_ERRORS as error:
         text = re.sub(r'(, at \S+:\d+)+|Error: error not set', '', ' '.join(str(error).split()))
-        if text.startswith('['):  # UnknownROSArgsError names them and nothing else
+        if text.startswith('['):  # the message of UnknownROSArgsError is only the arguments
             text = f'unknown ROS arguments {text}'
         raise ConfigurationError(
             f'{text.rstrip(" .,")}; check the ROS arguments (--ros-args -p NAME:=VALUE, '
@@ -161,7 +161,7 @@ def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
             return
         except Exception as error:  # noqa: BLE001, nothing bounds what others send
             words = one_line(f'{type(error).__name__}: {error}')
-            if 'timer is canceled' not in words:  # by another thread, just before its call
+            if 'timer is canceled' not in words:  # by another thread, just before the call
                 node.get_logger().error(f'a callback failed: {words}', throttle_duration_sec=1.0)
         else:
             return
@@ -186,8 +186,8 @@ def spinning(node: Node) -> Iterator[None]:
     finally:
         executor.shutdown(timeout_sec=2.0)
         thread.join(2.0)
-        # Fast DDS may never return, in C code that keeps the interpreter (eProsima/Fast-DDS#6513):
-        # no thread of Python's could end the process then.
+        # Fast DDS may hang in C code that holds the interpreter lock (eProsima/Fast-DDS#6513): no
+        # Python thread could end the process then.
         with Path(os.devnull).open('w') as devnull:
             faulthandler.dump_traceback_later(_DESTROY_SECONDS, exit=True, file=devnull)
             node.destroy_node()
@@ -197,14 +197,14 @@ def spinning(node: Node) -> Iterator[None]:
 @contextmanager
 def nonblocking_stderr() -> Iterator[None]:
     """Makes stderr non-blocking, so that Ctrl-S in the terminal cannot stop the crank.
-
-    Log lines go through a pipe of ours. Lines beyond the 64 KiB that it holds are lost, and so
-    are the last ones if nobody reads them within a second of the end.
+    
+    Log lines go through a pipe of this process. Lines beyond its 64 KiB are lost, and so are
+    the last ones if they are not read within a second of the end.
     """
     if sys.stderr is None:  # closed by `2>&-`: the log must not get its number, and its lines
         os.open(os.devnull, os.O_WRONLY)
     original = os.dup(2)
-    if os.isatty(original):  # rcutils would look at our pipe
+    if os.isatty(original):  # rcutils would check the pipe instead
         os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '1')
     outlet, inlet = os.pipe()
     os.set_blocking(inlet, False)
@@ -214,7 +214,7 @@ def nonblocking_stderr() -> Iterator[None]:
     try:
         yield
     finally:
-        _redirect(os.open(os.devnull, os.O_WRONLY))  # which ends our pipe
+        _redirect(os.open(os.devnull, os.O_WRONLY))  # which closes the pipe
         thread.join(_FLUSH_SECONDS)
         if not thread.is_alive():
             _redirect(original)
@@ -239,7 +239,7 @@ def muted_stderr() -> Iterator[None]:
 
 def _redirect(number: int) -> None:
     """Redirects stderr to an open file."""
-    with suppress(OSError, AttributeError):  # the disk is full; there is no stderr
+    with suppress(OSError, AttributeError):  # the disk is full, or there is no stderr
         sys.stderr.flush()
     os.dup2(number, 2)
     os.close(number)
@@ -248,7 +248,7 @@ def _redirect(number: int) -> None:
 def _copy(outlet: int, original: int) -> None:
     """Copies a pipe to a file that may block."""
     while data := os.read(outlet, _PIPE_SIZE):
-        with suppress(OSError):  # the terminal has gone, or the disk is full
+        with suppress(OSError):  # the terminal is closed, or the disk is full
             while data:
                 data = data[os.write(original, data) :]
     os.close(outlet)

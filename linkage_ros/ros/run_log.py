@@ -19,11 +19,11 @@ from linkage_ros.wire.topics import Topic
 
 # Items that wait for a stalled disk: half a minute's at 1 kHz.
 _CAPACITY = 30_000
-# s between batches, each of which is a chunk. A killed run loses at most this and what a busy
-# machine adds to it; 0.3 s are promised. A thread that wakes finds neither code nor data in the
-# processor's caches any more: smaller batches take two to three times as long.
+# s between batches, each of which is a chunk. A killed run loses at most this time plus delays of
+# a busy machine; 0.3 s are promised. After a wait, code and data are no longer in the processor's
+# caches: smaller batches take two to three times as long.
 _PERIOD = 0.15
-# s between orders to bring them to the disk itself, which bounds what a power cut costs.
+# s between syncs to the disk, which bounds the loss in a power cut.
 _SYNC_PERIOD = 1.0
 _CLOSE_SECONDS = 30.0
 
@@ -37,7 +37,7 @@ class RunLog:
         Args:
             node: Its logger reports how the log ends.
             simulator: Makes the states.
-            others: Topics besides the states', published or received.
+            others: Further topics, published or received.
 
         Raises:
             LogError: The file cannot be created.
@@ -61,7 +61,7 @@ class RunLog:
             'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._report_end,
             on_start=accompany_ticker,
         )  # fmt: skip
-        # A disk that is slow to keep things must not hold up the flushes.
+        # A slow sync must not delay the flushes.
         syncing: Worker[Any] = Worker(
             'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._report_no_sync
         )
@@ -98,7 +98,7 @@ class RunLog:
 
     def close(self) -> bool:
         """Completes the log; returns whether it succeeded."""
-        # The disk last: what it is to keep comes first.
+        # The sync is closed last, after all data are written.
         closed = all(worker.close(_CLOSE_SECONDS) for worker in self._workers)
         if not closed:
             words = f'the log could not be completed within {_CLOSE_SECONDS:g} s: the disk hangs'
@@ -109,6 +109,6 @@ class RunLog:
         self._node.get_logger().error(f'the log ends here, the motion goes on: {error}')
 
     def _report_no_sync(self, error: Exception) -> None:
-        if self._workers[0].error is None:  # else it was said that the log has ended
+        if self._workers[0].error is None:  # otherwise the end of the log was already reported
             words = f'the log goes on, but may not outlive a power cut: {error}'
             self._node.get_logger().error(words)

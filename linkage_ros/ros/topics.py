@@ -20,13 +20,13 @@ from linkage_ros.units import NS_PER_S, TIME_END
 from linkage_ros.wire.cdr import LARGEST_COMMAND, stamp_of
 from linkage_ros.wire.topics import Topic
 
-# s given to subscribers to find a node, and to be matched with it.
+# Waiting times, s: for subscribers to find a node, and for matching.
 _DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2
-# Commands that wait for a tick; of more, the last ones. It bounds what a flood can cost a tick.
-# As many times of /clock wait: a burst is not thinned out.
+# Queue length of commands between ticks; older ones are dropped. It bounds the cost of a flood.
+# Queue length of /clock; it is large enough for a burst.
 _DEPTH = 100
-_PATIENCE = 0.1  # s that the end of a node waits for a message at most
-# Of every node of rclpy.
+_PATIENCE = 0.1  # s; longest wait for a message, which delays the end of a node
+# Topics of every rclpy node.
 _ROS_TOPICS = ('/rosout', '/parameter_events')
 
 
@@ -54,21 +54,21 @@ def create_publisher(node: Node, topic: Topic) -> Publisher:
 
 
 def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
-    """Refuses two topics of a node with one name: it would hear itself, or mix its messages.
+    """Refuses two topics of a node with the same name.
 
     Args:
-        node: The node, which knows namespace and remappings.
-        topics: The topics, those that the node hears first.
+        node: The node; it resolves namespace and remappings.
+        topics: The topics; subscribed ones first.
 
     Raises:
-        ConfigurationError: Two have one name.
+        ConfigurationError: Two topics have the same name.
     """
     found: dict[str, str] = {}
     for name in (*_ROS_TOPICS, *(topic.name for topic in topics)):
         resolved, own = node.resolve_topic_name(name), name.lstrip('/')
         if resolved in found:
             cure = f'give {name} another name, -r {name}:=linkage/{own}'
-            if found[resolved].lstrip('/') == own:  # a remapping cannot tell the two apart
+            if found[resolved].lstrip('/') == own:  # a remapping cannot distinguish the two
                 cure = f'name another topic in the parameter that holds {name}'
             raise ConfigurationError(
                 f'{found[resolved]} and {name} are one topic, {resolved}: {cure}'
@@ -103,8 +103,8 @@ def wait_for_subscribers(
 class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
     """Hides a subscription from the executor.
 
-    Each message would wake its thread. Thousands a second took the interpreter from the thread of
-    the ticks: at 10 kHz, five of six ticks were missed.
+    Each message would wake the executor's thread. Thousands per second then take the interpreter
+    from the tick thread: at 10 kHz, five of six ticks were missed.
     """
 
     def can_execute(self, entity: object) -> bool:  # noqa: ARG002, the executor's signature
@@ -113,7 +113,7 @@ class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has n
 
 
 class PolledSubscription:
-    """Keeps the last messages of a topic until the thread of the ticks takes them.
+    """Keeps the last messages of a topic until the tick thread takes them.
 
     It is best-effort, and so compatible with every publisher; losses are not resent.
 
@@ -133,8 +133,8 @@ class PolledSubscription:
         Args:
             node: The node.
             topic: The topic.
-            read: Reads a message that came at a time, ns; raises a ValueError if it is refused.
-            log: Called with each message: when it came, ns, the topic, and CDR bytes.
+            read: Reads a message received at a time, ns; raises a ValueError if it is refused.
+            log: Called for each message with time of receipt, ns, topic, and CDR bytes.
         """
         self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
         self._topic, self._read, self._log = topic, read, log
@@ -146,7 +146,7 @@ class PolledSubscription:
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
 
     def receive(self) -> Iterator[Any]:
-        """Waits a little for messages; yields what was read from those that are not refused."""
+        """Waits briefly for messages; yields the results of reading the accepted ones."""
         handle = self._subscription.handle
         with handle:
             self._wait_set.clear_entities()
@@ -155,16 +155,16 @@ class PolledSubscription:
         yield from self.take()
 
     def take(self) -> Iterator[Any]:
-        """Yields what was read from the queued messages that are not refused."""
+        """Yields the results of reading the accepted queued messages."""
         handle, refused = self._subscription.handle, ''
-        for _ in range(self._depth):  # a flood must not keep the thread here while more comes
+        for _ in range(self._depth):  # a flood of messages must not keep the thread here
             with handle:
                 found = handle.take_message(self._kind, True)
             if not found:
                 break
             data, info = found
             received = info['received_timestamp'] or time.time_ns()
-            if len(data) <= LARGEST_COMMAND:  # one of megabytes would be a log's largest chunk
+            if len(data) <= LARGEST_COMMAND:  # a message of megabytes would exceed a log's chunks
                 self._log(received, self._topic, data)
             try:
                 result = self._read(data, received)
@@ -187,7 +187,7 @@ def read_clock(data: bytes, _: int) -> int:
         The time, ns.
 
     Raises:
-        ValueError: No stamp can hold it.
+        ValueError: The time is out of the range of stamps.
     """
     time = stamp_of(data)
     if not 0 <= time < TIME_END:
