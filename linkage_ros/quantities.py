@@ -267,7 +267,7 @@ def flatten(instance: object, prefix: str = '') -> dict[str, object]:
     """The quantities of an object by dotted name; those that are None are left out.
 
     Raises:
-        ConfigurationError: Parameters cannot express it: two of one kind, or a user's own kind.
+        ConfigurationError: Not expressible as parameters: two of one kind, or a user's kind.
     """
     flat: dict[str, object] = {}
     for field, part in _parts(type(instance)):

@@ -197,7 +197,7 @@ def spinning(node: Node) -> Iterator[None]:
 @contextmanager
 def nonblocking_stderr() -> Iterator[None]:
     """Makes stderr non-blocking, so that Ctrl-S in the terminal cannot stop the crank.
-    
+
     Log lines go through a pipe of this process. Lines beyond its 64 KiB are lost, and so are
     the last ones if they are not read within a second of the end.
     """

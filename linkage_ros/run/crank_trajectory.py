@@ -18,7 +18,7 @@ _STEP = NS_PER_MS
 
 
 class CrankTrajectory:
-    """Makes trajectories of one horizon, a new one after each half horizon.
+    """Makes trajectories of a fixed length, a new one after each half of it.
 
     A trajectory begins at or just before its stamp, so that a controller that receives it a
     moment later can follow it at once. Each tick adds only the new points within the horizon; all
@@ -33,7 +33,7 @@ class CrankTrajectory:
 
         Args:
             simulator: Its solver and names are used.
-            drive: Names the topic, and has the horizon.
+            drive: Settings with topic and horizon.
         """
         self.topic = trajectory_commands(drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
@@ -43,7 +43,7 @@ class CrankTrajectory:
         self._next = self._due = 0
 
     def message_at(self, motion: SpeedMotion, stamp: int) -> bytes | None:
-        """The message that is due at a stamp.
+        """The message due at a stamp, if any.
 
         Args:
             motion: Motion in the segment that contains the stamp; a change since the last call

@@ -16,7 +16,7 @@ from linkage_ros.run.ticker import TickCounts
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.cdr import ERROR, OK, WARN, Status
 
-# s, and reports, over which a run is judged.
+# Time, s, and number of reports over which a run is judged.
 WINDOW = 10
 # Shares of missed ticks above which the warning begins, and below which it ends. They differ, so
 # that a share near one of them does not switch the warning on and off.
@@ -38,7 +38,7 @@ class Health(NamedTuple):
         target: Its path or URL; empty: not in use.
         dropped: Items lost so far.
         error: The error that ended it; None: it works.
-        trouble: Why it accepts nothing now; empty: it does.
+        trouble: Current reason for accepting no items; empty: none.
     """
 
     target: str
@@ -51,7 +51,7 @@ class HealthMonitor:
     """Judges a run by its last seconds, at each report."""
 
     def __init__(self, node: str, *, is_torque_driven: bool = False) -> None:
-        """Begins with a new run.
+        """Starts with a new run.
 
         Args:
             node: Name of the node, for the names of the statuses.
@@ -93,7 +93,7 @@ class HealthMonitor:
             statuses: Statuses of the report.
 
         Returns:
-            The statuses; a part that fails logs that itself.
+            The statuses, without failures of parts, which log these themselves.
         """
         last, nothing = self._last, Status(OK, '', '', {})
         self._last = {status.name: status for status in statuses}
@@ -110,7 +110,7 @@ class HealthMonitor:
         kept, missed = counts.kept - first.kept, counts.missed - first.missed
         if counts.clock_steps > first.clock_steps:
             troubles.append(f'the clock was stepped in the last {WINDOW} s')
-            missed = 0  # simulated time that jumps skips ticks, however fast the machine is
+            missed = 0  # jumps of simulated time skip ticks, regardless of the machine's speed
         limit = _RECOVERED if self._is_overloaded else _OVERLOADED
         is_full = len(self._past) > WINDOW
         self._is_overloaded = is_full and missed > limit * max(1, kept + missed)
@@ -140,7 +140,7 @@ class HealthMonitor:
             level, words = ERROR, f'failed: {error}'
         elif trouble:
             level, words = WARN, trouble
-        # Losses during a trouble belong to it.
+        # Losses during a problem are part of it.
         elif dropped > past[0].dropped and not any(one.trouble for one in past):
             level, words = WARN, f'the {part} lags: items were left out in the last {WINDOW} s'
         elif dropped:

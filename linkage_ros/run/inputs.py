@@ -20,7 +20,7 @@ from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import decode_joint_state
 from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
 
-_SILENCE = 2.0  # s without a measurement after which it is said
+_SILENCE = 2.0  # s without a measurement before a warning
 NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'
 
 
@@ -39,10 +39,10 @@ class TorqueCommands:
     def __init__(
         self, drive: TorqueDrive, crank: str, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Begins without a command.
+        """Starts without a command.
 
         Args:
-            drive: Has the limit of commands, and the time after which they expire.
+            drive: Settings with the limit of commands and their timeout.
             crank: Name of the crank's joint.
             clock: Returns the time, s.
         """
@@ -61,7 +61,7 @@ class TorqueCommands:
             received: Time of receipt, ns.
 
         Raises:
-            ValueError: It is refused.
+            ValueError: The command is refused.
         """
         try:
             command = decode_joint_state(data)
@@ -76,11 +76,11 @@ class TorqueCommands:
 
         Args:
             names: Names of joints.
-            efforts: One for each of them, N m; the crank's is used.
+            efforts: One for each joint, N m; only the crank's is used.
             age: Time since its receipt, s.
 
         Raises:
-            ValueError: It is no command for this crank.
+            ValueError: The message is not a command for this crank.
         """
         if len(efforts) != len(names):
             raise ValueError(
@@ -94,7 +94,7 @@ class TorqueCommands:
             raise ValueError(f'effort {torque}: must be a finite number, N m')
         self.accepted += 1
         self.limited += abs(torque) > self._limit
-        # First the end: a thread that reads both between them has the old torque a little longer.
+        # The end is set first: a concurrent reader then uses the old torque a little longer.
         self._end = self._clock() + self._timeout - age
         self._torque = min(max(torque, -self._limit), self._limit)
         self._is_active = True
@@ -133,7 +133,7 @@ class MeasuredCrank:
     """
 
     def __init__(self, simulator: Simulator) -> None:
-        """Begins without a measurement.
+        """Starts without a measurement.
 
         Args:
             simulator: Simulator of a configuration with `drive: follow`.
@@ -173,7 +173,7 @@ class MeasuredCrank:
         if found is None:
             (cause,) = self.left_out - before
             raise ValueError(cause)
-        # At a limit of the crank rates have no bound; a moment later it may be passed.
+        # At a limit of the crank, rates are unbounded; the next measurement may be valid.
         for one in filter(None, (found, self._simulator.later(found))):
             if not self._has_state(one.q[0], one.u[0], one.a[0]):
                 raise self._rejected(OUT_OF_REACH)
@@ -193,7 +193,7 @@ class MeasuredCrank:
 
     def diagnostics(self) -> dict[str, str]:
         """Counts of the rejected messages, for diagnostics."""
-        # In one step: the thread of the ticks may be counting.
+        # In one step, because the tick thread may be counting.
         counts = list(self.left_out.items())
         return {f'left out, {cause}': str(count) for cause, count in counts}
 
@@ -206,7 +206,7 @@ class MeasuredCrank:
 
 
 def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
-    """The topic of commands or measurements, if a run has one, and what judges its messages."""
+    """The topic of commands or measurements, if a run has one, and the reader of its messages."""
     drive = simulator.configuration.drive
     if isinstance(drive, TorqueDrive):
         return {JOINT_COMMANDS: TorqueCommands(drive, simulator.crank_joint)}

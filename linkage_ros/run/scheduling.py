@@ -14,17 +14,16 @@ from contextlib import suppress
 from linkage_ros.units import NS_PER_MS
 
 _PR_SET_TIMERSLACK = 29  # of prctl
-# Of the ticker, as ros2_control's; of other threads that use the interpreter.
+# Priority of the ticker, as in ros2_control, and of other threads that use the interpreter.
 _PRIORITY, _COMPANION_PRIORITY = 50, 40
-# s for which a thread may keep the interpreter while another waits: Python's own, and where ticks
-# are due.
+# Switch intervals of the interpreter, s: Python's default, and the one while ticks are due.
 _LONG_INTERVAL, _SHORT_INTERVAL = 5e-3, 1e-5
 _VERY_LATE = 20 * NS_PER_MS
-_RECOVERY_SECONDS = 2.0  # s to be patient
+_RECOVERY_SECONDS = 2.0  # s with the default interval
 
 
 def freeze_heap() -> None:
-    """Excludes all present objects from garbage collection; call it after set-up.
+    """Excludes all existing objects from garbage collection; call it after set-up.
 
     Otherwise each collection would visit all of them.
     """
@@ -42,7 +41,7 @@ def minimize_timer_slack() -> None:
 
     By default Linux may wake threads up to 50 us late, to wake several together.
     """
-    with suppress(AttributeError, OSError):  # it is not Linux
+    with suppress(AttributeError, OSError):  # not Linux
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
 
 
@@ -68,7 +67,7 @@ def take_real_time_priority(priority: int = _PRIORITY) -> bool:
 def accompany_ticker() -> None:
     """Gives the calling thread a real-time priority below the ticker's.
 
-    A thread that another program preempts while it holds the interpreter would delay the ticker.
+    Otherwise a thread preempted while it holds the interpreter lock would delay the ticker.
     """
     take_real_time_priority(_COMPANION_PRIORITY)
 
@@ -76,9 +75,9 @@ def accompany_ticker() -> None:
 class SwitchInterval:
     """Requests the interpreter from other threads at once, unless the machine is overloaded.
 
-    Such requests repeat every 10 us. With sixty nodes in discovery on two cores, they would take
-    the core that the other thread needs to finish. So the ticker waits normally at the start, and
-    after a very late tick.
+    Such requests repeat every 10 us. With sixty nodes in discovery on two cores, they would use
+    the core that the other thread needs. So the ticker uses Python's default interval at the start
+    and after a very late tick.
     """
 
     def __init__(self) -> None:

@@ -54,7 +54,7 @@ from linkage_ros.wire.topics import (
 )
 from linkage_ros.wire.urdf import joint_names, make_urdf
 
-# Of any size, so that an array of them holds objects.
+# Integers of any size; arrays of them have the type object.
 Whole = TypeVar('Whole', int, npt.NDArray[np.object_])
 
 
@@ -125,7 +125,7 @@ class Simulator:
             self._lead = round(drive.lead_time * NS_PER_S)
         self.topics = tuple(self._parts)
         self.layout = self.layout_of(zip(itertools.count(1), self.topics))
-        # What was typed in decimals is meant: ticks at 0.1 Hz are 10 s apart to the ns.
+        # The decimal value counts: ticks at 0.1 Hz are exactly 10 s apart.
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
@@ -160,7 +160,7 @@ class Simulator:
         if isinstance(drive, TorqueDrive):
             driven = DrivenMechanism(self.solver, drive.motor.at)
             require_live(driven, self.elapsed(1) / NS_PER_S)
-            with suppress(LinkageError):  # a run reports it
+            with suppress(LinkageError):  # the run itself reports it
                 motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
                 self.snapshot_at(motion, NS_PER_MS)
                 motion.rehearse()

@@ -25,13 +25,13 @@ from linkage_ros.run.scheduling import (
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
-_LATENESS_SAMPLES = 10_000  # ticks whose lateness is kept
+_LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is kept
 # A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
 # the jitter of two clock readings never shows in them.
 CLOCK_STEP = 50 * NS_PER_MS
 # Longest uninterrupted sleep, s: how long a slow node may take to notice that it should stop.
 _MAX_SLEEP = 0.1
-# Ticks that one message of the clock may make due; those that a longer jump skips are missed.
+# Largest number of ticks for one clock message; after a longer jump the others are missed.
 _MAX_TICKS_PER_MESSAGE = 1000
 
 
@@ -76,13 +76,13 @@ class Ticker(ABC):
         """Prepares the ticks.
 
         Args:
-            simulator: Knows when ticks are due.
+            simulator: Determines when ticks are due.
             tick: Called at each tick, with its stamp, ns, or the fields of a measurement.
             restamp: Called before the tick after a step of the clock, with that tick's stamp
                 before and after the step, ns.
             fail: Called with the error of another callback, which ends the motion.
-            receive: Waits a little; returns the messages since the last call, for the tickers
-                below that have some.
+            receive: Waits briefly and returns the messages since the last call; for tickers driven
+            by messages.
         """
         self.counts = TickCounts()
         self.error: BaseException | None = None
@@ -97,7 +97,7 @@ class Ticker(ABC):
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends the thread after the tick that it makes."""
+        """Ends the thread after the current tick."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -184,7 +184,7 @@ class SimTimeTicker(Ticker):
                 if last is None:
                     self.t0 = now
                 elif now < last:
-                    # The next state gets the new time, and the crank continues from there.
+                    # The next state gets the new time, and the motion continues without a jump.
                     self._step_clock(tick, now - self._stamp(tick))
                 last = now
                 due = self._simulator.tick_at(now - self.t0) if now >= self.t0 else -1

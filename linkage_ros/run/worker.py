@@ -15,7 +15,7 @@ _T = TypeVar('_T')
 class Worker(Generic[_T]):
     """Feeds a consumer from a bounded queue, in batches, in a separate thread.
 
-    Offering never waits for the consumer, and never fails. If the consumer falls behind by more
+    `offer` never waits for the consumer and never fails. If the consumer falls behind by more
     than the queue holds, the oldest items are dropped and counted; if it fails, it is closed once,
     the error is reported once, and later items are counted as dropped.
 
@@ -38,8 +38,8 @@ class Worker(Generic[_T]):
 
         Args:
             name: Name of the thread.
-            consumer: Used by this thread alone from now on. Its `consume` takes the items that
-                were offered since the last call, of which there may be none; then `close`.
+            consumer: Used only by this thread from now on. Its `consume` takes the items offered
+            since the last call, possibly none; `close` is called last.
             capacity: Items that the queue holds.
             period: Time between batches, s.
             on_error: Called from the thread, once, if the consumer fails.

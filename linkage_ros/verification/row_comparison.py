@@ -11,7 +11,7 @@ import numpy as np
 from linkage_ros.numeric import Array
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout
 
-# The sine of another machine's library may differ in its last bit, and with it all that follows.
+# Sines of another machine may differ in the last bit, and so may all results.
 TOLERANCE = 4  # ulp of the largest value of a field
 
 
@@ -41,9 +41,9 @@ class RowComparison:
         due, size = self._values(recomputed), self._layout.size
         number = len(logged) // size
         self._largest = np.maximum(self._largest, abs(due).max(axis=1, keepdims=True))
-        if logged == recomputed:  # as they are but for a machine with other sines
+        if logged == recomputed:  # equal unless another machine has different sines
             return number, ''
-        with np.errstate(all='ignore'):  # what is logged may be anything
+        with np.errstate(all='ignore'):  # logged values may be arbitrary
             ulp = abs(self._values(logged) - due) / np.spacing(self._largest)
         found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
         differs = np.not_equal(found, made).reshape(-1, size)
@@ -62,7 +62,7 @@ class RowComparison:
         return np.array([self._layout.column(rows, place) for place in self._doubles])
 
     def _describe(self, at: int, logged: bytes, recomputed: bytearray) -> str:
-        """Describes the difference of two rows, of which a byte is the first that differs."""
+        """Describes the difference between two rows at their first different byte."""
         message = bisect_right(self._layout.starts, at) - 1
         byte = at - self._layout.starts[message] - MESSAGE_HEAD.size
         words = f'byte {byte} = {logged[at]:#04x} logged, {recomputed[at]:#04x} recomputed'

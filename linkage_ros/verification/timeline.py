@@ -46,7 +46,7 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
             due = SpeedMotion(past).change(_moment(logged), logged.rpm, restamp).segment
         if past and (type(past) is not type(logged) or _moment(logged) < past.stamp):
             return f'motion record {number} begins before the one before it, or has another drive'
-        for name, value in reversed(vars(due).items()):  # what users set comes last
+        for name, value in reversed(vars(due).items()):  # the values that users set come last
             if (found := vars(logged).get(name)) != value:
                 return f'motion record {number} has {name} = {found}, recomputed {value}'
         past = logged
@@ -57,14 +57,14 @@ class Timeline:
     """The segments of a log, in the order of writing.
 
     Attributes:
-        missed: Ticks so far that have no state.
+        missed: Number of ticks so far without a state.
     """
 
     def __init__(self, simulator: Simulator, motions: tuple[Segment, ...], recorded: bool) -> None:
-        """Begins with the first segment.
+        """Starts with the first segment.
 
         Args:
-            simulator: Knows the ticks.
+            simulator: Determines the ticks.
             motions: All segments, in order; at least one.
             recorded: Whether every tick has a state.
         """
@@ -77,10 +77,10 @@ class Timeline:
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
         """The segments that may contain the next stamps, the likeliest first.
 
-        Where clocks overlap because one was set back, only the values of the states decide.
+        If clocks overlap because one was set back, only the values of the states decide.
 
         Args:
-            stamps: The next ones, ns; at least one.
+            stamps: The next stamps, ns; at least one.
 
         Yields:
             Index of a segment, and the ticks of all leading stamps that fit it.
@@ -105,16 +105,16 @@ class Timeline:
 
 
 class Measurements:
-    """The measurements of a crank that states answer, in place of segments.
+    """The measurements of a crank, each answered by a state; used in place of segments.
 
     Attributes:
-        next: Stamps, ns, and coordinates of those without an answer so far.
+        next: Stamps, ns, and coordinates of the measurements not yet answered.
     """
 
     missed = 0  # ticks: there are none
 
     def __init__(self, simulator: Simulator, channel: LoggedTopic | None) -> None:
-        """Begins without a measurement.
+        """Starts without a measurement.
 
         Args:
             simulator: Simulator of the configuration.
@@ -126,11 +126,11 @@ class Measurements:
     def hear(self, message: LoggedMessage) -> None:
         """Takes a message that is not a state, in the order of writing."""
         if message.topic == self._topic:
-            with suppress(ValueError):  # a rejected one has no answer
+            with suppress(ValueError):  # a rejected measurement has no state
                 self.next.append(self._crank.read(message.data, message.time))
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
-        """The leading stamps that are those of the next measurements; see `Timeline.fitting`."""
+        """The leading stamps that match the next measurements; see `Timeline.fitting`."""
         pairs = zip(stamps.tolist(), self.next, strict=False)
         if fit := [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]:
             yield 0, fit

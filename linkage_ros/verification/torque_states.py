@@ -3,8 +3,8 @@
 """Recomputes the states of a torque-driven log from its accelerations and commands.
 
 The coordinates with their rates and accelerations are taken from mechanism_state: the motion of
-all links and the torque, tau = M q'' + h - Q, must be theirs to the bit, and each state must
-follow from the one before it under the torque that was logged there.
+all links and the torque, tau = M q'' + h - Q, must agree with them to the bit, and each state must
+follow from its predecessor under the torque logged there.
 """
 
 from dataclasses import replace
@@ -27,24 +27,24 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.rows import RowLayout
 
-# How far a state may be from where the one before leads: rad and crank lengths, and of rates the
-# same per second or the rate itself. Records and live runs integrate in different ways.
+# Tolerance between a state and the one computed from its predecessor: rad and crank lengths; for
+# rates per second, or relative. Records and live runs have different integrators.
 _APART = 1e-7
-# Longest time, s, over which that is asked: to follow a motion takes time too.
+# Longest time between states to check, s: integration takes time too.
 _LONGEST = 10.0
-# Of the steps with which a state that is off is followed again.
+# Settings of the steps with which a deviating state is checked again.
 _TOLERANCE, _TRIALS = 1e-11, 10_000
-# In rad and crank lengths, and per second: no fault is what a start so far away makes.
+# In rad and crank lengths, and per second: a start this far away is not an error.
 _NUDGE = 1e-9
-_NOWHERE = 1e300  # where a motion leads that cannot be followed
-_LEAPS = (1, 4)  # steps between two states that are tried for all states at a time
+_NOWHERE = 1e300  # result of a motion that cannot be followed
+_LEAPS = (1, 4)  # steps between two states, for all states at once
 
 
 class TorqueStates:
     """Recomputes the states of one torque-driven log.
 
-    A state is a column here: the positions of all links, of the crank the whole angle, then their
-    rates, then the torque beyond the motor's, N m.
+    A state is a column: the positions of all links, with the whole angle of the crank, then their
+    rates, then the torque added to the motor's, N m.
     """
 
     def __init__(self, simulator: Simulator, layout: RowLayout, recorded: bool) -> None:
@@ -63,7 +63,7 @@ class TorqueStates:
         self._own = self._last = DrivenMechanism(solver, drive.motor.at)
         length = solver.mechanism.crank.length
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
-        # The state before; the first one follows from the start.
+        # The previous state; the first one follows from the start.
         begin, self._tick = start(solver.mechanism, drive), 0
         state = solver.state(begin.q, begin.u)
         before = [begin.unwrapped, *state.position[1:], *state.velocity, 0.0]
@@ -73,14 +73,14 @@ class TorqueStates:
         """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
 
         Args:
-            segment: In which the states lie.
-            rows: Their bytes.
+            segment: Segment of the states.
+            rows: Bytes of the states.
 
         Returns:
             The coordinates.
 
         Raises:
-            LogError: One is not a finite number, or the mechanism has no such coordinates.
+            LogError: A value is not finite, or the mechanism has no such coordinates.
         """
         self._driven, (table, crank) = self._described(segment), self._read(rows)
         self._found = np.array([crank, *table[0, 1:], *table[1], table[3, 0]])
@@ -96,7 +96,7 @@ class TorqueStates:
         return own_coordinates(solver, state, crank)
 
     def _described(self, segment: TorqueSegment) -> DrivenMechanism:
-        """What moves, as a segment describes it.
+        """The driven mechanism in the description of a segment.
 
         Raises:
             LogError: The mechanism has no such coordinates or assembly.
@@ -109,7 +109,7 @@ class TorqueStates:
         return self._own.described(description)
 
     def _rows(self, driven: DrivenMechanism) -> list[int]:
-        """Where a state has the coordinates and rates of a description."""
+        """Indices of a description's coordinates and rates in a state."""
         moving = [driven.solver.links.index(name) for name in driven.solver.coordinates]
         return [*moving, *(len(self._links) + i for i in moving)]
 
@@ -117,8 +117,8 @@ class TorqueStates:
         """Reads mechanism_state.
 
         Returns:
-            Positions, rates, accelerations and efforts of all links, the crank within two turns;
-            and its whole angle.
+            Positions, rates, accelerations and efforts of all links, with the crank within two
+            turns; then the whole angle of the crank.
 
         Raises:
             LogError: A value is not a finite number.
@@ -130,15 +130,15 @@ class TorqueStates:
         crank = table[0, 0].copy()
         table[0, 0] = [within_two_turns(angle)[0] for angle in crank.tolist()]
         for i, link in enumerate(self._links):
-            if link.parent is not None:  # a joint counts from the link that it hangs on
+            if link.parent is not None:  # the angle of a joint is relative to its parent link
                 table[:3, i] += table[:3, link.parent]
         return table, crank
 
     def follow(self, ticks: list[int]) -> tuple[int, str]:
-        """Checks the first of the states that were read last, whose messages are right; advances.
+        """Checks the states at the given ticks against their predecessors, and advances.
 
         Args:
-            ticks: Their numbers.
+            ticks: Numbers of the first ticks read last, whose messages are already checked.
 
         Returns:
             The number of states that follow from their predecessors, and the error of the next.
@@ -149,7 +149,7 @@ class TorqueStates:
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
         numbers = np.array([self._tick, *ticks], object)  # of any size
         late = np.diff(self._simulator.elapsed(numbers)).astype(float)
-        if not self._recorded:  # for that time the plant stood still
+        if not self._recorded:  # the plant was paused for that time
             late[late > self._simulator.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
         foreign = abs(found[-1]) > _APART * np.maximum(abs(torques), 1e-3)
@@ -181,11 +181,11 @@ class TorqueStates:
             left = np.flatnonzero(~follows)
             phase, near = tuple(origin[rows][:, left]), np.ones(len(left), bool)
             try:
-                with np.errstate(all='ignore'):  # where the steps are too long
+                with np.errstate(all='ignore'):  # if the steps are too long
                     for _ in range(steps):
                         phase, errors = leap(slope, driven.units, phase, spans[left] / steps)
                         near &= np.max(errors, axis=0) <= _APART / 10
-            except LinkageError:  # of one of them; they are looked at one by one
+            except LinkageError:  # one of them fails; they are then checked one by one
                 break
             values = found[:, left]
             near &= _near(units, np.array(phase), values[rows], values[0]).all(axis=0)
@@ -196,16 +196,17 @@ class TorqueStates:
     def _difference(
         self, before: DrivenMechanism, origin: Array, found: Array, span: float
     ) -> str:
-        """Describes the difference of a state from the one that its predecessor leads to.
+        """Describes the difference between a state and the one computed from its predecessor.
 
         Args:
-            before: What moves, as the state before is described.
-            origin: The state before.
-            found: The state.
+            before: The driven mechanism in the description of the previous state.
+            origin: The previous state.
+            found: The state to check.
             span: Time between them, s.
 
         Returns:
-            Words; empty if it is not far, or if a start next to the state before leads as far.
+            Description; empty if the difference is small, or if rounding of the previous state
+                explains it.
         """
         values = found[:-1]
         due = self._led(before, origin, values, span)
@@ -219,7 +220,7 @@ class TorqueStates:
         return f'{names[i]} {values[i]:.9g}, that one leads to {due[i]:.9g}' if wrong[i] else ''
 
     def _led(self, before: DrivenMechanism, origin: Array, values: Array, span: float) -> Array:
-        """Where a state leads, as positions and rates; angles within half a turn of those found.
+        """Positions and rates computed from a state; angles within half a turn of those found.
 
         The arguments are those of `_difference`.
         """
@@ -245,16 +246,16 @@ class TorqueStates:
 
 
 def _near(units: Array, due: Array, values: Array, crank: Array) -> npt.NDArray[np.bool_]:
-    """Whether positions, then rates, are those that are due.
+    """Whether positions and rates agree with the expected ones.
 
     Args:
         units: Their units.
-        due: Positions and rates to which the states before lead.
-        values: Those that are logged.
+        due: Expected positions and rates.
+        values: Logged positions and rates.
         crank: The logged whole angle.
 
     Returns:
-        Of the shape of both.
+        Booleans, of the shape of both.
     """
     sizes, count = np.maximum(units, abs(due)), len(due) // 2
     sizes[:count] = units[:count]

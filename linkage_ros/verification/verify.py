@@ -32,8 +32,8 @@ from linkage_ros.wire.topics import (
     TOPICS,
 )
 
-_BATCH = 1024  # states that are compared at a time
-# Types of which a log has no other topics than those of its states.
+_BATCH = 1024  # states per batch
+# Message types that occur only in topics of states.
 _OF_STATES = (DRIVING_TORQUE.interface.name, COUPLER_POINT.interface.name)
 
 
@@ -118,7 +118,7 @@ class Verification:
         self._comparison = RowComparison(layout, self._names)
         places = {place.name: place for place in layout.places}
         self._stamp = [places[f'header.stamp.{unit}'] for unit in ('sec', 'nanosec')]
-        # A run on simulated time may begin at 0 as well, but a record has no diagnostics.
+        # A run on simulated time may also start at 0, but only a record has no diagnostics.
         live = any(channel.type == DIAGNOSTICS.interface.name for channel in log.topics)
         self._recorded = not live and not follows and log.motions[0].stamp == 0
         self._motions: tuple[Any, ...] = log.motions
@@ -183,7 +183,7 @@ class Verification:
             try:
                 made = self._again(number, stamps[: len(ticks)].tolist(), logged)
             except LinkageError as error:
-                if len(ticks) > 1:  # which of them?
+                if len(ticks) > 1:  # which topic differs?
                     return self._compare(rows[: len(ticks) // 2 * self._layout.size])
                 wrong = wrong or str(error)
                 continue
@@ -202,7 +202,7 @@ class Verification:
         return count, wrong
 
     def _again(self, number: int, stamps: list[int], rows: bytes) -> bytearray:
-        """Recomputes rows at stamps in a piece.
+        """Recomputes rows at stamps in a segment.
 
         Raises:
             LinkageError: A logged row does not describe a state.
