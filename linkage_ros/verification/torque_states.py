@@ -167,7 +167,7 @@ class TorqueStates:
     def _many_follow(
         self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array
     ) -> npt.NDArray[np.bool_]:
-        """Finds states that certainly follow from their predecessors, with few steps for all."""
+        """Counts leading states that follow from their predecessors, with few steps for all."""
         follows, half = np.zeros(len(spans), bool), len(driven.links)
         if driven.solver.coordinates != self._own.solver.coordinates:
             return follows

@@ -37,13 +37,13 @@ class Drawing:
         pivot_labels: Positions of their labels; shape as pivots, m.
         pins: Names of the moving points, in the order of `place`.
         ends: The pins of each link that turns, in the order of the loop.
-        owners: Links that determine the colours of the paths, by moving point; not of points on
-            the circle of the crank pin.
+        owners: Links that determine the colours of the paths, by moving point; points on the
+        circle of the crank pin have none.
         loaded: Names of the links on which loads act.
         paths: Closed paths of the output link's pin and of the coupler point C, by the name of
             the link whose point it is; shape (n, 2), m. Empty for a mechanism with a free slider.
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
-        scale: A bar below everything, a line of shape (4, 2), m.
+        scale: A scale bar below the drawing, a line of shape (4, 2), m.
         scale_length: Its length, m.
         bounds: Lower left and upper right corner of the whole motion, shape (2, 2), m; with a
             free slider, of the positions possible at every crank angle.
@@ -100,14 +100,14 @@ class Drawing:
             far = plane(np.array(self._arrows.farthest))
             everything = np.concatenate([everything, swept[:, self._output] + far])
         low, high = everything.min(axis=0), everything.max(axis=0)
-        room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # for the names of the pins
+        room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # room for the names of the pins
         self.scale_length = length = _round_below(_SCALE * (high - low).max())
         end = 0.4 * mark  # the ends of the bar are turned up
         self.scale = low - room + np.array([(0, end), (0, 0), (length, 0), (length, end)])
         self.bounds = np.array([low - room - [mark, 2 * mark], high + room])
 
     def _connect(self, asides: dict[str, str]) -> None:
-        """Determines the corners of the links and the directions that names must avoid.
+        """Determines the corners of the links and the directions that labels must avoid.
 
         Corners are the pins, the pivots and, around a slider's pin, the four of its block and the
         middles of three of its sides.
@@ -207,7 +207,7 @@ class Drawing:
         widest = gaps.argmax(axis=2)[:, :, np.newaxis]
         middle = np.take_along_axis(angles + 0.5 * gaps, widest, axis=2)
         away = self._distances * np.concatenate([np.cos(middle), np.sin(middle)], axis=2)
-        # A name hangs: its middle is below its place.
+        # The middle of a label is below its position.
         return np.asarray(points + away + [0.0, 0.5 * _LABEL_HEIGHT * self._mark])
 
     def _all_corners(self, points: Array) -> Array:
@@ -226,7 +226,7 @@ def _pins_of_the_loop(structure: Structure) -> list[str]:
     names = {point: name for name, point in structure.points.items()}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
     found = []
-    for count in range(sum(map(bool, way)) + 1):  # a pin may be described from either end
+    for count in range(sum(map(bool, way)) + 1):  # the two links of a pin may be in either order
         there = names.get(Point(way[:count] + rest[count:]))
         back = Point(rest[:count] + tuple(-w for w in way[count:]), -structure.closure.fixed)
         found.append(there or names[back])

@@ -22,14 +22,14 @@ Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
 # In marks (see `drawing`): the longest straight arrow and the room between it and the slider's
 # pin; the radius of a curved arrow; a head.
 _LONGEST, _BESIDE_PIN, _RADIUS, _HEAD = 6.0, 1.5, 2.6, 0.9
-_SWEEP = np.linspace(0.0, 1.5 * math.pi, 25)  # of the longest curved arrow, rad
+_SWEEP = np.linspace(0.0, 1.5 * math.pi, 25)  # angle of the longest curved arrow, rad
 # The head of an arrow along the x axis, from its tip.
 _SIDES = np.array([cmath.rect(1.0, math.pi - 0.45), 0.0, cmath.rect(1.0, math.pi + 0.45)])
-_HARDLY = 1e-300  # a rate with a sign, but without resistance
+_HARDLY = 1e-300  # a rate with a sign but negligible resistance
 
 
 class LoadArrows:
-    """Arrows as long as the sum of all loads on a link, but for those that joint forces make.
+    """Arrows for the sum of all loads on a link, without those caused by joint forces.
 
     The largest load so far has the longest arrow. Loads that do not depend on speed are known from
     the start. Points are x + iy, m.
@@ -61,7 +61,7 @@ class LoadArrows:
 
     @property
     def farthest(self) -> complex:
-        """The far end of the longest straight arrow, from the slider's pin."""
+        """Distance of the far end of the longest straight arrow from the slider's pin."""
         return (_BESIDE_PIN + _LONGEST) * self._mark * self._outwards
 
     def lines(self, positions: Array, rates: Array, slider_pin: Complex) -> dict[str, Complex]:

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a run in Rerun: its entities over time, their constant parts, and the layout.
+"""The picture of a run in Rerun: entities over time, constant parts, and layout.
 
-Each call of Rerun costs the node as much processor time as twenty states. So everything that
-moves is one entity, and the curves are continued less often.
+Each call of Rerun takes as much processor time as twenty states. So all moving parts are one
+entity, and the curves are updated less often.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log
 LINKAGE = 'linkage'
 _MOVING, _FIXED = f'{LINKAGE}/moving', f'{LINKAGE}/fixed'
 # Curves: the torque, and position and rate of a slider; rates, and directions in base_link, of
-# the links that turn. The angles of joints count from the link before, and jump at pi.
+# the links that turn. Joint angles are relative to the parent link, and jump at pi.
 VALUES, RATES, DIRECTIONS = 'values', 'rates', 'directions'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
-# Continuations of the curves: five a second of stamp time, and at the latest with this batch.
+# Updates of the curves: five per second of stamp time, and at the latest with this batch size.
 _CURVES_NS, _MOST_WAITING = 200_000_000, 10
-_TURNS, _LONGEST = 5, 60.0  # plotted at a speed: turns, but no more seconds than these
-_STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
+_TURNS, _LONGEST = 5, 60.0  # plotted at constant speed: turns, and the limit in seconds
+_STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # seconds plotted at standstill, and under a torque
 _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points on the screen
 
-# Of components: what they are, and Arrow's type of one. Rerun draws nothing of another type.
+# Rerun's components with their Arrow types; Rerun draws no other type.
 _SCALARS, _POSITIONS, _STRIPS = (
     (column.component_descriptor(), column.as_arrow_array().type.value_type)
     for column in (
@@ -89,7 +89,7 @@ class Picture:
             effort: Efforts of the joints, N m.
 
         Yields:
-            Rows of what moves and of the curves, if they are due.
+            Rows of the moving parts and, if due, of the curves.
         """
         places, rates = map(self.drawing.links_from_joints, (position, velocity))
         count = self._directions.shape[1]
@@ -195,7 +195,7 @@ class Picture:
             colors=[color_of(name) for name in names],
             widths=[2.0] * len(names),
             visible_series=[shown in (None, number) for number in range(len(names))],
-            aggregation_policy='MinMax',  # no peak is averaged away
+            aggregation_policy='MinMax',  # no averaging, to keep the peaks
         )
         last = rr.TimeRange(
             start=rr.TimeRangeBoundary.cursor_relative(seconds=-self._plotted_seconds()),
@@ -206,7 +206,7 @@ class Picture:
             origin=f'/{entity}',
             contents=f'/{entity}',
             overrides={f'/{entity}': series},
-            # Without a range of its own, the time axis holds just the data: none of it is empty.
+            # Without an explicit range, the time axis covers exactly the data.
             time_ranges=rrb.VisibleTimeRanges(timeline=TIMELINE, range=last),
             plot_legend=rrb.PlotLegend(corner='LeftTop', visible=shown is None),
         )
@@ -227,7 +227,7 @@ def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr
 
 
 class _Batch(NamedTuple):
-    """What Rerun takes for components; its archetypes take three times the processor time."""
+    """A batch of components for Rerun; its archetypes take three times the processor time."""
 
     array: pa.Array
 

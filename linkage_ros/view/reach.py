@@ -42,7 +42,7 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Array:
         beyond = [(crank_angle - low) % (2 * math.pi) - (high - low) for low, high in arcs]
         start, end = arcs[int(np.argmin(beyond))]
         # Near an end, the links move with the square root of the distance to it: even steps of
-        # the crank would cut off the ends of the paths. At the end itself no rates exist.
+        # the crank would truncate the paths. No rates exist at the end itself.
         even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)
         way = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
         crank = 0.5 * (start + end) + 0.5 * (end - start) * way

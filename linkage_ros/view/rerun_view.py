@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The view of a run in Rerun: a window, a browser, a remote viewer, or a file.
 
-By itself, the Rerun SDK waits without limit for a viewer that has stopped reading: when logging,
+By default, the Rerun SDK waits without limit for a viewer that has stopped reading: when logging,
 when disconnecting, and in an exit handler. Therefore a batch is sent only after `flush`, with a
-timeout, has reported that the last one has left; the exit handler is removed; and disconnecting
-happens in a thread that can be abandoned.
+timeout, has reported that the previous one was sent; the exit handler is removed; and
+disconnecting happens in a thread that can be abandoned.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.view.picture import TIMELINE, Picture, Rows
 from linkage_ros.view.viewer_process import ViewerProcess, open_viewer
 
-_WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, count from a start
+_WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, are times since a start
 _BATCH = 20_000  # greatest number of samples sent at once
 # s between batches. A file takes four times the space with small ones; live, each costs as much
 # processor time as fifty samples, and the linkage moves twenty times a second.
 _PERIOD, _FILE_PERIOD = 0.05, 1.0
-_SEND_SECONDS, _WRITE_SECONDS = 2.0, 5.0  # a viewer, and a disk, may delay a batch for so long
-_CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # for the rest at the end, and if the viewer lags
+_SEND_SECONDS, _WRITE_SECONDS = 2.0, 5.0  # longest delay of a batch by a viewer or a disk
+_CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # time for the rest at the end, and for a lagging viewer
 _ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about one
 
 
@@ -58,7 +58,7 @@ class View:
 
     Attributes:
         page: URL of the page for a browser; empty: there is none.
-        trouble: Why nothing can be sent now; empty: it can.
+        trouble: Current reason for sending nothing; empty: none.
         dropped: Number of samples dropped because the viewer lagged or was absent.
         period: Time between calls of `consume`, s.
     """
@@ -80,7 +80,7 @@ class View:
             overwrite: Whether to replace an existing file.
 
         Raises:
-            ViewerError: The target is none of these or cannot be opened, or Rerun is missing.
+            ViewerError: The target is invalid or cannot be opened, or Rerun is missing.
         """
         rr.unregister_shutdown()
         self.page = self.trouble = ''

@@ -17,8 +17,8 @@ from pathlib import Path
 from linkage_ros.errors import ViewerError
 from linkage_ros.quantities import shown
 
-_WINDOW_MEMORY = '1GB'  # beyond which a window drops its oldest data
-_SERVED_MEMORY = '64MB'  # of the past, for browsers and windows that connect late
+_WINDOW_MEMORY = '1GB'  # memory limit; beyond it a window drops its oldest data
+_SERVED_MEMORY = '64MB'  # data kept for browsers and windows that connect late
 _TIMEOUT = 1.0  # s for a page's server to end
 # Exit codes of a window that the user has closed, or ended with a signal.
 _CLOSED_BY_USER = (0, *(-number for number in (
@@ -51,7 +51,7 @@ class ViewerProcess:
                 stderr=self._errors,
                 # With `CI` set, it sends no usage statistics, and the user's settings stay.
                 env={**os.environ, 'RUST_LOG': 'error', 'CI': '1'},
-                start_new_session=True,  # Ctrl-C in the terminal is not for it
+                start_new_session=True,  # Ctrl-C in the terminal must not reach it
             )
         except OSError as error:
             self._errors.close()
@@ -80,7 +80,7 @@ class ViewerProcess:
             self.process.terminate()
             try:
                 self.process.wait(_TIMEOUT)
-            except subprocess.TimeoutExpired:  # it is stopped, by SIGSTOP say
+            except subprocess.TimeoutExpired:  # it is stopped, for example by SIGSTOP
                 self.process.kill()
                 self.process.wait()
         self._errors.close()
@@ -108,7 +108,7 @@ def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, st
     else:
         page_port = str(free_address(bind)[1])
         options = ['--serve-web', '--web-viewer-port', page_port]
-        # This machine's name stands for all addresses.
+        # The host name stands for all addresses of this machine.
         name = socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
         url = urllib.parse.quote(f'rerun+http://{name}:{port}/proxy', safe='')
         page = f'http://{name}:{page_port}/?url={url}'

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes and reads CDR, the encoding of ROS messages: little endian, padding bytes zero.
 
-Values are aligned to their size, counted from the end of the encapsulation header. JointState
-messages of others, commands and measurements, are read here: rclpy could do this, but it prints a
-line on stderr, from C, for each invalid message.
+Values are aligned to their size, counted from the end of the encapsulation header. Commands and
+measurements, JointState messages of other nodes, are decoded here, because rclpy prints a line on
+stderr, from C, for each invalid message.
 """
 
 import struct
@@ -140,7 +140,7 @@ def decode_joint_state(data: bytes) -> JointStateData:
         Its contents.
 
     Raises:
-        ValueError: The bytes are not a JointState, or are too many for a command.
+        ValueError: The bytes are not a JointState, or the message is too large for a command.
     """
     if len(data) > LARGEST_COMMAND:
         raise ValueError(f'it has {len(data)} bytes: must be at most {LARGEST_COMMAND}')

@@ -49,7 +49,7 @@ def joint_rows(
         their rates and accelerations; efforts, the driving torque, N m, at the crank, 0 elsewhere.
     """
     position, *_ = rows = [list(row) for row in state[:3]]
-    for i, link in reversed(list(enumerate(links))):  # those that hang on a link before it
+    for i, link in reversed(list(enumerate(links))):  # joints with a parent link
         if link.parent is not None:
             for row in rows:
                 row[i] = row[i] - row[link.parent]  # an array stays as it is
@@ -178,7 +178,7 @@ class JointStateCodec:
             Stamps, ns, and of each message all rows one after the other, shape (n, numbers).
 
         Raises:
-            ValueError: The bytes are no such messages.
+            ValueError: The bytes are not such messages.
         """
         columns = [self._template.column(data, place) for place in self._template.places]
         if not data or self._template.fill(len(columns[0]), columns) != data:
@@ -209,7 +209,7 @@ def crank_trajectory(
         )
         for time, (p, v, a, e) in points
     )
-    # Of the first number alone the place depends on the name.
+    # Only the offset of the first number depends on the name.
     gap = -(STAMP.size + len(body) + 4) % 8
     first = packed[:4] + packed[8 - gap :]
     return ENCAPSULATION + STAMP.pack(*divmod(start, NS_PER_S)) + body + first

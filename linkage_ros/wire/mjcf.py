@@ -49,7 +49,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         bodies.append(_body(link, at))
         above = link.joint.parent
         (world if above is None else bodies[above]).append(bodies[-1])
-    # The two links that end the tree meet in a pin: the closure runs along the first of them and
+    # The last two links of the tree are joined by a pin: the closure runs along the first and
     # back along the second.
     parents, weights = {link.joint.parent for link in links}, structure.closure.weights
     first, second = (number for number in range(len(links)) if number not in parents)
@@ -129,8 +129,8 @@ def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -
     load curve, a motor whose control is to be set to the value of the load: MJCF has no tables.
 
     Raises:
-        ConfigurationError: The load acts in joints, on several links, or on one that hangs on
-            another: there it would act on two.
+        ConfigurationError: The load acts in joints, on several links, or on a link with a
+        moving parent, where it would act on both.
     """
     link: int | None = getattr(load, 'link', None)
     if link is None or links[link].joint.parent is not None:
@@ -142,7 +142,7 @@ def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -
     if not isinstance(load, LinkForce):
         return element('motor', name=f'{name}_curve', joint=name)
     force, stiffness = float(load.force), float(load.stiffness)
-    if stiffness:  # MuJoCo counts positions from the start, without a jump from pi to -pi
+    if stiffness:  # MuJoCo positions are relative to the start, without a jump from pi to -pi
         force += stiffness * (float(load.rest) + start - continuous(start, load.middle))
     return element(
         'general', name=f'{name}_load', joint=name, gainprm='0', biastype='affine',

@@ -14,12 +14,12 @@ from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF demands limits of force and speed for a prismatic joint; the model has none.
 _NO_LIMIT = '1e9'
-# Simulators refuse a moving link without mass or inertia. Such a link gets this part of the mass
-# of the whole linkage.
+# Simulators refuse a moving link without mass or inertia. Such a link gets this fraction of the
+# mass of the whole linkage.
 _SMALL = 1e-6
-# kg or kg m^2, above which MuJoCo takes also the half of an inertia, which is ixx.
+# kg or kg m^2: the least value at which MuJoCo also accepts half the inertia, which is ixx.
 _LEAST = 1e-14
-# What joint_state_topic_hardware_interface takes, beside a node that is the plant.
+# Parameters of joint_state_topic_hardware_interface with a node as the plant.
 _PLUGIN = 'joint_state_topic_hardware_interface/JointStateTopicSystem'
 _HARDWARE = {
     'joint_commands_topic': '/joint_commands',
@@ -76,7 +76,7 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     links = []
     for layer, (joint, name, body) in enumerate(zip(joints, names, bodies, strict=True)):
         turns, mass = isinstance(body, Body), body.mass or least_mass
-        # What slides does not turn: the inertia of a box changes no motion.
+        # A slider does not turn, so the inertia of a box does not change the motion.
         length, height = (body.length, width) if turns else (6 * width, 4 * width)
         box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
         inertia = (turns and body.inertia) or max(box / 12, _LEAST)
@@ -130,7 +130,7 @@ def make_urdf(
         XML text.
     """
     links = rigid_links(mechanism, joint_prefix)
-    # The loop closes nowhere beyond.
+    # The loop cannot close beyond these limits.
     reach = repr(math.fsum(link.box[0] for link in links if not link.joint.slides))
     parents = [frame_id, *(link_of(link.name) for link in links)]  # base_link first
     robot = element('robot', element('link', name=frame_id), name='linkage')
@@ -151,12 +151,12 @@ def element(tag: str, *children: Any, text: str | None = None, **rest: str) -> E
 
 
 def notes(link: RigidLink) -> list[Any]:
-    """A comment on what is 0 in the parameters of a link, if anything is."""
+    """A comment that names the zero parameters of a link, if any."""
     return [ET.Comment(f' {link.note} ')] if link.note else []
 
 
 def _link(link: RigidLink) -> ET.Element:
-    # A planar description knows izz alone; a flat body has ixx + iyy = izz.
+    # A planar description has only izz; a flat body has ixx + iyy = izz.
     half = repr(link.inertia / 2)
     return element(
         'link',
