@@ -56,7 +56,7 @@ def refused(call, *words):
 
 
 @pytest.mark.parametrize('bad', NO_NUMBERS + NOT_FINITE, ids=range(len(NO_NUMBERS + NOT_FINITE)))
-def test_what_is_no_real_number_is_refused(bad):
+def test_non_real_arguments_are_refused(bad):
     for mechanism in (FOUR_BAR, LIMITED):
         solver = Solver(mechanism)
         for name, call in (

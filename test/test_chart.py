@@ -366,7 +366,7 @@ def elapsed(crank, speed):
         ([], 'COMMAND'),
     ],
 )
-def test_what_cannot_be_drawn_is_one_line(called, arguments, words):
+def test_invalid_chart_arguments_give_one_line(called, arguments, words):
     assert_refused(*called(chart_tool, *arguments), re.escape(words))
 
 

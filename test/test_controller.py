@@ -188,12 +188,12 @@ def sent_back(commands):
         ),
     ],
 )
-def test_what_it_cannot_use_is_one_line_and_exit_code_2(called, monkeypatch, parameter, words):
+def test_invalid_parameter_is_one_line_and_exit_code_2(called, monkeypatch, parameter, words):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
     assert_refused(*called(controller, '--ros-args', '-p', parameter), words)
 
 
-def test_it_keeps_what_it_was_given(capfd):
+def test_controller_parameters_are_read_only(capfd):
     rclpy.init(args=['--ros-args', '-p', 'rpm:=90'], domain_id=fresh_domain())
     try:
         node = ControllerNode(None)

@@ -213,7 +213,7 @@ def test_a_new_speed_a_step_of_the_clock_and_a_pause_make_a_new_trajectory_at_on
         ({'trajectory_horizon': 0.001}, 'must be a number from 0.01 to 10 s'),
     ],
 )
-def test_what_gives_no_trajectory_is_refused(values, words):
+def test_invalid_trajectory_settings_are_refused(values, words):
     with pytest.raises(ConfigurationError, match=words):
         machine(**values)
 

@@ -95,7 +95,7 @@ def test_a_state_is_the_same_in_all_descriptions(name):
 
 @every
 @both
-def test_energy_stays_past_dead_centres(name, integrate):
+def test_energy_is_conserved_past_dead_centres(name, integrate):
     steps = begun(integrate, free(MECHANISMS[name]))
     before, largest, described = sum(total(steps)), 0.0, set()
     for tick in range(1, 301):
@@ -152,7 +152,7 @@ SEAMS = {f'{angle:g}': of(LIMITED['triple_rocker_far'], angle) for angle in (-3,
 
 
 @pytest.mark.parametrize('name', [*SEAMS, 'spinning', 'pump'])
-def test_states_beside_the_seam_of_angles_close_the_loop_and_verify(name, tmp_path):
+def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path):
     """Also those of a pump whose coupler has turned, and of states that are seconds apart."""
     if name in SEAMS:
         mechanism = SEAMS[name]
@@ -263,7 +263,7 @@ def test_without_other_coordinates_the_motion_ends_there(monkeypatch):
 @given(
     st.floats(-12.5, 12.5), st.floats(-math.pi, math.pi), st.floats(-50, 50), st.floats(-50, 50)
 )
-def test_what_messages_hold_gives_the_same_coordinates(crank, coupler, speed, rate):
+def test_coordinates_survive_a_round_trip_through_messages(crank, coupler, speed, rate):
     """Angles from the link before, and back: the same bits from the first time on."""
     driven = DrivenMechanism(Solver(STRETCHED), lambda speed: 0.0 * speed)
     other = driven.described(Description(STRETCHED.other_coordinates, 'open'))

@@ -61,7 +61,7 @@ def check_quote(page, words, *values):
         assert agrees(shown, value), f'{page}, {words}: {shown} for {value}'
 
 
-def test_what_controllers_quotes_was_measured():
+def test_figures_of_the_controllers_page_are_measured():
     cases = {
         'as it is': 'as it is',
         '5 % mass error': 'masses 5 % larger in the controller',
@@ -79,7 +79,7 @@ def test_what_controllers_quotes_was_measured():
     check_quote('docs/controllers.md', words, min(peaks), max(peaks))
 
 
-def test_what_controllers_quotes_of_a_measured_crank_was_measured():
+def test_controllers_page_figures_of_a_measured_crank_are_measured():
     records, page = measured('accuracy_follow'), 'docs/controllers.md'
 
     def errors(bits, *, velocity):
@@ -103,7 +103,7 @@ def test_what_controllers_quotes_of_a_measured_crank_was_measured():
     check_quote(page, 'default of {} Hz is for a robot', min(best, key=best.get))
 
 
-def test_what_follow_quotes_was_measured():
+def test_figures_of_the_follow_page_are_measured():
     found = content('follow')
     assert list(found) == ['100', '500', '1000']
     for rate, one in found.items():
@@ -117,7 +117,7 @@ def test_what_follow_quotes_was_measured():
         assert one['follow']['missed'] == one['speed']['missed']
 
 
-def test_what_reliability_quotes_was_measured():
+def test_figures_of_the_reliability_page_are_measured():
     page, found = 'docs/reliability.md', content('reliability')
     for one in found['many']:
         row = f'| {one["nodes"]:.0f} | {{}} s | {{}} |'
@@ -136,7 +136,7 @@ def test_what_reliability_quotes_was_measured():
     )
 
 
-def test_what_the_readme_quotes_was_measured():
+def test_figures_of_the_readme_are_measured():
     right = {
         one['peer']: one['states'].get('right', 0)
         for one in content('peers')['outcomes']
@@ -233,7 +233,7 @@ def test_conclusions_of_methods_follow_from_its_numbers(figures):
     assert {method.name for method in INTEGRATORS} - wrong == {LIVE, RECORDS}
 
 
-def test_what_mcap_says_of_channels_and_sizes_is_the_code_s():
+def test_mcap_page_matches_channels_and_sizes_of_the_code():
     page = read('docs/mcap.md')
     for topic in (*TOPICS, JOINT_COMMANDS):
         assert f'| `{qualified(topic)}` | ' in page
@@ -242,7 +242,7 @@ def test_what_mcap_says_of_channels_and_sizes_is_the_code_s():
     check_quote('docs/mcap.md', words, *sizes)
 
 
-def test_what_the_preset_of_the_pump_says_was_measured():
+def test_figures_in_the_pump_preset_are_measured():
     slow, fast = (state for state in measured('wind_pump_settled')[0]['states'] if state['stable'])
     words = 'it settles at {} rad/s with a stroke of {} m;'
     check_quote('config/wind_pump.yaml', words, slow['speed'], slow['stroke'])

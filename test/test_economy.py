@@ -278,7 +278,7 @@ def test_the_command_writes_records_and_a_picture(tmp_path, called):
         ([], 'PARAMS'),
     ],
 )
-def test_what_cannot_be_compared_is_one_line(called, arguments, words):
+def test_invalid_comparison_gives_one_line(called, arguments, words):
     assert_refused(*called(chart_tool, 'economy', *arguments), re.escape(words))
 
 

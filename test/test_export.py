@@ -195,7 +195,7 @@ def rows_of_the_page():
 
 
 @pytest.mark.parametrize('preset', preset_names())
-def test_mujoco_turns_as_far_off_our_plant_as_the_page_says(preset):
+def test_mujoco_differs_from_the_plant_by_the_documented_angle(preset):
     rows = rows_of_the_page()
     assert sorted(rows) == preset_names()
     seconds, angle, micrometres = rows[preset]
@@ -277,7 +277,7 @@ def canonical(element):
         (('mjcf', 'quadrilateral', ''), "'' is no path"),
     ],
 )
-def test_what_cannot_be_written_is_one_line(tmp_path, monkeypatch, called, words, said):
+def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'linkage.urdf').write_text('mine')
     preset = preset_path('quadrilateral').read_text()

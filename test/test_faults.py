@@ -64,7 +64,7 @@ def states_of(path):
 # ---------------------------------------------------------------- killed
 
 
-def test_of_a_killed_run_all_is_recovered_but_what_came_after_the_last_flush(tmp_path):
+def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):
     path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
     with watched(HEARD, *node_arguments(log=path)) as (listener, process):
         listener.await_more(50)
@@ -108,7 +108,7 @@ def remove_the_folder(_, path):
         (remove_the_folder, 'was removed while it was written; before this process ends, save'),
     ],
 )
-def test_a_log_that_fails_ends_and_nothing_else(tmp_path, breaks, words):
+def test_failing_log_ends_without_stopping_the_node(tmp_path, breaks, words):
     path, saved = tmp_path / 'logs' / 'run.mcap', tmp_path / 'saved.mcap'
     path.parent.mkdir()
     with watched(HEARD, *node_arguments(log=path)) as (listener, process):
@@ -183,7 +183,7 @@ def test_a_log_is_brought_to_the_disk_as_long_as_there_is_one(tmp_path, monkeypa
 # ---------------------------------------------------------------- the viewer
 
 
-def test_a_viewer_may_come_stop_go_on_and_end_and_each_is_said_once(tmp_path):
+def test_each_viewer_change_is_reported_once(tmp_path):
     port = free_port()
     url = f'rerun+http://127.0.0.1:{port}/proxy'
     arguments = node_arguments(viewer=url)

@@ -178,6 +178,6 @@ def test_the_command_judges_a_motor(tmp_path, called):
         (['wind_pump', '--fluctuation', '0.1'], 'leave --fluctuation out'),
     ],
 )
-def test_what_has_no_fluctuation_is_one_line(tmp_path, called, arguments, words):
+def test_case_without_fluctuation_gives_one_line(tmp_path, called, arguments, words):
     given = called(chart_tool, 'motion', *arguments, '--out', tmp_path)
     assert_refused(*given, re.escape(words))

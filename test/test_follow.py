@@ -109,7 +109,7 @@ def test_the_filter_begins_anew_at_the_start_after_a_gap_and_after_a_step_back()
     assert not motion.left_out
 
 
-def test_what_is_not_newer_or_not_finite_is_left_out_and_changes_nothing():
+def test_old_or_nonfinite_measurements_are_rejected():
     good = [(1000 * MS, 0.1), (1005 * MS, 0.2), (1010 * MS, 0.4)]
     bad = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0), (1006 * MS, math.nan),
            (1007 * MS, math.inf), (1008 * MS, 0.3, math.nan)]  # fmt: skip

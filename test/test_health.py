@@ -66,7 +66,7 @@ def test_a_few_missed_ticks_are_no_warning(missed):
 
 
 @pytest.mark.parametrize(('is_torque_driven', 'words'), [(False, BUSY), (True, FAST)])
-def test_a_busy_machine_is_said_once_and_its_end_once(is_torque_driven, words):
+def test_overload_is_reported_once_and_its_end_once(is_torque_driven, words):
     missed = [0] * 10 + [40, 80, 30, 50] * 10 + [0] * 20
     levels, lines = motion(missed, is_torque_driven=is_torque_driven)
     assert lines == [(WARN, words), (OK, '192.0 Hz kept')]
@@ -125,7 +125,7 @@ def viewer(*parts):
     return lines
 
 
-def test_a_part_that_lags_is_said_once_and_to_be_well_after_some_seconds():
+def test_lagging_part_is_reported_once_and_recovers_after_seconds():
     found = viewer(Health('x'), Health('x', 3), Health('x', 3), *[Health('x', 7)] * 12)
     assert found == [[], [LAGS], *[[]] * 11, ['well, but 7 items were left out'], []]
 

@@ -120,7 +120,7 @@ NAMES = {
 
 
 @pytest.mark.parametrize('name', NAMES.values(), ids=NAMES)
-def test_no_name_of_a_file_is_too_much(tmp_path, log, monkeypatch, name):
+def test_any_file_name_gives_a_one_line_error(tmp_path, log, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     for use in (
         lambda: LogReader(name),
@@ -140,7 +140,7 @@ def test_no_name_of_a_file_is_too_much(tmp_path, log, monkeypatch, name):
 
 
 @pytest.mark.parametrize('name', ['pipe', '/dev/null', '/dev/zero', '/dev/full'])
-def test_what_is_no_file_is_neither_waited_for_nor_removed(tmp_path, out, name):
+def test_special_files_neither_block_nor_are_removed(tmp_path, out, name):
     os.mkfifo(tmp_path / 'pipe')
     (link := tmp_path / 'link.mcap').symlink_to(tmp_path / name)
     with at_most(5):
@@ -181,7 +181,7 @@ def test_an_error_is_one_line_that_any_terminal_takes():
     assert printable('é ⚙') == 'é ⚙'
 
 
-def test_what_a_log_says_neither_steers_nor_floods_the_terminal(stored, called):
+def test_log_texts_are_escaped_and_shortened_on_the_terminal(stored, called):
     data = whole(channels=300).replace(b'/joint_states7', b'/\x1b[2J\x1b[31m\x07\xc2\x9b7')
     path = stored(hostile_bombs.resummed(data))
     code, said, err = called(log_tool, 'info', path)
@@ -310,13 +310,13 @@ def test_a_forged_log_is_refused_in_one_line(stored, monkeypatch, data, words):
     hostile_outcomes.log_file(path)
 
 
-def test_what_is_changed_in_forged_logs_was_good(stored):
+def test_unmodified_logs_are_accepted(stored):
     for data in (moved({}), whole(times=(0, 2**31 * 10**9 - 1))):
         assert read(stored(data)) == ([], [])
     assert [message.topic for message in read(stored(merged(1)))[1]] == ['/joint_states'] * 2
 
 
-def test_what_looks_like_the_beginning_of_a_chunk_is_not_tried_for_ever(stored, out):
+def test_attempts_at_false_chunk_starts_are_bounded(stored, out):
     head = struct.pack('<QQQII', 0, 0, LARGEST, 0, 4) + b'zstd' + struct.pack('<Q', 400_000)
     landmark = hostile_bombs.record(6, head, len(head) + 400_000)
     begin = time.process_time()

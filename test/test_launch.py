@@ -131,7 +131,7 @@ def ros_arguments(node):
         (('robot_state_publisher', 'rviz2'), 'True', {'robot_state_publisher', 'rviz2'}, ''),
     ],
 )
-def test_what_is_missing_is_said_where_it_is_asked_for(launched, installed, rviz, started, said):
+def test_missing_package_is_reported_when_requested(launched, installed, rviz, started, said):
     nodes, words = launched(DEMO, *installed, rviz=rviz)
     assert set(nodes) == {'linkage_node'} | started
     assert len(words) == bool(said)

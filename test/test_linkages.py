@@ -201,7 +201,7 @@ def test_equal_links_answer_close_to_the_crank_pin():
         solver.accelerations((0.0, 0.12), (2.0, 0.1), 6.0)
 
 
-def test_what_overflows_or_has_no_mass_is_refused():
+def test_overflow_and_zero_mass_are_refused():
     words = r'overflows at .*, crank speed = 1e\+200, slider speed = 0, torque = 1: lower them'
     with pytest.raises(ConfigurationError, match=words):
         Solver(PUMP).accelerations((0.0, 1.5), (1e200, 0.0), 1.0)
@@ -216,7 +216,7 @@ def test_a_solver_refuses_what_is_no_mechanism(what):
         Solver(what)
 
 
-def test_a_pump_has_no_reach_because_its_crank_does_not_tell_all_of_it():
+def test_wind_pump_has_no_reach():
     solver = Solver(PUMP)
     assert solver.mobility is None
     with pytest.raises(MechanismError, match='a WindPump has 2 degrees of freedom: its crank'):

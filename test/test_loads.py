@@ -227,7 +227,7 @@ def test_laws_of_every_kind_of_load(link, kind):
     assert build(type(loaded), flatten(loaded)) == loaded != bare
 
 
-def test_a_link_load_is_what_the_link_itself_says():
+def test_link_load_equals_the_load_values_of_the_part():
     given = with_loads(ALL['crank_rocker'], LinkLoad('rocker', 1.0, 2.0, 3.0, 0.4))
     assert given.loads == ()
     assert isinstance(given.rocker, Rocker)
@@ -236,14 +236,14 @@ def test_a_link_load_is_what_the_link_itself_says():
         replace(given, loads=(LinkLoad('rocker', 1.0),))
 
 
-def test_what_is_no_load_is_refused():
+def test_invalid_loads_are_refused():
     expected = f'must be a {", ".join(kind.__name__ for kind in LOADS)} or another AppliedLoad'
     for wrong in (Rocker(1.0), 5.0, LoadCurve, None):
         with pytest.raises(ConfigurationError, match=f'^loads = .*: {expected}$'):
             with_loads(ON['rocker'], wrong)
 
 
-def test_parameters_say_all_loads():
+def test_parameters_cover_all_loads():
     configuration = load('quadrilateral')
     loads = (
         LinkLoad('rocker', 1.0, 2.0, 3.0, 0.4),

@@ -287,7 +287,7 @@ KEPT = {  # what is at the path, whether it is to be replaced, and the refusal
 
 
 @pytest.mark.parametrize(('make', 'overwrite', 'words'), KEPT.values(), ids=KEPT)
-def test_what_is_there_is_kept_in_one_line(tmp_path, make, overwrite, words):
+def test_existing_paths_are_kept_with_one_line(tmp_path, make, overwrite, words):
     make(tmp_path / 'run.mcap')
     before = os.lstat(tmp_path / 'run.mcap')
     refused(tmp_path / 'run.mcap', rf'run\.mcap {words}', overwrite=overwrite)

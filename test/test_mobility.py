@@ -352,7 +352,7 @@ def test_swing_is_right_however_near_a_change_point_is(
         assert way_of(found) == pytest.approx(swing, abs=1e-6)
 
 
-def test_words_have_the_figures_and_their_units():
+def test_description_has_figures_with_units():
     quadrilateral = four_bar((0.1, 0.315, 0.5, 0.425), angle=5.497787143782138)
     assert travel(Solver(quadrilateral)).words() == [
         'swing 27.307 deg (82.445 to 109.752 deg)',

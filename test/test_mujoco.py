@@ -148,7 +148,7 @@ def slipped(instance, name, part):
 
 
 @each
-def test_torque_is_the_engines(name):
+def test_torque_agrees_with_mujoco(name):
     error, gap = compare(ALL[name], ALL[name], *MOTION)
     assert np.all(gap < CLOSED)
     assert error < TORQUE < PROMISED

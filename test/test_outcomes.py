@@ -231,6 +231,6 @@ def test_energy_and_loop_are_judged_by_themselves():
 
 
 @pytest.mark.parametrize('judged', [outcome, motion_outcome])
-def test_a_programming_error_is_no_outcome(judged):
+def test_programming_errors_are_raised(judged):
     with pytest.raises(KeyError):
         judged(raised(KeyError('typo')))

@@ -194,7 +194,7 @@ def negated(_, x, y):
     return x + -y, -x + y, x - -y, -x - y
 
 
-def test_a_negation_falls_out_of_a_sum():
+def test_negation_in_a_sum_becomes_subtraction():
     program = Program(negated, Constants(()), ('x', 'y'))
     assert operations(program).count('x - y') == 1
     assert {*operations(program)} == {'x - y', 'y - x', 'x + y', '-x - y'}
@@ -289,7 +289,7 @@ def strict(monkeypatch):
 
 
 @pytest.mark.usefixtures('strict')
-def test_a_guard_refuses_before_what_it_protects():
+def test_guard_runs_before_the_guarded_operation():
     program = Program(guarded, Constants(Opaque(refuse)), ('x',))
     for call in (*forms_of(program), lambda x: program.arrays(np.array([4.0, x, 1.0]))):
         assert bits(call(4.0)) == bits(1.0)
@@ -318,7 +318,7 @@ def test_a_guard_of_finite_values_reads_only_those_that_show_the_others(made, su
 
 
 @pytest.mark.usefixtures('strict')
-def test_a_guard_that_comes_late_would_be_seen():
+def test_late_guard_is_detected():
     late = Program(guarded_late, Constants(Opaque(refuse)), ('x',))
     with pytest.raises(ValueError, match='math domain error'):
         late.scalar(-1.0)
@@ -511,7 +511,7 @@ print(*sys.modules)
 """
 
 
-def test_no_compiler_is_loaded_where_none_is_asked_for():
+def test_numba_is_not_imported_unless_requested():
     done = subprocess.run(
         [sys.executable, '-c', NO_COMPILER], capture_output=True, text=True, check=True
     )
@@ -566,7 +566,7 @@ def test_function_that_numba_cannot_compile_runs_without_it():
     assert not np.array_equal(fast, Solver(preset).state(np.ones(2), 2.0).torque)
 
 
-def test_missing_numba_is_said(monkeypatch):
+def test_missing_numba_is_reported(monkeypatch):
     monkeypatch.setitem(sys.modules, 'numba', None)
     solver = Solver(load('coupler_point').mechanism, compiled=True)
     assert solver.state(0.5, 1.0).position[0] == 0.5  # floats do without

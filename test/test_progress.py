@@ -28,7 +28,7 @@ class Output(io.StringIO):
 
 
 @pytest.mark.parametrize(('is_terminal', 'words'), [(True, 'looks for listeners'), (False, '')])
-def test_what_is_waited_for_is_said_on_a_terminal_and_wiped_out(monkeypatch, is_terminal, words):
+def test_waiting_line_is_shown_on_a_terminal_and_erased(monkeypatch, is_terminal, words):
     monkeypatch.setattr(sys, 'stderr', output := Output(is_terminal))
     with waiting('looks for listeners'):
         assert output.lines() == [words]

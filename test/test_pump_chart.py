@@ -287,7 +287,7 @@ def test_two_stable_states_last_where_the_period_doubles(doubled):
     )  # where the slower state nearly stretches
 
 
-def test_what_settles_at_no_state_is_a_warning_with_its_share(analysis):
+def test_unsettled_starts_give_a_warning_with_their_share(analysis):
     assert (analysis.unidentified, analysis.ended, analysis.stopped) == (0, 0, 0)
     assert not any('warning' in line for line in states_table(analysis))
     *_, last = states_table(analysis._replace(unidentified=0.25))
@@ -359,7 +359,7 @@ def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
         ({}, 8.4, (math.inf,), ConfigurationError, 'start speed = inf: must be'),
     ],
 )
-def test_what_cannot_turn_is_refused_at_once(changes, torque, speeds, error, message):
+def test_pump_that_cannot_turn_forwards_is_refused(changes, torque, speeds, error, message):
     with pytest.raises(error, match=message):
         analyse(slid(**changes), Motor(torque, 1.2), speeds=speeds, progress=plain)
 

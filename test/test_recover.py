@@ -243,7 +243,7 @@ def test_full_disk_ends_a_recovery(tmp_path, whole):
             resource.setrlimit(resource.RLIMIT_FSIZE, most)
 
 
-def test_what_is_no_log_of_ours_is_refused(tmp_path, whole):
+def test_foreign_files_are_refused(tmp_path, whole):
     source, target, data = tmp_path / 'broken.mcap', tmp_path / 'out.mcap', whole.data
     first = spans(data, 'metadata')[0]
     for content, words in (

@@ -358,7 +358,7 @@ def refused(call, expected, error=LinkageError):
     return words
 
 
-def test_what_is_changed_in_the_table_was_good():
+def test_unmodified_table_values_are_accepted():
     for kind, values in GOOD.items():
         assert configure(values).kind.mechanism == kind
     for mechanism in (CRANK_ROCKER, TRACED, PARALLELOGRAM, CENTRIC):

@@ -54,7 +54,7 @@ def test_a_node_that_never_ends_is_ended(turns, code):
 
 
 @pytest.mark.parametrize(('module', 'code', 'words'), [('rclpy', 3, ''), ('json', 4, 'the end\n')])
-def test_a_process_of_ros_leaves_before_python_takes_it_apart(module, code, words):
+def test_ros_process_exits_without_python_clean_up(module, code, words):
     program = f"""
 import atexit, sys, {module}
 from linkage_ros import cli
@@ -108,7 +108,7 @@ def read_from_now_on(outlet):
 
 
 @pytest.mark.parametrize('is_read', [False, True], ids=['by nobody', 'late'])
-def test_stderr_that_is_not_read_holds_nothing_up(tmp_path, is_read):
+def test_unread_stderr_does_not_block_the_node(tmp_path, is_read):
     with ThreadPoolExecutor(1) as pool:
         with (
             filled_pipe() as (outlet, inlet),
@@ -123,7 +123,7 @@ def test_stderr_that_is_not_read_holds_nothing_up(tmp_path, is_read):
     assert ' states published, ' in last
 
 
-def test_who_asks_for_the_end_many_times_gets_it_in_order(tmp_path):
+def test_repeated_signals_end_the_node_in_order(tmp_path):
     with running_node(tmp_path / 'run.mcap', stderr=subprocess.PIPE, text=True) as node:
         while node.poll() is None:
             node.send_signal(signal.SIGINT)
@@ -131,7 +131,7 @@ def test_who_asks_for_the_end_many_times_gets_it_in_order(tmp_path):
         assert ' states published, ' in node.stderr.read()
 
 
-def test_an_error_that_nobody_reads_ends_the_program_as_well():
+def test_unread_error_line_does_not_block_exit():
     with filled_pipe() as (outlet, inlet):
         done = subprocess.run(
             command('node', *node_arguments(rate_hz=-1.0)), env=environment(fresh_domain()),

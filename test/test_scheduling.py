@@ -34,7 +34,7 @@ def test_a_thread_wakes_when_it_asked_for():
     assert in_thread(work) == (50_000, 1)
 
 
-def test_it_goes_first_and_what_it_starts_does_not():
+def test_real_time_priority_is_not_inherited():
     def work():
         return scheduling.take_real_time_priority(), policy(), in_thread(policy)
 
@@ -48,7 +48,7 @@ def test_it_goes_first_and_what_it_starts_does_not():
     assert child == policy() == os.SCHED_OTHER
 
 
-def test_without_the_right_it_says_so(monkeypatch):
+def test_missing_real_time_permission_is_reported(monkeypatch):
     def refuse(*_):
         raise PermissionError(1, 'Operation not permitted')
 
@@ -66,7 +66,7 @@ def interval():
     gc.unfreeze()
 
 
-def test_what_was_made_so_far_is_searched_no_more(interval):
+def test_frozen_objects_are_not_garbage_collected(interval):
     scheduling.freeze_heap()
     assert gc.get_freeze_count() > 0
 

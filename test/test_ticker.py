@@ -173,7 +173,7 @@ def test_tick_0_is_the_first_time_heard_and_others_follow_the_clock(times, stamp
 
 
 @given(st.lists(st.integers(0, 40 * MS), max_size=60))
-def test_how_often_the_clock_speaks_makes_no_difference(gaps):
+def test_clock_rate_does_not_change_the_ticks(gaps):
     times = list(accumulate(gaps, initial=0))
     run = simulated(*times)
     assert run.stamps == list(range(0, times[-1] + 1, 5 * MS))

@@ -115,7 +115,7 @@ def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old
     assert counts == (6, 2, 0, 3)
 
 
-def test_commands_with_gaps_are_silent_until_there_was_no_gap_for_a_while():
+def test_warning_about_command_gaps_stays_until_gaps_end():
     clock = Clock()
     commands = TorqueCommands(LIMITED, 'crank', clock)
     commands.torque()
@@ -302,7 +302,7 @@ def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configur
         ]  # fmt: skip
 
 
-def test_what_stood_still_for_long_goes_on_from_where_it_was():
+def test_paused_plant_continues_from_its_state():
     configuration = changed(session={'rate_hz': 1000.0})
     simulator, drive = Simulator(configuration), configuration.drive
     motion = simulator.begin(START)

@@ -59,7 +59,7 @@ def energy(steps):
 # ---------------------------------------------------------------- right
 
 
-def test_a_step_that_is_too_long_is_halved_until_it_is_not():
+def test_too_long_steps_are_halved():
     start = (0.0, 1.5, 6.0, 0.0)
     careless = begun(FixedSteps, PUMP, start, motor, longest=0.2, tolerance=math.inf)
     careful = begun(FixedSteps, PUMP, start, motor, longest=0.2)
@@ -231,7 +231,7 @@ def test_a_dyad_is_stretched_or_folded_when_it_should_be(integrate, velocity, ti
 
 
 @both
-def test_what_cannot_begin_says_so_at_once(integrate):
+def test_impossible_start_is_refused_at_once(integrate):
     with pytest.raises(UnreachableError, match='the slider can be within'):
         begun(integrate, PUMP, (0.0, 9.0, 0.0, 0.0))
     with pytest.raises(UnreachableError, match='cannot move at'):

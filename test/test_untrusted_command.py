@@ -30,7 +30,7 @@ def test_a_command_is_read_as_it_was_sent(frame, names, position, velocity, effo
         assert np.array_equal(got, sent, equal_nan=True)
 
 
-def test_a_name_that_no_zero_closes_is_the_whole_name():
+def test_missing_terminator_keeps_name():
     message = serialize_message(JointState(name=['cranks'], effort=[2.0]))
     without = message.replace(b'\7\0\0\0cranks\0', b'\5\0\0\0crank\0\0')
     assert deserialize_message(without, JointState).name == ['crank']
@@ -39,7 +39,7 @@ def test_a_name_that_no_zero_closes_is_the_whole_name():
 
 
 @given(st.binary(max_size=200))
-def test_what_is_no_command_is_said(data):
+def test_invalid_command_is_reported(data):
     for bad in (data, ENCAPSULATION + data):
         with suppress(ValueError):
             efforts = decode_joint_state(bad).efforts

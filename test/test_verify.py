@@ -544,7 +544,7 @@ TAMPERED = {
 
 
 @pytest.mark.parametrize(('edit', 'words'), TAMPERED.values(), ids=TAMPERED)
-def test_what_is_changed_under_right_checksums_is_found(live_path, edit, words):
+def test_changes_with_valid_checksums_are_found(live_path, edit, words):
     rewrite(live_path, edit)
     try:
         found = checked(live_path).difference

@@ -126,7 +126,7 @@ def test_the_first_failure_is_reported_once_and_the_consumer_closed(period, opti
     assert consumer.closed == 1
 
 
-def test_what_is_queued_at_a_failure_and_what_comes_after_it_is_counted():
+def test_items_queued_at_or_after_a_failure_are_counted():
     consumer = Gated(is_open=False, fails=True)
     worker, errors = start(consumer)
     worker.offer(0)
