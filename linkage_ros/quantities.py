@@ -147,7 +147,7 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
     Args:
         base: Base class of the valid objects.
         kinds: The valid classes. The attribute `group` names the group of parameters of each; ''
-        for none. A parameter file may set one of each group.
+            for none. A parameter file may set one of each group.
 
     Returns:
         The field; empty by default.

@@ -26,7 +26,7 @@ class Calls:
     Attributes:
         model: Constants of the formulas.
         names: Names of the coordinates, of their rates and of their accelerations, by the letters
-        q, u and a; 'torque' stands for the torque.
+            q, u and a; 'torque' stands for the torque.
     """
 
     def __init__(

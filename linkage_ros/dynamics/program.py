@@ -159,7 +159,7 @@ class Code(NamedTuple):
     Attributes:
         text: Its source code.
         bound: Makes the program from the numbers of the constants and, by name, the functions
-        that it calls.
+            that it calls.
     """
 
     text: str

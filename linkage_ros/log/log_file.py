@@ -33,7 +33,7 @@ class LogFile:
 
         Raises:
             LogError: The file exists and must not be replaced, is not a log, is being written
-            by another run, or cannot be created.
+                by another run, or cannot be created.
         """
         self.path = path
         with suppress(OSError), open_file(path) as old:

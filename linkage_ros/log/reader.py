@@ -82,7 +82,7 @@ class LogReader(AbstractContextManager['LogReader']):
         configuration: Configuration of the run.
         version: Version of linkage_ros that wrote it.
         has_same_urdf: Whether its robot_description can be recomputed; older versions named links
-        like joints.
+            like joints.
         motions: The segments of motion, in order.
         lost: Number of logged messages missing from the file; 0 without an end record.
         topics: The channels.

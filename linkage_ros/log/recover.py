@@ -100,7 +100,7 @@ class _Copy:
 
         Raises:
             LogError: The log unpacks to too much or has no configuration, or the new log cannot
-            be written.
+                be written.
         """
         file, done, opcode, at = self._file, self._done, 0, MAGIC_SIZE
         while at < file.size and opcode != Opcode.DATA_END:

@@ -89,7 +89,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
         Raises:
             LogError: The file exists and must not be replaced, is not a log, is being written
-            by another run, or cannot be created.
+                by another run, or cannot be created.
         """
         self.file = LogFile(path, overwrite=overwrite)
         self.library = Writer(

@@ -89,7 +89,7 @@ class FourBarLoop(NamedTuple):
         ground: d - r and d + r, m.
         dyad: b - c and side (b + c), m.
         length: L^2 at theta = 0 and its increase up to theta = pi, m^2; None: crank pin and
-        rocker pivot coincide at theta = 0 (rhombus and kite, r = d and b = c).
+            rocker pivot coincide at theta = 0 (rhombus and kite, r = d and b = c).
         moment: (b - c)(b + c), m^2.
         arm: r (r - d cos theta) in the same form as L^2, m^2.
         quotient: +1 or -1: where `length` is None, the quotient of the two triangles' brackets.
@@ -200,7 +200,7 @@ class ByRocker(NamedTuple):
 
     Attributes:
         reversed: Constants of the reversed linkage: its crank is the rocker, and its coupler
-        goes from B to A.
+            goes from B to A.
     """
 
     reversed: Loop
@@ -223,8 +223,8 @@ class FourBar(Mechanism):
         coupler: Floating link, from the crank pin A to B.
         rocker: Output link, from B0.
         assembly: 'open': B lies left of the line from A to B0; 'crossed': right of it. For a
-        linkage with change points, it names the branch at crank angles 0 to pi, counted
-        from the frame.
+            linkage with change points, it names the branch at crank angles 0 to pi, counted
+            from the frame.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Load curves and friction; other loads belong to the rocker.
     """

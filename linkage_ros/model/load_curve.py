@@ -43,7 +43,7 @@ class LoadCurve(AppliedLoad):
         value: Load on the link there: N m counter-clockwise; on a slider, N along the guide.
         return_value: With over: position, the load while the link's rate is negative; None: value.
         file: A CSV file with columns at, value and optionally return_value. It is read on
-        creation; the name is not kept.
+            creation; the name is not kept.
     """
 
     group: ClassVar[str] = 'load'
@@ -127,7 +127,7 @@ class LoadCurve(AppliedLoad):
 
         Raises:
             ConfigurationError: The mechanism has no such link, or a link of a curve over position
-            turns fully.
+                turns fully.
         """
         link, at, value = mechanism.output(self.link, 'load.link'), self.at or (), self.value or ()
         if self.over == 'crank_angle':

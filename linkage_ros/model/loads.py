@@ -50,8 +50,8 @@ class Contact(NamedTuple):
     Attributes:
         joint: Name of the pin or, for a guide, of the link that slides on it.
         levers: The load per force in the joint, by the index of the link: m; for a sliding link,
-        dimensionless. A load on two links acts between them; one on a single link comes from
-        the frame.
+            dimensionless. A load on two links acts between them; one on a single link comes from
+            the frame.
     """
 
     joint: str

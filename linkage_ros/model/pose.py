@@ -33,7 +33,7 @@ class Pose(NamedTuple):
     Attributes:
         links: One for each moving link.
         sines: For each dyad, the sine of the angle from its first to its second link or, for a
-        slider, to the normal of its guide; right to a few ulp even near 0.
+            slider, to the normal of its guide; right to a few ulp even near 0.
     """
 
     links: tuple[LinkPose, ...]

@@ -174,7 +174,7 @@ class Structure(NamedTuple):
         links: The moving links, each after its parent.
         points: The pins A0, A, B and, if present, B0, D and the coupler point C.
         closure: The path around the loop without sliding links; it ends at the sliding link or
-        at its own start.
+            at its own start.
         pins: The pin joints; empty if joint forces are not supported.
         dyads: Dyads in the order in which they are closed.
         other_dyads: Dyads in the other coordinates; see `Mechanism`.
@@ -209,7 +209,7 @@ class Mechanism(Checked):
     Attributes:
         coordinates: Names of the links whose positions determine all others.
         other_coordinates: Links that do so where the `coordinates` are singular, at a dead centre
-        or a stretched dyad; empty: none.
+            or a stretched dyad; empty: none.
         crank: The link that the drive turns.
         assembly: How the loop is closed.
         gravity: Acceleration of gravity [x, y], m/s^2.

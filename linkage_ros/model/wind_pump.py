@@ -200,7 +200,7 @@ class WindPump(Mechanism):
         rod: From B to the slider's pin D.
         slider: The pump's piston, at D.
         assembly: 'open': B lies left of the line from A to D; 'crossed': right of it, that is,
-        below it if the slider is to the right.
+            below it if the slider is to the right.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Load curves and friction; other loads belong to the slider.
     """

@@ -20,7 +20,7 @@ class Coordinates(NamedTuple):
 
     Attributes:
         q: Crank angle, less than two turns, rad: a state repeats after at most two turns. For a
-        wind pump also the slider's position, m.
+            wind pump also the slider's position, m.
         u: Their rates, rad/s and m/s.
         a: Their accelerations, rad/s^2 and m/s^2.
         unwrapped: The whole crank angle, correctly rounded, rad.

@@ -82,7 +82,7 @@ class Ticker(ABC):
                 before and after the step, ns.
             fail: Called with the error of another callback, which ends the motion.
             receive: Waits briefly and returns the messages since the last call; for tickers driven
-            by messages.
+                by messages.
         """
         self.counts = TickCounts()
         self.error: BaseException | None = None

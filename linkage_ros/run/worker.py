@@ -39,7 +39,7 @@ class Worker(Generic[_T]):
         Args:
             name: Name of the thread.
             consumer: Used only by this thread from now on. Its `consume` takes the items offered
-            since the last call, possibly none; `close` is called last.
+                since the last call, possibly none; `close` is called last.
             capacity: Items that the queue holds.
             period: Time between batches, s.
             on_error: Called from the thread, once, if the consumer fails.

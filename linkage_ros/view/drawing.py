@@ -38,7 +38,7 @@ class Drawing:
         pins: Names of the moving points, in the order of `place`.
         ends: The pins of each link that turns, in the order of the loop.
         owners: Links that determine the colours of the paths, by moving point; points on the
-        circle of the crank pin have none.
+            circle of the crank pin have none.
         loaded: Names of the links on which loads act.
         paths: Closed paths of the output link's pin and of the coupler point C, by the name of
             the link whose point it is; shape (n, 2), m. Empty for a mechanism with a free slider.

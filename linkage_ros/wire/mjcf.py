@@ -130,7 +130,7 @@ def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -
 
     Raises:
         ConfigurationError: The load acts in joints, on several links, or on a link with a
-        moving parent, where it would act on both.
+            moving parent, where it would act on both.
     """
     link: int | None = getattr(load, 'link', None)
     if link is None or links[link].joint.parent is not None:

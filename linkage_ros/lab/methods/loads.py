@@ -55,7 +55,7 @@ class NumberCase(Case):
 
     Attributes:
         given: Their input. For a load curve: its points, rad and N m, and the crank angle, rad.
-        For friction: the linkage, the crank angle, b, N, and k.
+            For friction: the linkage, the crank angle, b, N, and k.
         exact: The right answer.
         size: The unit of relative errors.
     """

@@ -53,8 +53,8 @@ class Method:
         needs: Input besides the description of the case.
         source: Its source, with the equation number.
         solve: For linkages, the formula of its stage, as in `stages`. For motions, a function
-        from the initial value problem and a setting to an integrator. For loads, a function
-        of the case.
+            from the initial value problem and a setting to an integrator. For loads, a function
+            of the case.
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best practical one.
         modes: For linkages: 'one at a time', 'batch' or both.

@@ -74,7 +74,7 @@ class Analysis(NamedTuple):
         averaged: The averaged motion near each of them; None: there is none.
         pieces: The load curve.
         sensitivities: Each stable state under the changed torques: number of the state, torque,
-        N m, the changed state, and its relative changes. None if it no longer exists.
+            N m, the changed state, and its relative changes. None if it no longer exists.
         runs: Motions from named starts.
         shares: Fraction of the starts that settle at each state, by its number.
         ended: Fraction of the starts that end in the other assembly or outside all coordinates.
