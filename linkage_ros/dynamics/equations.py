@@ -8,8 +8,8 @@ work, m v . a, J w eps and P . v, then need the bodies only through two kinds of
 
     C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
 
-made once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
-through the spin of link j is sum_k A phi_k'' - B phi_k'^2. A link that slides adds its mass. The
+computed once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
+through the spin of link j is sum_k A phi_k'' - B phi_k'^2. A sliding link adds its mass. The
 power of the loads is subtracted. Weighed with the links' velocities per rate of each coordinate
 (the jacobian), this gives the equations of motion M q'' + h - Q = driving torque, and 0 for
 undriven coordinates. No pin reaction appears.

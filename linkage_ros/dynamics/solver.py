@@ -45,9 +45,9 @@ _HEADS = {
 class Solver:
     """The exact mechanics of one mechanism.
 
-    The coordinates are the crank angle and, of a wind pump, the slider's position. For one
+    The coordinates are the crank angle and, for a wind pump, the slider's position. For one
     coordinate, q, u and a are floats or arrays; for more, sequences of them. A tuple always holds
-    a value for each coordinate, even of one. Arrays broadcast.
+    one value per coordinate, even if there is only one. Arrays broadcast.
 
     Attributes:
         mechanism: Description of the mechanism.

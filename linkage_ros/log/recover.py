@@ -75,7 +75,7 @@ def recover(
 
 
 class _Copy:
-    """Copies the intact records of a log into a new one, with the chunks as they were."""
+    """Copies the intact records of a log into a new one, with unchanged chunks."""
 
     def __init__(self, file: McapFile, new: LogWriter) -> None:
         """Prepares the copy.

@@ -75,7 +75,7 @@ class DrivenMechanism:
         return self.solver.coordinates[0] == self.solver.links[0]
 
     def wound(self, y: tuple[float, ...]) -> tuple[tuple[float, ...], int]:
-        """Y with the crank within two turns of 0, and the pairs of turns left out."""
+        """Reduces the crank angle in y to within two turns; also returns the removed pairs."""
         if not self.has_crank:
             return y, 0
         angle, pairs = within_two_turns(y[0])

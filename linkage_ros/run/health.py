@@ -37,7 +37,7 @@ class Health(NamedTuple):
     Attributes:
         target: Its path or URL; empty: not in use.
         dropped: Items lost so far.
-        error: The error that ended it; None: it works.
+        error: The error that ended it; None: no error.
         trouble: Current reason for accepting no items; empty: none.
     """
 

@@ -99,7 +99,7 @@ class Timeline:
                 yield number, ticks[:count].tolist()
 
     def take(self, number: int, ticks: list[int]) -> None:
-        """Advances by states at ticks of a segment."""
+        """Advances past states at the given ticks of a segment."""
         self.missed += ticks[-1] - self._tick - len(ticks)
         self._number, self._tick = number, ticks[-1]
 
@@ -136,5 +136,5 @@ class Measurements:
             yield 0, fit
 
     def take(self, _: int, ticks: list[int]) -> None:
-        """Advances by some measurements."""
+        """Advances past the given measurements."""
         del self.next[: len(ticks)]

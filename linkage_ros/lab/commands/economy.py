@@ -111,7 +111,7 @@ def _draw(
 
 
 def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> None:
-    """Draws the errors without each term, and the speed from which inertia counts more."""
+    """Draws the errors without each term, and the speed above which inertia dominates."""
     speeds = list(dict.fromkeys(x.rpm for x in savings))
     width = _ROOM / len(terms)
     for i, name in enumerate(terms):

@@ -92,7 +92,7 @@ class OfScipy:
     """One of SciPy's solvers, with its own dense output between steps."""
 
     def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
-        """Begins at t = 0.
+        """Starts at t = 0.
 
         Args:
             problem: The motion and its start.
@@ -158,7 +158,7 @@ class Multipliers(OfScipy):
         closing: float = 0.0,
         projects: bool = False,
     ) -> None:
-        """Begins at t = 0, with the loop closed.
+        """Starts at t = 0 and closes the loop.
 
         Args:
             problem: The motion and its start.

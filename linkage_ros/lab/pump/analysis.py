@@ -48,7 +48,7 @@ class Start(NamedTuple):
         times: Times, s.
         speeds: Crank speeds at these times, rad/s.
         state: Number of the steady state that it reaches; None: none.
-        ended: Why it ended; None: it did not.
+        ended: Reason for its end; None: it did not end.
     """
 
     name: str

@@ -263,7 +263,7 @@ class PeriodicMotion:
         return abs(self.multipliers[0]) < 1
 
     def record(self) -> dict[str, Any]:
-        """For JSON, in SI units; period in turns."""
+        """The motion as a JSON record, in SI units; period in turns."""
         start = self.at(np.zeros(1))[:, 0].tolist()
         names = 'slider_position', 'crank_speed', 'slider_velocity'
         return {
