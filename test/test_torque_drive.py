@@ -34,6 +34,7 @@ QUADRILATERAL = configure({'drive': 'torque', 'motor.torque': 2.0, 'motor.dampin
 # 150 rpm from rest, within time constants of 5 ns and 6 ms.
 STEEP = configure({'drive': 'torque', 'motor.torque': 5e7 * math.pi, 'motor.damping': 1e7})
 STUCK = configure({**PUMP.parameters(), 'slider.damping': 1e9, 'slider.velocity': 1.0})
+HELD = configure({**QUADRILATERAL.parameters(), 'start_rpm': 150.0, 'rocker.damping': 1e12})
 
 
 def changed(configuration=PUMP, **parts):
@@ -207,7 +208,9 @@ def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
         record(changed(resting, session={'rate_hz': 0.05}), tmp_path / 'rest.mcap', revolutions=1)
 
 
-@pytest.mark.parametrize('configuration', [STEEP, STUCK], ids=['steep motor line', 'stiff guide'])
+@pytest.mark.parametrize(
+    'configuration', [STEEP, STUCK, HELD], ids=['steep motor line', 'stiff guide', 'stiff rocker']
+)
 def test_a_record_against_strong_damping_is_made_again_to_the_bit(tmp_path, configuration):
     paths = [tmp_path / f'{i}.mcap' for i in range(2)]
     assert [record(configuration, path, duration=0.5) for path in paths] == [100, 100]

@@ -36,6 +36,7 @@ _LONGEST = 10.0
 _TOLERANCE, _TRIALS = 1e-11, 10_000
 # In rad and crank lengths, and per second: a start this far away is not an error.
 _NUDGE = 1e-9
+_ROUNDING = 16 * np.finfo(float).eps  # of a value
 _NOWHERE = 1e300  # result of a motion that cannot be followed
 _LEAPS = (1, 4)  # steps between two states, for all states at once
 
@@ -86,7 +87,7 @@ class TorqueStates:
         self._found = np.array([crank, *table[0, 1:], *table[1], table[3, 0]])
         driven, solver = self._driven, self._driven.solver
         moving = self._rows(driven)[: len(driven.links)]
-        q, u, a, _ = (tuple(row[moving]) for row in table)
+        self._moving = q, u, a = tuple(tuple(row[moving]) for row in table[:3])
         if solver.coordinates == self._own.solver.coordinates:
             return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True))
         state = solver.driven_state(q, u, table[3, 0], by_math=True)
@@ -154,6 +155,8 @@ class TorqueStates:
         spans = late / NS_PER_S
         foreign = abs(found[-1]) > _APART * np.maximum(abs(torques), 1e-3)
         foreign &= self._recorded
+        if foreign.any():
+            foreign &= ~(abs(found[-1]) <= self._rounding()[: len(ticks)])
         follows = self._many_follow(driven, origin, found, spans) | (spans > _LONGEST)
         for i in map(int, np.flatnonzero(foreign | ~follows)):
             if foreign[i]:
@@ -163,6 +166,16 @@ class TorqueStates:
                 return i, f'it does not follow from the one before: {wrong}'
         self._tick, self._before, self._last = ticks[-1], found[:, -1:], driven
         return len(ticks), ''
+
+    def _rounding(self) -> Array:
+        """How far rounding errors may move the torques, N m, where large forces cancel."""
+        solver, moved = self._driven.solver, np.zeros(self._found.shape[1])
+        exact = solver.state(*self._moving, by_math=True).torque
+        for i, values in enumerate(self._moving):
+            nudged = tuple(value * (1 + _ROUNDING) for value in values)
+            moving = (*self._moving[:i], nudged, *self._moving[i + 1 :])
+            moved += abs(solver.state(*moving, by_math=True).torque - exact)
+        return moved
 
     def _many_follow(
         self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array

@@ -26,6 +26,7 @@ from linkage_ros.lab.pump.settling import (
     equations_of,
     pace_of,
     require_forwards,
+    require_slow,
 )
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
@@ -148,12 +149,15 @@ def analyse(
         The analysis.
 
     Raises:
-        ConfigurationError: The motor or a start speed does not turn the crank forwards.
+        ConfigurationError: The motor or a start speed does not turn the crank forwards, or the
+            damping is too strong.
         UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
     given = require_forwards(mechanism, motor, speeds)
     limits = _SLOWEST * min(speeds), _FASTEST * max(speeds)
-    pace, balance = pace_of(motor, speeds), equations_of(mechanism, motor, speeds)
+    pace = pace_of(motor, speeds)
+    require_slow(mechanism, motor, pace)
+    balance = equations_of(mechanism, motor, speeds)
     pump = cast('WindPump', balance.solver.mechanism)
     inside = 2 * limits[0], limits[1] / 2
     resting = (next(balance.resting_sliders(*way), None) for way in (inside, inside[::-1]))

@@ -16,6 +16,7 @@ from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.smooth_load import smoothed
 from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 from linkage_ros.quantities import Quantity
@@ -23,6 +24,7 @@ from linkage_ros.quantities import Quantity
 _START = Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6)
 _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
 
+_FASTEST_SETTLING = 25.0  # times the pace; beyond, a turn takes too many explicit steps
 _STEPS = 50  # steps between two checks of the motions; a turn takes about 8
 _ROWS = 10  # steps, about a turn
 _BACK = 50  # steps in which such a motion must have approached
@@ -176,6 +178,26 @@ def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float])
         solver.accelerations((0.0, slider.position), (speed, slider.velocity), motor.torque)
     starts: Array = np.array([(0.0, slider.position, w, slider.velocity) for w in speeds]).T
     return starts
+
+
+def require_slow(mechanism: WindPump, motor: Motor, pace: float) -> None:
+    """Refuses damping so strong that motions cannot be followed in steps of a part of a turn.
+
+    Args:
+        mechanism: The pump.
+        motor: Motor of the pump.
+        pace: From `pace_of`.
+
+    Raises:
+        ConfigurationError: The damping is too strong.
+    """
+    settling, _ = DrivenMechanism(Solver(mechanism), motor.at).rates
+    if settling > _FASTEST_SETTLING * pace:
+        raise ConfigurationError(
+            f'the pump settles on its motor line or its resistance at {settling:.3g}/s: must be '
+            f'at most {_FASTEST_SETTLING:g} times {pace:.3g} rad/s, its no-load speed, to be '
+            'charted; lower motor.damping or slider.damping, or use linkage_record'
+        )
 
 
 def pace_of(motor: Motor, speeds: Sequence[float]) -> float:
