@@ -111,7 +111,7 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
 
 def saved(path: Path, done: Recovered) -> str:
     """Describes the outcome of a recovery in one line."""
-    lost = f'{done.damaged} bytes in {done.places} places' if done.places else ''
+    lost = f'{done.damaged} bytes, damaged places: {done.places}' if done.places else ''
     if done.unknown:
         lost += f', {done.unknown} messages of unknown topics'
     return (
@@ -135,10 +135,11 @@ def _verify(options: argparse.Namespace) -> int:
     return 1 if report.difference else 0
 
 
-def _recover(options: argparse.Namespace) -> None:
+def _recover(options: argparse.Namespace) -> int:
     with progress_bar(unit='B', unit_scale=True, delay=2) as bar:
         done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
     _print([saved(options.out, done)])
+    return 1 if done.places and not done.messages else 0
 
 
 def _print(lines: Iterable[str]) -> None:
@@ -159,7 +160,9 @@ _COMMANDS = {
         ('run.mcap',), (_LOG,),
     ),
     'recover': cli.Command(
-        _recover, 'save what a killed run or a damaged disk left', ('run.mcap saved.mcap',),
+        _recover,
+        'save what a killed run or a damaged disk left; exit code 1: no message is left',
+        ('run.mcap saved.mcap',),
         (_LOG,
          (('out',), None,
           {'metavar': 'OUT.mcap', 'type': cli.path, 'help': 'the complete log to write'}),

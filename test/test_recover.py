@@ -255,6 +255,7 @@ def test_foreign_files_are_refused(tmp_path, whole):
     ):
         source.write_bytes(content)
         refused(source, target, words, overwrite=True)
+        assert not target.exists()
     refused(tmp_path / 'missing.mcap', target, r'missing\.mcap cannot be read')
     refused(tmp_path, target, 'cannot be read')
     refused(whole.path, tmp_path / 'no' / 'out.mcap', 'cannot be written')
@@ -269,7 +270,10 @@ def test_the_command_says_in_one_line_what_was_saved_and_lost(tmp_path, whole, c
     code, out, err = called(log_tool, 'recover', source, target)
     assert (code, err) == (0, '')
     assert out.startswith(f'{target}: {counts[-1] - counts[3] + counts[2]} messages saved, ')
-    assert re.search(r's; lost: \d+ bytes in 1 places\n$', out)
+    assert re.search(r's; lost: \d+ bytes, damaged places: 1\n$', out)
     assert called(log_tool, 'verify', target)[0] == 0
     assert_refused(*called(log_tool, 'recover', source, target), 'exists already')
     assert called(log_tool, 'recover', source, target, '--overwrite')[0] == 0
+    source.write_bytes(data[: chunks[0][0] + 300])
+    code, out, _ = called(log_tool, 'recover', source, target, '--overwrite')
+    assert (code, ' 0 messages saved, ' in out) == (1, True)

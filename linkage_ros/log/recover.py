@@ -67,15 +67,25 @@ def recover(
     with open_mcap(Path(source)) as stream:
         if is_same_file(str(source), str(target)):
             raise LogError(f'{target} is the broken log itself: choose another name')
-        with LogWriter(target, None, overwrite=overwrite) as new:
-            try:
-                return _Copy(McapFile(stream), new).run(progress)
-            except LogError as error:
-                raise LogError(f'{source} cannot be recovered: {error}') from error
+        copy = None
+        try:
+            with LogWriter(target, None, overwrite=overwrite) as new:
+                try:
+                    copy = _Copy(McapFile(stream), new)
+                    return copy.run(progress)
+                except LogError as error:
+                    raise LogError(f'{source} cannot be recovered: {error}') from error
+        finally:
+            if copy and not copy.is_configured:  # no command could read it
+                Path(target).unlink(missing_ok=True)
 
 
 class _Copy:
-    """Copies the intact records of a log into a new one, with unchanged chunks."""
+    """Copies the intact records of a log into a new one, with unchanged chunks.
+
+    Attributes:
+        is_configured: Whether the new log has a configuration.
+    """
 
     def __init__(self, file: McapFile, new: LogWriter) -> None:
         """Prepares the copy.
@@ -85,7 +95,7 @@ class _Copy:
             new: The new log.
         """
         self._file, self._new = file, new
-        self._done, self._is_configured = Recovered(), False
+        self._done, self.is_configured = Recovered(), False
         # If the first chunk is lost, the summary still names the topics.
         self._spare: list[Schema | Channel] = []
         with suppress(Exception):  # the file is incomplete, or its summary is damaged
@@ -115,7 +125,7 @@ class _Copy:
                 done.places += 1
                 done.damaged += at - before
             progress(at - before)
-        if not self._is_configured:
+        if not self.is_configured:
             raise LogError('it has no configuration record')
         found = self._new.statistics
         done.messages = found.message_count
@@ -157,5 +167,5 @@ class _Copy:
         if record.name.startswith(CONFIGURATION_RECORD):
             unseal(record.metadata)
         if record.name != END_RECORD:  # the new log gets its own
-            self._is_configured |= record.name == CONFIGURATION_RECORD
+            self.is_configured |= record.name == CONFIGURATION_RECORD
             self._new.library.add_metadata(record.name, record.metadata)

@@ -64,13 +64,13 @@ def economy(options: argparse.Namespace) -> None:
     given = options.rpm or []
     own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)  # of the summary
     rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
+    measured = Economy(configuration.mechanism, name)
     if 0.0 in rpms:
         raise ConfigurationError(
             f'{options.params} at 0 rpm: a crank at rest, or without a speed of its own, has no '
             'turn to compare; choose speeds, such as --rpm 30 60'
         )
     records, picture = (options.out / f'{name}_economy.{suffix}' for suffix in ('json', 'png'))
-    measured = Economy(configuration.mechanism, name)
     with folder(options.out):
         savings = measured.measure(rpms, 20 if options.quick else 200, progress)
         sentence = measured.sentence(own, options.tolerance, savings)
