@@ -271,7 +271,7 @@ def test_an_existing_file_is_kept_unless_it_is_to_be_replaced(path, tmp_path, ol
     assert write(target, overwrite=True).read_bytes() == path.read_bytes()
 
 
-EXISTS, OTHER_FILE = 'exists already and is kept: choose another name', 'is no log and is kept'
+EXISTS, OTHER_FILE = 'exists already and is kept: choose another name', 'is not a log and is kept'
 KEPT = {  # what is at the path, whether it is to be replaced, and the refusal
     'parameters': (lambda p: p.write_bytes(b'/**:\n  ros__parameters:\n'), True, OTHER_FILE),
     'text': (lambda p: p.write_bytes(b'x'), True, OTHER_FILE),

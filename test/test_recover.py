@@ -223,7 +223,7 @@ def test_existing_files_are_kept(tmp_path, whole):
         assert target.read_bytes() == kept
     # Asked for, a log is replaced, but nothing else.
     recover(whole.path, target, overwrite=True)
-    refused(whole.path, text, 'is no log and is kept', overwrite=True)
+    refused(whole.path, text, 'is not a log and is kept', overwrite=True)
     assert text.read_bytes() == b'text'
     for itself in (whole.path, tmp_path / 'link', tmp_path / 'hard link'):
         if itself != whole.path:

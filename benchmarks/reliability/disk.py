@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a log's trouble costs: full disk, file or folder removed, file replaced.
+"""Cost of trouble with the log: full disk, file or folder removed, file replaced.
 
 linkage_node runs at 1 kHz and logs to a disk of a few MB that exists for this benchmark alone:
 a tmpfs in a mount namespace, made as root or, with `unshare -U`, as anybody. A subscriber in

@@ -120,7 +120,7 @@ def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = F
 
 
 def read(path: Path) -> dict:
-    """What a log holds: stamps of the states, times of commands and of words on their absence."""
+    """Reads stamps of states, and times of commands and of reported timeouts, from a log."""
     found: dict[str, list[int]] = {'/joint_states': [], '/joint_commands': [], '/diagnostics': []}
     try:
         with LogReader(path) as log:
@@ -196,7 +196,7 @@ def promises(figures: dict) -> dict[str, bool]:
         kept[name + 'states come again'] = one['states_back'] < PATIENCE
         kept[name + 'commands come again'] = one['commands_back'] < PATIENCE
         kept[name + 'it is said that commands time out'] = one['time_out_said']
-        # Sending to nobody must not hold the node up. A busy machine does, for a moment.
+        # Sending without a receiver must not delay the node; a busy machine may, for a moment.
         little = one['seconds'] < 20 or one['ticks_missed'] < one['logged'] / 10
         kept[name + 'the node keeps its rate'] = little
     return kept

@@ -112,7 +112,7 @@ class Model(NamedTuple):
 
         Args:
             mechanism: The mechanism.
-            structure: Its structure.
+            structure: Links, bodies and points of the mechanism.
             loop: Constants of the kinematics; None: the mechanism's own.
             **refusals: The last fields; those left out accept everything.
 

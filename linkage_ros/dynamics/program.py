@@ -157,7 +157,7 @@ class Code(NamedTuple):
     """A compiled program whose constants are not bound yet.
 
     Attributes:
-        text: Its source code.
+        text: Source code of the function.
         bound: Makes the program from the numbers of the constants and, by name, the functions
             that it calls.
     """
@@ -256,7 +256,7 @@ class Program:
 
         Args:
             arrays: Names of the arguments that are arrays; none: all are floats.
-            head: Its first lines; see `entry`.
+            head: First lines of the function; see `entry`.
             by_math: Whether arrays use the functions of `math`.
 
         Returns:

@@ -95,7 +95,7 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         mechanism: The mechanism.
 
     Returns:
-        The mechanism with a massless coupler. None: there is no coupler, it has no mass, or its
+        The mechanism with a massless coupler; None if there is no coupler, it has no mass, or its
         centre of mass is not between the pins.
     """
     coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]

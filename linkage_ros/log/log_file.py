@@ -38,7 +38,7 @@ class LogFile:
         self.path = path
         with suppress(OSError), open_file(path) as old:
             if overwrite and old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:
-                raise LogError(f'{path} is no log and is kept: choose another name')
+                raise LogError(f'{path} is not a log and is kept: choose another name')
         self.stream: Any = create_file(
             path, LogError, overwrite=overwrite, cure='give --overwrite (a node: log_overwrite)'
         )

@@ -38,7 +38,7 @@ _SEED = 20_261_121
 Setting: TypeAlias = dict[str, float]
 Row: TypeAlias = Sequence[float] | None  # an answer; not finite: failure; None: refusal
 Panel: TypeAlias = tuple[str, str]  # a quantity and a mode
-Outcome: TypeAlias = tuple[str, float]  # of OUTCOMES, and the error; inf: there is no value
+Outcome: TypeAlias = tuple[str, float]  # from OUTCOMES, and the error; inf without a value
 Progress: TypeAlias = Callable[[Iterable[Any], str], Iterable[Any]]
 
 
@@ -47,11 +47,11 @@ class Method:
     """One way to solve a stage.
 
     Attributes:
-        name: As charts and docs call it.
+        name: Name in charts and docs.
         stage: What it computes: 'state' (all of it), 'position', 'rates', 'motion', 'load' or
             'friction'.
         needs: Input besides the description of the case.
-        source: Its source, with the equation number.
+        source: Publication or file, with the equation number.
         solve: For linkages, the formula of its stage, as in `stages`. For motions, a function
             from the initial value problem and a setting to an integrator. For loads, a function
             of the case.
@@ -128,8 +128,8 @@ class Situation:
     """A situation in which some methods fail.
 
     Attributes:
-        name: As charts and docs call it.
-        words: Its description.
+        name: Name in charts and docs.
+        words: Description in charts and docs.
         make: Makes a case from random numbers and the number of the case.
         exists: Whether a state exists; otherwise the right answer is a refusal.
         share: Number of cases of a cheaper situation for each case of this one.

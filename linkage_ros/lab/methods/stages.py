@@ -88,7 +88,7 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
     Args:
         quantity: One of QUANTITIES.
         stage: The stage that is not the package's own.
-        solve: Its formula.
+        solve: Formula of the stage.
 
     Returns:
         The formula, from links and crank angle: to the coupler's direction, an angle or the

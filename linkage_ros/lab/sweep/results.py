@@ -109,7 +109,7 @@ class Results:
         return ['design', *(f'{name} [{unit}]' for name, unit in units.items()), 'outcome']
 
     def rows(self) -> Iterator[list[object]]:
-        """Rows of the table for the measured designs; None where there is no value."""
+        """Rows of the table for the measured designs; missing values are None."""
         table = np.column_stack([self.study.designs, *self.of.values()])
         cells = np.where(np.isnan(table), None, table)  # type: ignore[call-overload]
         for row in np.flatnonzero(np.isfinite(self._turns)).tolist():
