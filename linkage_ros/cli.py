@@ -7,12 +7,14 @@ from __future__ import annotations
 import argparse
 import atexit
 import io
+import math
 import os
 import queue
 import select
 import signal
 import sys
 import textwrap
+import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
@@ -28,6 +30,7 @@ Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
 _LONGEST_WAIT = 1.0  # s, to write an error to a full pipe
+_LONGEST_SLEEP = 0.5  # s, until a signal that another thread received is handled
 
 
 class Parser(argparse.ArgumentParser):
@@ -148,7 +151,8 @@ class Stop:
     handles them in the main thread, and at once only where that thread waits in Python; so
     all work is done in other threads, or the main thread waits here between its steps. A
     threading.Event would lock itself up where a signal comes just as the wait for it begins;
-    this queue may be filled at any time.
+    this queue may be filled at any time. Linux may deliver a signal to another thread, for example
+    while the process is being stopped; then it is handled when the main thread wakes.
     """
 
     def __init__(self) -> None:
@@ -185,9 +189,10 @@ class Stop:
         Returns:
             Whether it was requested.
         """
-        if not self._is_set:
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        while not self._is_set and (left := end - time.monotonic()) > 0:
             with suppress(queue.Empty):
-                self._asked.get(timeout=timeout)
+                self._asked.get(timeout=min(left, _LONGEST_SLEEP))
         return self._is_set
 
 

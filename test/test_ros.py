@@ -131,6 +131,29 @@ def test_repeated_signals_end_the_node_in_order(tmp_path):
         assert ' states published, ' in node.stderr.read()
 
 
+ELSEWHERE = """
+import signal, threading, time
+from linkage_ros.cli import Stop
+stop = Stop()
+
+def raise_here():
+    time.sleep(0.3)
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+    time.sleep(30)
+
+threading.Thread(target=raise_here, daemon=True).start()
+print(stop.wait())
+"""
+
+
+def test_a_signal_that_another_thread_receives_ends_the_wait():
+    """As Linux may deliver it while a process is being stopped."""
+    done = subprocess.run(
+        [sys.executable, '-c', ELSEWHERE], capture_output=True, text=True, timeout=20, check=False
+    )
+    assert done.stdout == 'True\n', done.stderr
+
+
 def test_unread_error_line_does_not_block_exit():
     with filled_pipe() as (outlet, inlet):
         done = subprocess.run(
