@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
-from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics import program, trees
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import _sums
-from linkage_ros.motion.stiff_integrator import _solvers
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.descriptions import summary
@@ -229,11 +227,10 @@ def test_a_live_run_refuses_a_spring_that_swings_within_a_tenth_of_a_millisecond
 
 
 def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
-    for programs in (_solvers, _sums):  # as in a new process
-        programs.cache_clear()
+    trees._known.clear()  # as in a new process
     simulator = Simulator(STEEP)
     simulator.prepare_live()
-    monkeypatch.delattr(Program, 'code')
+    monkeypatch.delattr(program, '_compile')
     assert simulator.begin(START).at(START + NS_PER_MS).u[0] == pytest.approx(5 * math.pi)
 
 

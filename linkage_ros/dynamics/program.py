@@ -126,6 +126,8 @@ class Writer:
     def _expression(operation: str, read: list[str], *, is_array: bool) -> str:
         if operation == 'call':
             return f'{read[0]}({", ".join(read[1:])})'
+        if operation[0] == '[':
+            return read[0] + operation
         if operation in _INFIX and not (is_array and operation == 'where'):
             return _INFIX[operation].format(*(f'({x})' if ' ' in x else x for x in read))
         return f'{"array_" if is_array else ""}{operation}({", ".join(read)})'

@@ -31,7 +31,7 @@ class Recorder:
     """A symbolic number that records the operations on it on a tape."""
 
     __array_ufunc__ = None
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = __iter__ = None  # type: ignore[assignment]
 
     def __init__(self, tape: 'Tape', line: int) -> None:
         self.tape, self.line = tape, line
@@ -49,6 +49,10 @@ class Recorder:
     def __call__(self, *values: Real) -> 'Recorder':
         """Records a call of an opaque function."""
         return self.tape.record('call', self, *values)
+
+    def __getitem__(self, i: int) -> 'Recorder':
+        """Records the choice of one of the results of a call."""
+        return self.tape.record(f'[{i}]', self)
 
     def __bool__(self) -> bool:
         raise TypeError('a formula cannot branch on a value: use where() or require()')

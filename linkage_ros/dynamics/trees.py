@@ -55,7 +55,7 @@ class Constants:
             kind = type(part)
             if (kind is float and part) or kind is Opaque:
                 structure.append(kind)
-                self.numbers.append(part)
+                self.numbers.append(part.function if kind is Opaque else part)
             elif kind is complex or (isinstance(part, np.ndarray) and np.iscomplexobj(part)):
                 structure.append(complex)
                 waiting += part.imag, part.real

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -24,6 +24,7 @@ import numpy as np
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
 from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.formulas import where
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.reach import FULL_TURN, Arc
 from linkage_ros.model.structure import Description, Link
@@ -206,41 +207,23 @@ class DrivenMechanism:
         return self.solver.state(y[: len(y) // 2], y[len(y) // 2 :])
 
     @functools.cached_property
-    def slope(self) -> Callable[[tuple[float, ...]], tuple[float, ...]]:
-        """Rates, then accelerations, at y; it raises what `Solver.accelerations` raises."""
+    def accelerations(self) -> Callable[..., tuple[float, ...]]:
+        """Accelerations at y, given one by one; it raises what `Solver.accelerations` raises."""
         forward, torque, half = self.solver.forward, self.torque, len(self.links)
         speed = operator.itemgetter(half) if self.has_crank else self.speed
 
-        def slope(y: tuple[float, ...]) -> tuple[float, ...]:
-            return (*y[half:], *forward(y, torque(speed(y))))
+        def accelerations(*y: float) -> tuple[float, ...]:
+            return forward(y, torque(speed(y)))
 
-        return slope
+        return accelerations
+
+    def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
+        """Rates, then accelerations, at y; it raises what `Solver.accelerations` raises."""
+        return slope_at(self.accelerations, y)
 
     def speed(self, y: tuple[float, ...]) -> float:
         """The speed of the crank, rad/s."""
         return y[len(y) // 2] if self.has_crank else self._state(y).velocity[0]
-
-    def jacobian(self, y: tuple[float, ...], slope: tuple[float, ...]) -> list[float]:
-        """Derivatives of the accelerations, by finite differences.
-
-        Args:
-            y: Coordinates, then their rates.
-            slope: The slope there.
-
-        Returns:
-            For each value of y, the derivatives of all accelerations.
-
-        Raises:
-            LinkageError: As `Solver.accelerations`.
-        """
-        found: list[float] = []
-        for i, (value, unit) in enumerate(zip(y, self.units, strict=True)):
-            # Steps go away from 0, where the force of a load may jump.
-            nudged = value + math.copysign(_NUDGE * max(abs(value), unit), value)
-            there = self.slope((*y[:i], nudged, *y[i + 1 :]))
-            pairs = zip(there[len(y) // 2 :], slope[len(y) // 2 :], strict=True)
-            found.extend((a - b) / (nudged - value) for a, b in pairs)
-        return found
 
     @functools.cached_property
     def rates(self) -> tuple[float, float]:
@@ -264,8 +247,9 @@ class DrivenMechanism:
     def eigenvalues(self, q: tuple[float, ...]) -> Array:
         """Eigenvalues of the motion linearised about rest, 1/s."""
         y, count = (*q, *[_SLOW] * len(q)), len(q)
-        below = np.reshape(self.jacobian(y, self.slope(y)), (2 * count, count)).T
-        found: Array = np.linalg.eigvals(np.vstack([np.eye(count, 2 * count, count), below]))
+        by_value = jacobian(self.accelerations, self.units, y, self.slope(y))
+        system: Any = np.vstack([np.eye(count, 2 * count, count), np.transpose(by_value)])
+        found: Array = np.linalg.eigvals(system)
         return found
 
     def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
@@ -315,6 +299,42 @@ class DrivenMechanism:
         """Whether the coordinates cannot describe every motion; change points do not count."""
         mobility = self.solver.mobility
         return mobility is None or not mobility.turns_fully
+
+
+def slope_at(
+    accelerations: Callable[..., Sequence[Real]], y: tuple[Real, ...]
+) -> tuple[Real, ...]:
+    """Rates, then accelerations, at y; a formula."""
+    found, half = accelerations(*y), len(y) // 2
+    return (*y[half:], *(found[i] for i in range(half)))
+
+
+def jacobian(
+    accelerations: Callable[..., Sequence[Real]],
+    units: Sequence[Real],
+    y: tuple[Real, ...],
+    slope: tuple[Real, ...],
+) -> list[list[Real]]:
+    """Derivatives of the accelerations, by finite differences; a formula.
+
+    Args:
+        accelerations: Accelerations at y, given one by one.
+        units: Units of errors in y.
+        y: Coordinates, then their rates.
+        slope: The slope there.
+
+    Returns:
+        For each value of y, the derivatives of all accelerations.
+    """
+    found = []
+    for i, (value, unit) in enumerate(zip(y, units, strict=True)):
+        # Steps go away from 0, where the force of a load may jump.
+        size = _NUDGE * where(abs(value) >= unit, abs(value), unit)
+        nudged = value + where(value >= 0.0, size, -size)
+        there = slope_at(accelerations, (*y[:i], nudged, *y[i + 1 :]))[len(y) // 2 :]
+        pairs = zip(there, slope[len(y) // 2 :], strict=True)
+        found.append([(a - b) / (nudged - value) for a, b in pairs])
+    return found
 
 
 def turns_between(angle: float, middle: float) -> Fraction:

@@ -10,7 +10,6 @@ coordinates, and ends with an error.
 
 from __future__ import annotations
 
-import functools
 import math
 import operator
 from collections.abc import Callable, Iterator, Sequence
@@ -19,9 +18,9 @@ from typing import NamedTuple, Protocol, TypeAlias
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import LinkageError
-from linkage_ros.formulas import total, where
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.numeric import Array, Real
+from linkage_ros.formulas import ZERO, Opaque, total, where
+from linkage_ros.motion.driven_mechanism import DrivenMechanism, slope_at
+from linkage_ros.numeric import Real
 
 # Coordinates, then their rates.
 Values: TypeAlias = tuple[float, ...]
@@ -34,7 +33,7 @@ _TRIALS = 400  # largest number of trial steps per part of at most 1 ms
 
 
 class Method(NamedTuple):
-    """The weights of a method's sums of slopes; 0 for unused slopes.
+    """The weights of a method's sums of slopes; ZERO for unused slopes.
 
     Attributes:
         stages: Weights of the point of each slope except the first.
@@ -55,8 +54,8 @@ DORMAND_PRINCE = Method(
         (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
         (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
     ),
-    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
-    (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
+    (35 / 384, ZERO, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+    (71 / 57600, ZERO, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
 )
 
 
@@ -89,6 +88,65 @@ class Steps(Protocol):
 Integrate: TypeAlias = Callable[[DrivenMechanism, Values], Steps]
 
 
+class Plant(NamedTuple):
+    """What a step integrates.
+
+    Attributes:
+        units: Units of errors; see `DrivenMechanism`.
+        accelerations: Accelerations at given coordinates and rates, one by one.
+    """
+
+    units: tuple[Real, ...]
+    accelerations: Callable[..., Sequence[Real]]
+
+
+def leap(
+    plant: Plant, values: tuple[Real, ...], h: Real, slope: tuple[Real, ...]
+) -> tuple[tuple[Real, ...], tuple[Real, ...], tuple[Real, ...]]:
+    """Makes one step, of one motion or of many at once; a formula.
+
+    Args:
+        plant: The mechanism under its torque.
+        values: Coordinates, then their rates.
+        h: Length of the step, s.
+        slope: Rates and accelerations at the start.
+
+    Returns:
+        The values at the end, the slope there, and the error of each value in its unit.
+    """
+    slopes, end = [slope], values
+    for weights in (*DORMAND_PRINCE.stages, DORMAND_PRINCE.end):
+        end = moved(weights, values, h, slopes)
+        slopes.append(slope_at(plant.accelerations, end))
+    return end, slopes[-1], errors(DORMAND_PRINCE.error, plant.units, end, h, slopes)
+
+
+def moved(
+    weights: Sequence[Real], values: tuple[Real, ...], h: Real, slopes: Sequence[Sequence[Real]]
+) -> tuple[Real, ...]:
+    """The values after a weighted sum of slopes; a formula."""
+    return tuple(
+        value + h * total(map(operator.mul, weights, rates))
+        for value, *rates in zip(values, *slopes, strict=True)
+    )
+
+
+def errors(
+    weights: Sequence[Real],
+    units: Sequence[Real],
+    end: tuple[Real, ...],
+    h: Real,
+    slopes: Sequence[Sequence[Real]],
+) -> tuple[Real, ...]:
+    """The error of each value in its unit; of rates above one unit, relative; a formula."""
+    sizes = [
+        unit if i < len(end) // 2 else where(unit >= abs(value), unit, abs(value))
+        for i, (unit, value) in enumerate(zip(units, end, strict=True))
+    ]
+    apart = moved(weights, (ZERO,) * len(end), h, slopes)
+    return tuple(abs(part) / size for part, size in zip(apart, sizes, strict=True))
+
+
 class FixedSteps:
     """Integrates a motion in equal steps between the requested times.
 
@@ -97,10 +155,9 @@ class FixedSteps:
         time: Time reached, s.
         phase: Coordinates, then their rates, at that time; the crank within two turns of 0.
         pairs: Pairs of whole turns removed from the crank angle.
-        method: Method of a step.
     """
 
-    method = DORMAND_PRINCE
+    _formula = staticmethod(leap)
 
     def __init__(
         self,
@@ -125,12 +182,21 @@ class FixedSteps:
         Raises:
             LinkageError: The motion cannot start; see `Solver.accelerations`.
         """
-        self.driven, self.time = driven, time
+        self.time = time
         self.phase, self.pairs = driven.wound(phase)
         self._longest, self._tolerance = longest, tolerance
         self._most_trials = self._trials = trials
-        self._sums = _sums(self.method, len(phase))
+        self._use(driven)
         self._slope: Values | None = driven.slope(self.phase)
+
+    def _use(self, driven: DrivenMechanism) -> None:
+        """Prepares the program of a step in the coordinates of a driven mechanism."""
+        constants = Constants(Plant(driven.units, Opaque(driven.accelerations)))
+        values, slope = (
+            tuple(f'{word}{i}' for i in range(len(driven.units))) for word in ('value', 'slope')
+        )
+        self.driven = driven
+        self._leap = Program(self._formula, constants, (values, 'h', slope)).scalar
 
     def changed(self) -> None:
         """Notes that the torque is another from now on."""
@@ -180,102 +246,13 @@ class FixedSteps:
 
     def _try(self, h: float) -> tuple[Values, Values, float]:
         """Makes one step; returns its end, the slope there, and its error."""
-        phase, driven = self.phase, self.driven
-        better, self.phase, left = driven.ready(phase)
-        if better is not driven:
-            self.driven, self._slope = better, None
-            driven, phase = better, self.phase
-        slope = self._slope or driven.slope(phase)
+        driven, self.phase, left = self.driven.ready(self.phase)
+        if driven is not self.driven:
+            self._use(driven)
+            self._slope = None
+        phase, slope = self.phase, self._slope or driven.slope(self.phase)
         if h > left * EDGE_PART:
             return phase, slope, math.inf
-        slopes = self._stages(h, slope)
-        end = self._sums.end(*phase, h, *slopes)
-        slope = driven.slope(end)
-        errors = self._sums.error(*driven.units, *end, h, *slopes, *slope)
+        end, slope, apart = self._leap(*phase, h, *slope)
         # Not max: a nan must not pass.
-        return end, slope, math.inf if sum(errors) != sum(errors) else max(errors)
-
-    def _stages(self, h: float, slope: Values) -> list[float]:
-        """The slopes of a step's stages, flat, from the first one."""
-        slopes = list(slope)
-        for move in self._sums.moves:
-            slopes += self.driven.slope(move(*self.phase, h, *slopes))
-        return slopes
-
-
-def leap(
-    slope: Callable[[tuple[Array, ...]], tuple[Array, ...]],
-    units: Values,
-    phase: tuple[Array, ...],
-    h: Array,
-) -> tuple[tuple[Array, ...], tuple[Real, ...]]:
-    """Makes one step of many motions at once.
-
-    Args:
-        slope: Rates and accelerations at coordinates and rates.
-        units: Units of errors; see `DrivenMechanism`.
-        phase: Coordinates, then their rates.
-        h: Length of each step, s.
-
-    Returns:
-        The end of each step, and its errors in those units, one array for each value.
-    """
-    slopes, end = [slope(phase)], phase
-    for weights in (*DORMAND_PRINCE.stages, DORMAND_PRINCE.end):
-        end = _moved(weights, phase, h, *slopes)
-        slopes.append(slope(end))
-    return end, _errors(DORMAND_PRINCE.error, units, end, h, *slopes)
-
-
-class _Sums(NamedTuple):
-    """The sums of a method as programs.
-
-    Attributes:
-        moves: From the values, h and the slopes so far, all flat, to the values at each stage.
-        end: Likewise to the values at the end.
-        error: From units, the values at the end, h and all slopes: the error of each value.
-    """
-
-    moves: tuple[Callable[..., Values], ...]
-    end: Callable[..., Values]
-    error: Callable[..., Values]
-
-
-@functools.cache
-def _sums(method: Method, size: int) -> _Sums:
-    """The sums of a method for a number of values."""
-
-    def row(word: str) -> tuple[str, ...]:
-        return tuple(f'{word}{i}' for i in range(size))
-
-    slopes = [row(f'slope{i}_') for i in range(len(method.error))]
-    *moves, end = (
-        Program(_moved, Constants(weights), (row('phase'), 'h', *slopes[: len(weights)])).scalar
-        for weights in (*method.stages, method.end)
-    )
-    error = Program(_errors, Constants(method.error), (row('unit'), row('end'), 'h', *slopes))
-    return _Sums(tuple(moves), end, error.scalar)
-
-
-def _moved(
-    weights: tuple[Real, ...], phase: tuple[Real, ...], h: Real, *slopes: tuple[Real, ...]
-) -> tuple[Real, ...]:
-    return tuple(
-        value + h * total(map(operator.mul, weights, rates))
-        for value, *rates in zip(phase, *slopes, strict=True)
-    )
-
-
-def _errors(
-    weights: tuple[Real, ...],
-    units: tuple[Real, ...],
-    end: tuple[Real, ...],
-    h: Real,
-    *slopes: tuple[Real, ...],
-) -> tuple[Real, ...]:
-    apart = _moved(weights, (0.0,) * len(end), h, *slopes)
-    sizes = [
-        unit if i < len(end) // 2 else where(unit >= abs(value), unit, abs(value))
-        for i, (unit, value) in enumerate(zip(units, end, strict=True))
-    ]
-    return tuple(abs(part) / size for part, size in zip(apart, sizes, strict=True))
+        return end, slope, math.inf if sum(apart) != sum(apart) else max(apart)

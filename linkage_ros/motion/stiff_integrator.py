@@ -16,14 +16,12 @@ need a system of n equations. The last stage gives the difference from order 4.
 
 from __future__ import annotations
 
-import functools
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.trees import Constants
 from linkage_ros.formulas import ZERO, total
-from linkage_ros.motion.fixed_step_integrator import FixedSteps, Method, Values
+from linkage_ros.motion.driven_mechanism import jacobian, slope_at
+from linkage_ros.motion.fixed_step_integrator import FixedSteps, Method, Plant, errors, moved
 from linkage_ros.numeric import Real
 
 _GAMMA = 0.21193756319429014
@@ -33,6 +31,7 @@ _SIXTH = (
 )  # fmt: skip
 _METHOD = Method(
     (
+        (),
         (3.0,),
         (2.849394379747939, 0.45842242204463923),
         (-6.954028509809101, 2.489845061869568, -10.358996098473584),
@@ -42,7 +41,7 @@ _METHOD = Method(
         (*_SIXTH, 1.0, 1.0),
     ),
     (*_SIXTH, 1.0, 1.0, 1.0),
-    (*[ZERO] * 7, 1.0, ZERO),
+    (*[ZERO] * 7, 1.0),
 )
 _COUPLINGS = (
     (),
@@ -59,57 +58,48 @@ _COUPLINGS = (
 )  # fmt: skip
 
 
+def stiff_leap(
+    plant: Plant, values: tuple[Real, ...], h: Real, slope: tuple[Real, ...]
+) -> tuple[tuple[Real, ...], tuple[Real, ...], tuple[Real, ...]]:
+    """Makes one linearly implicit step; a formula, see `fixed_step_integrator.leap`."""
+    derivatives = jacobian(plant.accelerations, plant.units, values, slope)
+    results: list[tuple[Real, ...]] = []
+    for weights, couplings in zip(_METHOD.stages, _COUPLINGS, strict=True):
+        if results:
+            slope = slope_at(plant.accelerations, moved(weights, values, h, results))
+        right = [
+            value + total(map(operator.mul, couplings, others))
+            for value, *others in zip(slope, *results, strict=True)
+        ]
+        results.append(_solved(h * _GAMMA, derivatives, right))
+    end = moved(_METHOD.end, values, h, results)
+    apart = errors(_METHOD.error, plant.units, end, h, results)
+    return end, slope_at(plant.accelerations, end), apart
+
+
 class StiffSteps(FixedSteps):
     """Integrates a motion in equal steps that need not be shortened for strong damping."""
 
-    method = _METHOD
-
-    def _stages(self, h: float, slope: Values) -> list[float]:
-        phase, driven = self.phase, self.driven
-        jacobian = driven.jacobian(phase, slope)
-        first, *others = _solvers(len(phase))
-        slopes = [*first(h, *jacobian, *slope)]
-        for move, solve in zip(self._sums.moves, others, strict=True):
-            slope = driven.slope(move(*phase, h, *slopes))
-            slopes += solve(h, *jacobian, *slope, *slopes)
-        return slopes
-
-
-@functools.cache
-def _solvers(size: int) -> list[Callable[..., Values]]:
-    """The programs that solve the stages, for a number of values.
-
-    Each takes h, the derivatives of the accelerations, the slope of its stage and the results of
-    the previous stages, all flat.
-    """
-
-    def row(word: str, count: int = size) -> tuple[str, ...]:
-        return tuple(f'{word}{i}' for i in range(count))
-
-    given = 'h', row('derivative', size * size // 2), row('slope')
-    results = [row(f'k{i}_') for i in range(len(_COUPLINGS))]
-    programs = (
-        Program(_solved, Constants(row), (*given, *results[: len(row)])) for row in _COUPLINGS
-    )
-    return [program.scalar for program in programs]
+    _formula = staticmethod(stiff_leap)
 
 
 def _solved(
-    couplings: tuple[Real, ...],
-    h: Real,
-    derivatives: tuple[Real, ...],
-    slope: tuple[Real, ...],
-    *before: tuple[Real, ...],
+    part: Real, derivatives: Sequence[Sequence[Real]], right: Sequence[Real]
 ) -> tuple[Real, ...]:
-    """The result of one stage."""
-    right = [
-        value + total(map(operator.mul, couplings, others))
-        for value, *others in zip(slope, *before, strict=True)
-    ]
-    count, part = len(slope) // 2, h * _GAMMA
+    """The result of one stage.
+
+    Args:
+        part: gamma h, s.
+        derivatives: For each value, the derivatives of all accelerations.
+        right: Right-hand side of the equations, in the units of a slope.
+
+    Returns:
+        The result, in the same units.
+    """
+    count = len(derivatives) // 2
     by_place, by_rate = (
-        [[derivatives[(half * count + j) * count + i] for j in range(count)] for i in range(count)]
-        for half in range(2)
+        [list(row) for row in zip(*half, strict=True)]
+        for half in (derivatives[:count], derivatives[count:])
     )
     rows = [
         [float(i == j) - part * (by_rate[i][j] + part * by_place[i][j]) for j in range(count)]

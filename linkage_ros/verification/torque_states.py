@@ -16,8 +16,8 @@ import numpy.typing as npt
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.motion.coordinates import Coordinates
-from linkage_ros.motion.driven_mechanism import DrivenMechanism, turns_between
-from linkage_ros.motion.fixed_step_integrator import leap
+from linkage_ros.motion.driven_mechanism import DrivenMechanism, slope_at, turns_between
+from linkage_ros.motion.fixed_step_integrator import Plant, leap
 from linkage_ros.motion.integrators import live_method
 from linkage_ros.motion.published import own_coordinates
 from linkage_ros.motion.segments import TorqueSegment
@@ -186,17 +186,21 @@ class TorqueStates:
             return follows
         rows, units = self._rows(driven), np.array(driven.units)[:, None]
 
-        def slope(y: tuple[Array, ...]) -> tuple[Array, ...]:
+        def accelerations(*y: Array) -> tuple[Array, ...]:
             torque = self._motor.at(y[half]) + origin[-1, left]
-            return *y[half:], *driven.solver.accelerations(y[:half], y[half:], torque)
+            found: tuple[Array, ...] = driven.solver.accelerations(y[:half], y[half:], torque)
+            return found
+
+        plant = Plant(driven.units, accelerations)
 
         for steps in _LEAPS:
             left = np.flatnonzero(~follows)
             phase, near = tuple(origin[rows][:, left]), np.ones(len(left), bool)
             try:
                 with np.errstate(all='ignore'):  # if the steps are too long
+                    slope = slope_at(accelerations, phase)
                     for _ in range(steps):
-                        phase, errors = leap(slope, driven.units, phase, spans[left] / steps)
+                        phase, slope, errors = leap(plant, phase, spans[left] / steps, slope)
                         near &= np.max(errors, axis=0) <= _APART / 10
             except LinkageError:  # one of them fails; they are then checked one by one
                 break
