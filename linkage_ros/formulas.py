@@ -98,6 +98,11 @@ def atan2(y: Real, x: Real) -> Real:
     return _apply('atan2', math.atan2, np.arctan2, y, x)
 
 
+def rint(value: Real) -> Real:
+    """The nearest whole number; of two, the even one."""
+    return _apply('rint', round, np.rint, value)
+
+
 def is_finite(*values: Real) -> Any:
     """The condition that the sum of some values, and so each of them, is finite.
 

@@ -32,7 +32,11 @@ _INFIX = {
     **{sign: f'{{}} {sign} {{}}' for sign in OPERATORS.values()},
     'neg': '-{}', 'where': '{1} if {0} else {2}',
 }  # fmt: skip
-_FUNCTIONS = {'sin': np.sin, 'cos': np.cos, 'sqrt': np.sqrt, 'atan2': np.arctan2}
+_FUNCTIONS: dict[str, tuple[Callable[..., float], Callable[..., Real]]] = {
+    'sin': (math.sin, np.sin), 'cos': (math.cos, np.cos), 'atan2': (math.atan2, np.arctan2),
+    'sqrt': (math.sqrt, np.sqrt), 'rint': (round, np.rint),
+}  # fmt: skip
+_EXACT = 'sqrt', 'rint'  # functions whose results NumPy rounds correctly, as Python does
 _RESERVED = {*_FUNCTIONS, 'abs', 'bind', 'inf', 'new', 'refuse', 'locals'}
 _LONG = 200  # characters of a term that gets a line of its own
 _serial = itertools.count(1)
@@ -175,9 +179,9 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
         **writer.namespace, 'inf': math.inf, 'new': tuple.__new__, 'refuse': formulas.require,
         'array_abs': np.absolute, 'array_where': np.where,
     }  # fmt: skip
-    for name, function in _FUNCTIONS.items():
-        space[name] = getattr(math, name)
-        space[f'array_{name}'] = by_element(space[name]) if by_math else function
+    for name, (scalar, array) in _FUNCTIONS.items():
+        is_slow = by_math and name not in _EXACT
+        space |= {name: scalar, f'array_{name}': by_element(scalar) if is_slow else array}
     # In the program, texts stand for the numbers that depend on constants alone.
     numbers = '|'.join(writer.numbers()) or '$'
     quoted = re.sub(rf'\b({numbers})\b(?!\()', r"'\1'", program)

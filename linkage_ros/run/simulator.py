@@ -16,9 +16,13 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
+from linkage_ros.dynamics.trees import Constants
 from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.formulas import Vector
+from linkage_ros.model.structure import Link, Point
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
@@ -64,13 +68,13 @@ class Snapshot(NamedTuple):
     Attributes:
         state: State of the mechanism.
         stamp: ns.
-        numbers: The numbers in the messages, without stamps.
+        numbers: Numbers in the messages, without stamps.
         layout: Layout of the messages.
     """
 
     state: State
     stamp: int
-    numbers: list[float]
+    numbers: Sequence[float]
     layout: RowLayout
 
     def row(self, time: int) -> bytes:
@@ -113,8 +117,8 @@ class Simulator:
             DRIVING_TORQUE: float64(f'effort {self.joints[0]}'),
             MECHANISM_STATE: trajectory(self.joints, frame_id),
         }
-        self._has_coupler_point = 'C' in self.solver.structure.points
-        if self._has_coupler_point:
+        shown = [point for name, point in self.solver.structure.points.items() if name == 'C']
+        if shown:
             self._parts[COUPLER_POINT] = point(frame_id)
             self._sources += ['x', 'y']
         self._lead: int | None = None  # ns
@@ -123,6 +127,10 @@ class Simulator:
             self._parts[effort_commands(drive.effort_command_topic)] = float64_array('ahead')
             self._sources.append('ahead')
             self._lead = round(drive.lead_time * NS_PER_S)
+        letters = 'position', 'velocity', 'acceleration'
+        rows = (tuple(f'{word}_{name}' for name in self.solver.links) for word in letters)
+        constants = Constants((self._links, tuple(shown)))
+        self._numbers = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'))
         self.topics = tuple(self._parts)
         self.layout = self.layout_of(zip(itertools.count(1), self.topics))
         # The decimal value counts: ticks at 0.1 Hz are exactly 10 s apart.
@@ -223,7 +231,7 @@ class Simulator:
     def _snapshot(
         self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
     ) -> Snapshot:
-        state, numbers = self._numbers(coordinates, ahead)
+        state, numbers = self._solved(coordinates, ahead)
         return Snapshot(state, stamp, numbers, self.layout)
 
     def rows(
@@ -247,7 +255,7 @@ class Simulator:
         Returns:
             Records of their messages, bit-identical to those of the snapshots.
         """
-        _, numbers = self._numbers(coordinates, ahead, by_math=True)
+        _, numbers = self._solved(coordinates, ahead, by_math=True)
         nanoseconds = np.array(stamps)
         stamped = np.divmod(nanoseconds, NS_PER_S)
         logged = nanoseconds if times is None else times
@@ -258,18 +266,17 @@ class Simulator:
         lead = self._lead
         return None if lead is None else motion.at_all([stamp + lead for stamp in stamps])
 
-    def _numbers(
+    def _solved(
         self, coordinates: Coordinates, ahead: Coordinates | None, *, by_math: bool = False
-    ) -> tuple[State, list[Real]]:
-        """Solves a state; returns it and the numbers in its messages, without signed zeros."""
+    ) -> tuple[State, Sequence[Real]]:
+        """Solves a state; returns it and the numbers in its messages."""
         state = self._state(coordinates, by_math=by_math)
-        to_whole = np.rint if by_math else round
-        rows = joint_rows(self._links, state, coordinates.unwrapped, to_whole)
-        if self._has_coupler_point:
-            rows.append([*self.solver.point(state, 'C', by_math=by_math).position])
+        (*rows, torque), program = state, self._numbers
+        values = *itertools.chain(*rows), torque, coordinates.unwrapped
+        numbers = program.arrays(*values, by_math=True) if by_math else program.scalar(*values)
         if ahead is not None:
-            rows.append([self._state(ahead, by_math=by_math).torque])
-        return state, [number + 0.0 for row in rows for number in row]
+            numbers = *numbers, self._state(ahead, by_math=by_math).torque + 0.0
+        return state, numbers
 
     def _state(self, coordinates: Coordinates, *, by_math: bool) -> State:
         q, u, a, _, state = coordinates
@@ -277,3 +284,20 @@ class Simulator:
             return state
         row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
         return self.solver.state(*row, by_math=by_math)
+
+
+def _numbers(
+    constants: tuple[Sequence[Link], Sequence[Point]],
+    position: tuple[Real, ...],
+    velocity: tuple[Real, ...],
+    acceleration: tuple[Real, ...],
+    torque: Real,
+    unwrapped: Real,
+) -> tuple[Real, ...]:
+    """The numbers in the messages of a state, without negative zeros; a formula."""
+    links, points = constants
+    state = State(position, velocity, acceleration, torque)
+    rows = joint_rows(links, state, unwrapped)
+    directions = [Vector.at(angle) for angle in position]
+    rows += [[*point.follow(directions, velocity, acceleration)[0]] for point in points]
+    return tuple(number + 0.0 for row in rows for number in row)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.dynamics.state import State
-from linkage_ros.formulas import where
+from linkage_ros.formulas import rint, where
 from linkage_ros.model.structure import Link
 from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import NS_PER_S
@@ -34,15 +34,13 @@ def joint_rows(
     links: Sequence[Link],
     state: State,
     unwrapped: Real,
-    to_whole: Callable[[Real], Real] = round,
 ) -> list[list[Real]]:
-    """Converts a state to the joints of the URDF's open tree, as in messages.
+    """Converts a state to the joints of the URDF's open tree, as in messages; a formula.
 
     Args:
         links: The tree; its first joint is the crank's.
-        state: The state, of floats or of arrays.
+        state: The state.
         unwrapped: The whole angle of the crank, rad.
-        to_whole: Rounds to the nearest whole number, such as `np.rint`.
 
     Returns:
         Positions, rad or m: the crank's unwrapped, other angles in (-pi, pi] from the link before;
@@ -53,7 +51,7 @@ def joint_rows(
         if link.parent is not None:
             for row in rows:
                 row[i] = row[i] - row[link.parent]  # an array stays as it is
-            position[i] = wrap(position[i], to_whole)
+            position[i] = wrap(position[i], rint)
         if not link.slides:
             position[i] = where(position[i] <= -math.pi, math.pi, position[i])
     position[0] = unwrapped
