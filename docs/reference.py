@@ -113,9 +113,8 @@ def _topics() -> str:
     for topic in (*TOPICS, *commands, JOINT_COMMANDS, SIMULATED_CLOCK):
         direction = ' (subscribed)' if topic in (JOINT_COMMANDS, SIMULATED_CLOCK) else ''
         latched = '; transient local' * topic.latched
-        live = '; published while there is a subscriber, always logged' * topic.on_demand
         kind = topic.interface.name.replace('/msg/', '/')
-        rows.append((f'`{topic.name}`{direction}', kind, topic.meaning + latched + live))
+        rows.append((f'`{topic.name}`{direction}', kind, topic.meaning + latched))
     return _table('topic, type, content', rows)
 
 

@@ -27,6 +27,7 @@ from linkage_ros.ros.process import reported_as_configuration, run_program
 from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.topics import (
     PolledSubscription,
+    StatePublisher,
     create_publisher,
     read_clock,
     require_distinct,
@@ -53,7 +54,8 @@ _NAME = 'linkage_node'
 class LinkageNode(ParameterNode):
     """Publishes the states of one mechanism at its rate.
 
-    Publishes: the topics of the simulator, robot_description and, once a second, /diagnostics.
+    Publishes: the topics of the simulator, while they have subscribers; robot_description; and,
+    once a second, /diagnostics.
     Subscribes: /clock, with use_sim_time; commands or measurements, as its drive needs them.
     Parameters: those of the configuration; rpm or motor.torque may be set at any time.
     """
@@ -76,14 +78,9 @@ class LinkageNode(ParameterNode):
             self._ahead = CrankTrajectory(simulator, self._drive)
             others.append(self._ahead.topic)
         with reported_as_configuration():  # a topic name may be invalid
-            topics = [*simulator.topics, *others]
-            require_distinct(self, [*heard, *topics])
-            self._output_publishers = {
-                topic.name: create_publisher(self, topic) for topic in topics
-            }
-        self._state_publishers = [
-            self._output_publishers[topic.name] for topic in simulator.topics
-        ]
+            require_distinct(self, [*heard, *simulator.topics, *others])
+            self._states = [StatePublisher(self, topic) for topic in simulator.topics]
+            self._others = {topic.name: create_publisher(self, topic) for topic in others}
         self._view, self._log = self._open_outputs([*others, *heard])
         self._inputs = [
             (PolledSubscription(self, topic, source.read, self._log.write), source)
@@ -93,7 +90,7 @@ class LinkageNode(ParameterNode):
         name = self.get_fully_qualified_name().lstrip('/')
         self._monitor = HealthMonitor(name, is_torque_driven=isinstance(self._drive, TorqueDrive))
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
-        wait_for_subscribers(self._state_publishers)
+        wait_for_subscribers([state.publisher for state in self._states])
         freeze_heap()
         # Simulated time may stop, so the reports use real time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -196,18 +193,16 @@ class LinkageNode(ParameterNode):
         self._state = snapshot.state
         row = snapshot.row(time.time_ns())
         messages = snapshot.layout.messages(row)
-        for topic, publisher, message in zip(
-            self._simulator.topics, self._state_publishers, messages, strict=True
-        ):
-            if not topic.on_demand or publisher.get_subscription_count():
-                publisher.publish(message)
+        for state, message in zip(self._states, messages, strict=True):
+            if state.is_heard:
+                state.publisher.publish(message)
         self._log.offer(row)
         if self._view is not None:
             self._view.offer((0, messages[0]))
 
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes and logs a message outside the ticks."""
-        self._output_publishers[topic.name].publish(message)
+        self._others[topic.name].publish(message)
         self._log.write(time.time_ns(), topic, message)
 
     def set_live(self, name: str, value: float) -> None:
@@ -216,6 +211,8 @@ class LinkageNode(ParameterNode):
 
     def _report(self) -> None:
         """Publishes the diagnostics, and logs new problems since the last report."""
+        for state in self._states:
+            state.count()
         is_waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
         troubles, figures = ['waiting for /clock'] * is_waiting, self._figures()
         for subscription, source in self._inputs:

@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -36,12 +37,13 @@ def message_class(name: str) -> Any:
     return getattr(import_module(f'{package}.msg'), kind)
 
 
-def create_publisher(node: Node, topic: Topic) -> Publisher:
+def create_publisher(node: Node, topic: Topic, **options: Any) -> Publisher:
     """Creates a publisher with the topic's quality of service; it takes CDR bytes.
 
     Args:
         node: The node.
         topic: Name, type and quality of service.
+        options: Options of `rclpy.node.Node.create_publisher`.
 
     Returns:
         The publisher.
@@ -50,7 +52,27 @@ def create_publisher(node: Node, topic: Topic) -> Publisher:
     qos = QoSProfile(
         depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability
     )
-    return node.create_publisher(message_class(topic.interface.name), topic.name, qos)
+    return node.create_publisher(message_class(topic.interface.name), topic.name, qos, **options)
+
+
+class StatePublisher:
+    """Publishes a topic while it has subscribers.
+
+    To count them at every tick would take as long as to publish.
+
+    Attributes:
+        publisher: It takes CDR bytes.
+        is_heard: Whether there were subscribers when they were last counted.
+    """
+
+    def __init__(self, node: Node, topic: Topic) -> None:
+        events = PublisherEventCallbacks(matched=self.count)  # a subscriber came or went
+        self.publisher = create_publisher(node, topic, event_callbacks=events)
+        self.is_heard = True
+
+    def count(self, *_: object) -> None:
+        """Counts the subscribers."""
+        self.is_heard = self.publisher.get_subscription_count() > 0
 
 
 def require_distinct(node: Node, topics: Iterable[Topic]) -> None:

@@ -115,7 +115,6 @@ class Topic(NamedTuple):
         interface: Its message type.
         latched: Whether late subscribers get the last message (transient local durability).
         depth: Messages kept for a reader that lags.
-        on_demand: Whether it is published only while it has subscribers; logs always have it.
         meaning: Contents of a message, one line for docs/reference.md.
     """
 
@@ -123,7 +122,6 @@ class Topic(NamedTuple):
     interface: Interface
     latched: bool = False
     depth: int = 10
-    on_demand: bool = False
     meaning: str = ''
 
 
@@ -138,7 +136,6 @@ DRIVING_TORQUE = Topic(
 MECHANISM_STATE = Topic(
     'mechanism_state',
     JOINT_TRAJECTORY,
-    on_demand=True,
     meaning='the same joints with accelerations, as one point',
 )
 COUPLER_POINT = Topic(
