@@ -155,6 +155,7 @@ class FixedSteps:
         time: Time reached, s.
         phase: Coordinates, then their rates, at that time; the crank within two turns of 0.
         pairs: Pairs of whole turns removed from the crank angle.
+        tried: Number of trial steps so far.
     """
 
     _formula = staticmethod(leap)
@@ -182,7 +183,7 @@ class FixedSteps:
         Raises:
             LinkageError: The motion cannot start; see `Solver.accelerations`.
         """
-        self.time = time
+        self.time, self.tried = time, 0
         self.phase, self.pairs = driven.wound(phase)
         self._longest, self._tolerance = longest, tolerance
         self._most_trials = self._trials = trials
@@ -229,6 +230,7 @@ class FixedSteps:
     def _step(self, h: float, halvings: int) -> None:
         cause = None
         self._trials -= 1
+        self.tried += 1
         try:
             end, slope, error = self._try(h)
         except LinkageError as refusal:

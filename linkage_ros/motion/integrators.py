@@ -20,17 +20,19 @@ SciPy's Radau at 1e-12 one of 2e-5 N m at the same cost, its LSODA 2e-6 N m at a
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
+from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Steps, Values
 from linkage_ros.motion.stiff_integrator import StiffSteps
 
-# Rates, 1/s: of settling, above which implicit steps cost less than explicit ones; of swinging,
-# above which both need more than a core.
-_STIFF, _TOO_FAST = 2e3, 1e4
+_STIFF = 2e3  # rate of settling, 1/s, above which implicit steps cost less than explicit ones
+_MOST_STEPS, _TRIED = 25, 0.1  # steps in each ms, of 12 to 30 us; s of the motion to try
+_MS_OF_END = 4  # the end of a motion may take 100 steps
 _RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # tolerance of implicit steps
 _RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # of explicit ones
 
@@ -57,23 +59,28 @@ def live_method(driven: DrivenMechanism) -> type[FixedSteps]:
     return StiffSteps if driven.rates[0] > _STIFF else FixedSteps
 
 
-def require_live(driven: DrivenMechanism, period: float) -> None:
-    """Refuses a mechanism whose natural frequency is too high for a live run.
+def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> None:
+    """Refuses a motion that takes too many steps for a live run.
 
     Args:
         driven: The mechanism under its torque.
+        begin: Coordinates at t = 0.
         period: Period of the ticks, s.
 
     Raises:
-        ConfigurationError: The springs swing too fast.
+        ConfigurationError: Its first 0.1 s take too many steps.
     """
-    swinging = driven.rates[1]
-    if swinging > _TOO_FAST:
+    steps = live_method(driven)(driven, (*begin.q, *begin.u))
+    with suppress(LinkageError):  # the run itself reports it
+        steps.advance(_TRIED)
+    tried = steps.tried / (1e3 * steps.time + _MS_OF_END)
+    if tried > _MOST_STEPS:
+        fastest = max(driven.rates[1], abs(steps.driven.speed(steps.phase)))
         raise ConfigurationError(
-            f'the linkage swings on its spring in a time constant of {1e3 / swinging:.3g} ms, '
-            f'with ticks of {1e3 * period:.3g} ms: a live run follows {1e3 / _TOO_FAST:g} ms and '
-            f'more; divide {driven.solver.links[-1]}.stiffness, or the slope of the load, by '
-            f'{(swinging / _TOO_FAST) ** 2:.2g}, or add mass'
+            f'a live run cannot follow this motion: it takes {tried:.0f} steps in each ms, where '
+            f'{_MOST_STEPS} fit; a swing, or a radian of the crank, takes {1e3 / fastest:.3g} ms, '
+            f'and a tick {1e3 * period:.3g} ms: lower a stiffness, the slope of a load or the '
+            'speed, or add mass; linkage_record follows it'
         )
 
 

@@ -30,7 +30,7 @@ from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.motion.follow import ahead as later
 from linkage_ros.motion.integrators import live_steps, require_live
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.motion.torque_driven import Motion, TorqueMotion
+from linkage_ros.motion.torque_driven import Motion, TorqueMotion, start
 from linkage_ros.numeric import Real
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.drives import FeedForward
@@ -159,7 +159,7 @@ class Simulator:
         )
 
     def prepare_live(self) -> None:
-        """Refuses a configuration that is too stiff for a live run; else compiles the programs.
+        """Compiles the programs; refuses a motion that a live run cannot follow.
 
         Raises:
             ConfigurationError: As `integrators.require_live`.
@@ -167,7 +167,8 @@ class Simulator:
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
             driven = DrivenMechanism(self.solver, drive.motor.at)
-            require_live(driven, self.elapsed(1) / NS_PER_S)
+            begin = start(self.configuration.mechanism, drive)
+            require_live(driven, begin, self.elapsed(1) / NS_PER_S)
             with suppress(LinkageError):  # the run itself reports it
                 motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
                 self.snapshot_at(motion, NS_PER_MS)
