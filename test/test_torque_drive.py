@@ -437,7 +437,7 @@ def test_a_record_with_a_torque_that_no_motor_gives_is_found(tmp_path):
     other = changed(drive={'motor': replace(PUMP.drive.motor, torque=8.5)})
     forge(tmp_path / 'b.mcap', PUMP, other)
     with LogReader(tmp_path / 'b.mcap') as log:
-        assert 'the torque is 6.1 N m, the motor gives 6' in verify(log).difference
+        assert 'effort[crank] = 6.1 logged, 6.0 recomputed' in verify(log).difference
 
 
 def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
