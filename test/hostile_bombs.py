@@ -5,7 +5,6 @@
 import struct
 import zlib
 
-import lz4.frame
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import (
@@ -64,12 +63,6 @@ def zeros(count, told=None):
     head = b'\x00\x50' if told is None else b'\xc0\x50' + struct.pack('<Q', told)
     block = struct.pack('<I', 1 << 1 | 1 << 20)[:3] + b'\0'  # of one byte 128 KiB times
     return b'\x28\xb5\x2f\xfd' + head + block * (8 * count) + b'\x01\0\0'
-
-
-def lz4_zeros(count):
-    """An lz4 frame that unpacks to MiB of zeros."""
-    packer, part = lz4.frame.LZ4FrameCompressor(), bytes(1 << 20)
-    return packer.begin() + b''.join(packer.compress(part) for _ in range(count)) + packer.flush()
 
 
 def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), again=0, channels=1):
@@ -152,8 +145,6 @@ def bombs():
     return (
         *(lambda told=told, size=size: whole(chunk(b'zstd', zeros(4096, told), size))
           for told in (None, 2**32) for size in (0, 2**32)),
-        *(lambda size=size: whole(chunk(b'lz4', lz4_zeros(256), size))
-          for size in (0, 1 << 28)),
         lambda: whole(chunk(b'zstd', zeros(16), 1 << 24)),
         lambda: whole(tight(message * 30_000)),
         lambda: whole(tight(message * 100_000), indexed=1000),

@@ -138,14 +138,14 @@ for number, bomb in enumerate(hostile.yaml_bombs()):
 print('all')
 """
 UNLIMITED = """
-path.write_bytes(hostile_bombs.bombs()[int(sys.argv[2])]())
+path.write_bytes(hostile_bombs.bombs()[2]())
 with path.open('rb') as stream:
     print(len(list(make_reader(stream).iter_messages())))
 """
 
 
-def limited(program, tmp_path, *words):
-    words = [sys.executable, '-c', LIMITED + program, str(ROOT / 'test'), *map(str, words)]
+def limited(program, tmp_path):
+    words = [sys.executable, '-c', LIMITED + program, str(ROOT / 'test')]
     return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
 
 
@@ -154,8 +154,7 @@ def test_bombs_take_neither_long_nor_half_a_gigabyte(tmp_path):
     assert done.stdout == 'all\n', done.stderr
 
 
-@pytest.mark.parametrize('number', [2, 4], ids=['zstd', 'lz4'])
-def test_they_are_bombs_to_the_mcap_library(tmp_path, number):
-    done = limited(UNLIMITED, tmp_path, number)
+def test_they_are_bombs_to_the_mcap_library(tmp_path):
+    done = limited(UNLIMITED, tmp_path)
     assert done.returncode
     assert 'MemoryError' in done.stderr or 'resize buffer' in done.stderr, done.stderr

@@ -294,9 +294,8 @@ FORGED = {
     ),
     'short chunk': (whole(chunk(b'', INNER, len(INNER) + 1)), 'size or checksum'),
     'large chunk': (whole(chunk(b'', INNER, LARGEST + 1)), 'at most 16777216'),
-    'lz4': (whole(chunk(b'lz4', hostile_bombs.lz4_zeros(1), 1 << 19)), 'size or checksum'),
     'zstd': (whole(chunk(b'zstd', hostile_bombs.zeros(1, 1 << 20), 1 << 19)), 'size of a chunk'),
-    'bzip': (whole(chunk(b'bzip', INNER, len(INNER))), 'unknown compression'),
+    'lz4': (whole(chunk(b'lz4', INNER, len(INNER))), "compressed by 'lz4': only zstd"),
     **{str(fields)[:40]: (moved(fields), 'damaged') for fields in FIELDS},
 }
 

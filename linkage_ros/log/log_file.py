@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file of a log, which may run out of space, or be removed, renamed or truncated."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress

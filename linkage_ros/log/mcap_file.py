@@ -6,8 +6,6 @@ The mcap library trusts the lengths in a file and unpacks any chunk. Here the si
 limited, and the library parses it within these bounds. Damage may raise any exception.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import struct
@@ -18,12 +16,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import lz4.frame
 import zstandard
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import LogError
@@ -34,6 +30,7 @@ LARGEST = 1 << 24
 HEAD = struct.Struct('<BQ')  # opcode and length of a record
 # Opcode and length of the footer, starts of the summary and of its offsets, checksum, magic.
 _FOOTER = struct.Struct('<BQQQI8s')
+_UNCHECKED = 12  # bytes at the end that the footer's checksum does not cover
 MAGIC_SIZE = len(MCAP0_MAGIC)
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: records.Header,
@@ -42,6 +39,11 @@ _KINDS: dict[int, Any] = {
     Opcode.CHUNK: records.Chunk,
     Opcode.ATTACHMENT: records.Attachment,
     Opcode.METADATA: records.Metadata,
+    Opcode.STATISTICS: records.Statistics,
+    Opcode.CHUNK_INDEX: records.ChunkIndex,
+    Opcode.METADATA_INDEX: records.MetadataIndex,
+    Opcode.ATTACHMENT_INDEX: records.AttachmentIndex,
+    Opcode.SUMMARY_OFFSET: records.SummaryOffset,
 }
 # The records in a chunk, and their smallest lengths.
 _IN_CHUNKS = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 0, Opcode.CHANNEL: 0}
@@ -135,21 +137,32 @@ class McapFile:
             LogError: The record is too large.
             ValueError: There is no record; other exceptions are possible too.
         """
-        opcode, length = HEAD.unpack(self._read(at, HEAD.size))
-        _check_size(length)
-        body, content = self._read(at + HEAD.size, length), None
-        sizes = {Opcode.DATA_END: 4, Opcode.MESSAGE_INDEX: 6 + int.from_bytes(body[2:6], 'little')}
-        if len(body) != length:
-            raise ValueError('a record is longer than the file')
+        opcode, body, end = self._record(at)
+        entries, content = int.from_bytes(body[2:6], 'little'), None
+        sizes: dict[int, int] = {Opcode.DATA_END: 4, Opcode.MESSAGE_INDEX: 6 + entries}
         if opcode == Opcode.CHUNK:
             content = unpack(parsed(opcode, body))
             self.spend(len(content))
         elif opcode in _KINDS:
-            self.spend(length * _PARSING_COST)
+            self.spend(len(body) * _PARSING_COST)
             content = parsed(opcode, body)
-        elif length != sizes[opcode]:
+        elif len(body) != sizes[opcode]:
             raise ValueError('the length of a record is wrong')
-        return opcode, content, at + HEAD.size + length
+        return opcode, content, end
+
+    def _record(self, at: int) -> tuple[int, bytes, int]:
+        """The opcode, the body and the end of the record at a place.
+
+        Raises:
+            LogError: The record is too large.
+            ValueError: The file ends before.
+        """
+        opcode, length = HEAD.unpack(self._read(at, HEAD.size))
+        _check_size(length)
+        body = self._read(at + HEAD.size, length)
+        if len(body) != length:
+            raise ValueError('a record is longer than the file')
+        return opcode, body, at + HEAD.size + length
 
     def chunks(self) -> Iterator[bytes]:
         """Reads the chunks of an undamaged file.
@@ -213,17 +226,17 @@ class McapFile:
         Raises:
             ValueError: The section is damaged; other exceptions are possible too.
         """
-        footer = self._read(self.size - _FOOTER.size, _FOOTER.size)
-        opcode, _, start, _, checksum, magic = _FOOTER.unpack(footer)
-        if magic != MCAP0_MAGIC or not start:
+        end = self.size - _FOOTER.size
+        opcode, _, at, _, checksum, magic = _FOOTER.unpack(self._read(end, _FOOTER.size))
+        if magic != MCAP0_MAGIC or not at:
             return None
-        section = self._read(start, self.size - start)
-        if opcode != Opcode.FOOTER or checksum not in {0, zlib.crc32(section[:-12])}:
+        checked = self._read(at, self.size - at - _UNCHECKED)
+        if opcode != Opcode.FOOTER or checksum not in {0, zlib.crc32(checked)}:
             raise ValueError('its footer is damaged')
         found = defaultdict[type, list[Any]](list)
-        reader = StreamReader(BytesIO(section), skip_magic=True, emit_chunks=True)
-        for record in reader.records:
-            found[type(record)].append(record)
+        while at < end:
+            opcode, body, at = self._record(at)
+            found[_KINDS[opcode]].append(parsed(opcode, body))
         return found
 
 
@@ -252,7 +265,7 @@ def unpack(chunk: records.Chunk) -> bytes:
         The records.
 
     Raises:
-        LogError: They are too large.
+        LogError: They are too large, or not compressed by zstd.
         ValueError: Their size or checksum is wrong.
     """
     size, data = chunk.uncompressed_size, chunk.data
@@ -262,10 +275,11 @@ def unpack(chunk: records.Chunk) -> bytes:
         if zstandard.frame_content_size(data) not in {-1, size}:
             raise ValueError('the size of a chunk is wrong')
         data = zstandard.decompress(data, size)
-    elif chunk.compression == 'lz4':
-        data = lz4.frame.LZ4FrameDecompressor().decompress(data, size + 1)
     elif chunk.compression:
-        raise ValueError(f'unknown compression {chunk.compression!r:.40}')
+        raise LogError(
+            f'it is compressed by {chunk.compression!r:.40}: only zstd is read; "mcap compress" '
+            'writes it anew'
+        )
     if len(data) != size or chunk.uncompressed_crc not in {0, zlib.crc32(data)}:
         raise ValueError('the size or checksum of a chunk is wrong')
     return data

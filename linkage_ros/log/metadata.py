@@ -6,8 +6,6 @@ MCAP has no checksums of metadata, so each record has its own: a flipped bit mus
 setting unnoticed.
 """
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections.abc import Callable, Mapping
@@ -19,6 +17,7 @@ from linkage_ros.errors import LogError
 from linkage_ros.model.structure import Description
 from linkage_ros.motion.segments import Segment, SpeedSegment, TorqueSegment
 from linkage_ros.parameters.configuration import Configuration, from_strings, to_strings
+from linkage_ros.units import TIME_END
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
@@ -27,13 +26,10 @@ END_RECORD = 'linkage_ros/end'  # its field `messages`: the number of logged mes
 _CHECKSUM = 'crc32'
 
 
-def _checksum(fields: Mapping[str, str]) -> str:
-    return f'{zlib.crc32(json.dumps(sorted(fields.items())).encode()):08x}'
-
-
 def seal(fields: dict[str, str]) -> dict[str, str]:
     """Adds a checksum to the fields of a record."""
-    return {**fields, _CHECKSUM: _checksum(fields)}
+    checksum = zlib.crc32(json.dumps(sorted(fields.items())).encode())
+    return {**fields, _CHECKSUM: f'{checksum:08x}'}
 
 
 def unseal(record: Mapping[str, str]) -> dict[str, str]:
@@ -48,8 +44,8 @@ def unseal(record: Mapping[str, str]) -> dict[str, str]:
     Raises:
         LogError: The checksum is wrong.
     """
-    fields = dict(record)
-    if fields.pop(_CHECKSUM, '') != _checksum(fields):
+    fields = {name: text for name, text in record.items() if name != _CHECKSUM}
+    if record != seal(fields):
         raise LogError('a record of linkage_ros is damaged: its checksum is wrong')
     return fields
 
@@ -77,17 +73,6 @@ def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]
     return version, from_strings(settings)
 
 
-def _number(parse: Callable[[str], Any], largest: float) -> Callable[[str], Any]:
-    """A parser that refuses numbers above a size, and those that are not finite."""
-
-    def bounded(text: str) -> Any:
-        if not abs(number := parse(text)) <= largest:
-            raise ValueError(f'{text} is more than {largest:g}')
-        return number
-
-    return bounded
-
-
 def _fraction(text: str) -> Fraction:
     """Parses a fraction from its text; Fraction itself would expand 1e999999999."""
     return Fraction(*map(int, text.split('/')))
@@ -99,12 +84,12 @@ def _description(text: str) -> Description:
     return Description(tuple(coordinates), assembly)
 
 
-_time, _finite, _exact = _number(int, 2**63 - 1), _number(float, 1e30), _number(_fraction, 1e30)
 _NAMES = {'old_stamp': 'before'}  # fields of segments with a different name in records
-_READERS = {
-    'stamp': _time, 'phase': _exact, 'speed': _exact, 'rpm': _finite, 'acceleration': _finite,
-    'torque': _finite, 'old_stamp': _time, 'description': _description,
+_PARSERS: dict[str, Callable[[str], Any]] = {
+    'stamp': int, 'phase': _fraction, 'speed': _fraction, 'rpm': float, 'acceleration': float,
+    'torque': float, 'old_stamp': int, 'description': _description,
 }  # fmt: skip
+_LARGEST = {int: TIME_END - 1, float: 1e30, Fraction: 1e30}
 
 
 def encode_motion(segment: Segment) -> dict[str, str]:
@@ -124,9 +109,14 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
 
     Raises:
         LogError: The record is damaged.
-        Exception: It has other fields, or impossible values.
+        ValueError: A value is impossible; with other fields, other exceptions are possible too.
     """
     fields = unseal(record)
     kind = TorqueSegment if 'torque' in fields else SpeedSegment
-    given = {n: fields[key] for n in _READERS if (key := _NAMES.get(n, n)) in fields}
-    return kind(**{name: _READERS[name](text) for name, text in given.items()})
+    names = {name: _NAMES.get(name, name) for name in _PARSERS}
+    given = {n: _PARSERS[n](fields[key]) for n, key in names.items() if key in fields}
+    for name, value in given.items():
+        largest = _LARGEST.get(type(value))
+        if largest and not abs(value) <= largest:
+            raise ValueError(f'{name} = {fields[names[name]]}: must be at most {largest:g}')
+    return kind(**given)

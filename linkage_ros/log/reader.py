@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads the MCAP logs of this package; describes other files in one line."""
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Callable, Container, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
@@ -69,9 +67,6 @@ class LoggedTopic(NamedTuple):
     messages: int
     latched: bool
     layout: tuple[str, str, str]
-
-
-Pairing: TypeAlias = tuple[LoggedTopic, Topic]  # a channel of a log, and the machine's topic in it
 
 
 class LogReader(AbstractContextManager['LogReader']):
@@ -286,7 +281,7 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
     )
 
 
-def paired(log: LogReader, topics: Iterable[Topic]) -> list[Pairing]:
+def paired(log: LogReader, topics: Iterable[Topic]) -> list[tuple[LoggedTopic, Topic]]:
     """Finds the channels of a log that carry given topics, whatever their names.
 
     If several channels have the same type, those with an unchanged name are matched first, then

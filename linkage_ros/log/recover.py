@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recovers the readable part of a truncated or damaged log."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
@@ -67,17 +65,16 @@ def recover(
     with open_mcap(Path(source)) as stream:
         if is_same_file(str(source), str(target)):
             raise LogError(f'{target} is the broken log itself: choose another name')
-        copy = None
-        try:
-            with LogWriter(target, None, overwrite=overwrite) as new:
-                try:
-                    copy = _Copy(McapFile(stream), new)
-                    return copy.run(progress)
-                except LogError as error:
-                    raise LogError(f'{source} cannot be recovered: {error}') from error
-        finally:
-            if copy and not copy.is_configured:  # no command could read it
-                Path(target).unlink(missing_ok=True)
+        with LogWriter(target, None, overwrite=overwrite) as new:
+            copy = _Copy(McapFile(stream), new)
+            try:
+                return copy.run(progress)
+            except LogError as error:
+                raise LogError(f'{source} cannot be recovered: {error}') from error
+            finally:
+                if not copy.is_configured:  # no command could read it
+                    new.file.close()
+                    Path(target).unlink(missing_ok=True)
 
 
 class _Copy:

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes the MCAP log: a bag that ROS tools open directly, with all data to verify it."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from itertools import groupby
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -31,9 +29,6 @@ from linkage_ros.motion.segments import Segment
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.wire.rows import RowLayout, message_record
 from linkage_ros.wire.topics import Topic
-
-# A row, the arguments of `LogWriter.write`, or a segment of motion.
-LogItem: TypeAlias = bytes | tuple[int, int, bytes] | Segment
 
 CHUNK_SIZE = 1 << 20
 _INDEX_HEAD = struct.Struct('<BQHI')  # opcode and length of the record, channel, bytes of entries
@@ -213,7 +208,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends items, and flushes them.
 
         Args:
-            items: Each is a `LogItem`.
+            items: Each is a row, the arguments of `write`, or a segment of motion.
         """
         # Adjacent rows are written together, which takes far less time.
         for is_rows, group in groupby(items, lambda item: isinstance(item, bytes)):
