@@ -80,7 +80,7 @@ def play(path, words=()):
         replay._check(options, log)
         piece = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
         codec = JointStateCodec(Simulator(log.configuration).joints)
-        shown = {name for name, _ in paired(log, [JOINT_STATES])}
+        shown = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
         with feed(log, piece, loop=False) as items:
             for item in items:
                 assert 0 <= item.time < 2**31 * 10**9  # what /clock can tell

@@ -281,7 +281,7 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
     )
 
 
-def paired(log: LogReader, topics: Iterable[Topic]) -> list[tuple[LoggedTopic, Topic]]:
+def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
     """Finds the channels of a log that carry given topics, whatever their names.
 
     If several channels have the same type, those with an unchanged name are matched first, then
@@ -294,15 +294,15 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> list[tuple[LoggedTopic, T
     Returns:
         A channel for each topic found.
     """
-    measured, pairs = measured_channel(log), []
+    measured, found = measured_channel(log), dict[Topic, LoggedTopic]()
     free = [channel for channel in log.topics if channel != measured]
     for topic in topics:
         fitting = [channel for channel in free if channel.type == topic.interface.name]
         fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
         if fitting:
+            found[topic] = fitting[0]
             free.remove(fitting[0])
-            pairs.append((fitting[0], topic))
-    return pairs
+    return found
 
 
 def measured_channel(log: LogReader) -> LoggedTopic | None:

@@ -52,7 +52,8 @@ def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[
             # In a loop, each round follows the one before.
             worker.offer((item.time - item.message.time, item.message.data))
 
-    topics = {channel.name for channel, _ in paired(log, [JOINT_STATES])}  # and not of commands
+    # The commands have the same type.
+    topics = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
     view = View(log.configuration, target)
     if view.trouble:
         raise ViewerError(f'no viewer answers at {target}: start one there first, with `rerun`')

@@ -8,17 +8,20 @@ A step of the clock begins a segment, but does not change the count of ticks.
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import accumulate, takewhile
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.log.reader import LoggedMessage, LoggedTopic
-from linkage_ros.motion.coordinates import Coordinates
+from linkage_ros.log.reader import LoggedMessage, LogReader, measured_channel
+from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.segments import Segment, SpeedSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.inputs import MeasuredCrank
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import TIME_END
+from linkage_ros.wire.rows import RowLayout
+from linkage_ros.wire.topics import DIAGNOSTICS
 
 
 def _moment(segment: Segment) -> int:
@@ -54,25 +57,30 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
 
 
 class Timeline:
-    """The segments of a log, in the order of writing.
+    """The states of a speed-driven log, and its segments of motion in the order of writing.
 
     Attributes:
         missed: Number of ticks so far without a state.
+        is_record: Whether it is a record, in which every tick has a state.
     """
 
-    def __init__(self, simulator: Simulator, motions: tuple[Segment, ...], recorded: bool) -> None:
+    def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
         """Starts with the first segment.
 
         Args:
-            simulator: Determines the ticks.
-            motions: All segments, in order; at least one.
-            recorded: Whether every tick has a state.
+            simulator: Simulator of the configuration.
+            log: The log; it has a segment.
+            layout: Layout of its rows.
         """
         self.missed, self._tick, self._number = 0, -1, 0
-        self._simulator, self._motions, self._recorded = simulator, motions, recorded
-        steps = accumulate(motion.stamp - _moment(motion) for motion in motions)
-        self._anchors = [motions[0].stamp + step for step in steps]  # stamps of tick 0
-        self._ends = [*map(_moment, motions[1:]), TIME_END]
+        self._simulator, self._layout = simulator, layout
+        self._motions: tuple[Any, ...] = log.motions
+        # A run on simulated time may also start at 0, but only a record has no diagnostics.
+        is_live = any(channel.type == DIAGNOSTICS.interface.name for channel in log.topics)
+        self.is_record = not is_live and log.motions[0].stamp == 0
+        steps = accumulate(motion.stamp - _moment(motion) for motion in log.motions)
+        self._anchors = [log.motions[0].stamp + step for step in steps]  # stamps of tick 0
+        self._ends = [*map(_moment, log.motions[1:]), TIME_END]
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
         """The segments that may contain the next stamps, the likeliest first.
@@ -94,47 +102,72 @@ class Timeline:
             steps = np.diff(ticks, prepend=self._tick)
             fits = (start <= stamps) & (stamps < end)
             fits &= self._simulator.elapsed(ticks) == elapsed
-            fits &= steps == 1 if self._recorded else steps > 0
+            fits &= steps == 1 if self.is_record else steps > 0
             if count := len(fits) if fits.all() else int(fits.argmin()):
                 yield number, ticks[:count].tolist()
 
-    def take(self, number: int, ticks: list[int]) -> None:
-        """Advances past states at the given ticks of a segment."""
+    def coordinates(
+        self, number: int, stamps: list[int], rows: bytes  # noqa: ARG002, others read them
+    ) -> tuple[Coordinates, Coordinates | None]:  # fmt: skip
+        """Recomputes the coordinates of states.
+
+        Args:
+            number: Index of their segment.
+            stamps: Their stamps, ns.
+            rows: Their messages.
+
+        Returns:
+            The coordinates, and those for the feed-forward torque, if there is one.
+
+        Raises:
+            LinkageError: The messages do not describe states.
+        """
+        motion = SpeedMotion(self._motions[number])
+        return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
+
+    def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
+        """Advances past states at the given ticks of a segment, whose messages are equal.
+
+        Returns:
+            The number of states that follow from their predecessors, and the error of the next.
+        """
         self.missed += ticks[-1] - self._tick - len(ticks)
         self._number, self._tick = number, ticks[-1]
+        return len(ticks), ''
 
 
 class Measurements:
-    """The measurements of a crank, each answered by a state; used in place of segments.
+    """The measurements of a crank, each answered by a state; used as a `Timeline`."""
 
-    Attributes:
-        next: Stamps, ns, and coordinates of the measurements not yet answered.
-    """
+    missed, is_record = 0, False
 
-    missed = 0  # ticks: there are none
-
-    def __init__(self, simulator: Simulator, channel: LoggedTopic | None) -> None:
-        """Starts without a measurement.
-
-        Args:
-            simulator: Simulator of the configuration.
-            channel: The channel with the measurements, if the log has one.
-        """
-        self._crank, self._topic = MeasuredCrank(simulator), channel and channel.name
-        self.next: list[tuple[int, Coordinates]] = []
+    def __init__(self, simulator: Simulator, log: LogReader, _: RowLayout) -> None:
+        """Starts without a measurement."""
+        self._simulator, self._crank = simulator, MeasuredCrank(simulator)
+        self._channel = measured_channel(log)
+        self._next: list[tuple[int, Coordinates]] = []  # not yet answered: stamps, ns
 
     def hear(self, message: LoggedMessage) -> None:
         """Takes a message that is not a state, in the order of writing."""
-        if message.topic == self._topic:
+        if self._channel and message.channel == self._channel.number:
             with suppress(ValueError):  # a rejected measurement has no state
-                self.next.append(self._crank.read(message.data, message.time))
+                self._next.append(self._crank.read(message.data, message.time))
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
         """The leading stamps that match the next measurements; see `Timeline.fitting`."""
-        pairs = zip(stamps.tolist(), self.next, strict=False)
+        pairs = zip(stamps.tolist(), self._next, strict=False)
         if fit := [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]:
             yield 0, fit
 
-    def take(self, _: int, ticks: list[int]) -> None:
+    def coordinates(
+        self, _: int, stamps: list[int], __: bytes
+    ) -> tuple[Coordinates, Coordinates | None]:
+        """The coordinates of the next measurements; see `Timeline.coordinates`."""
+        found = [coordinates for _, coordinates in self._next[: len(stamps)]]
+        later = [x for one in found if (x := self._simulator.later(one))]
+        return stacked(found), stacked(later) if later else None
+
+    def take(self, _: int, ticks: list[int]) -> tuple[int, str]:
         """Advances past the given measurements."""
-        del self.next[: len(ticks)]
+        del self._next[: len(ticks)]
+        return len(ticks), ''

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.log.reader import LogReader
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, slope_at, turns_between
@@ -26,6 +27,7 @@ from linkage_ros.motion.torque_driven import CATCH_UP, start
 from linkage_ros.numeric import Array, with_turns, within_two_turns, wrap
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
+from linkage_ros.verification.timeline import Timeline
 from linkage_ros.wire.rows import RowLayout
 
 # Tolerance between a state and the one computed from its predecessor: rad and crank lengths; for
@@ -41,65 +43,55 @@ _NOWHERE = 1e300  # result of a motion that cannot be followed
 _LEAPS = 2  # steps between two states, for all states at once
 
 
-class TorqueStates:
+class TorqueStates(Timeline):
     """Recomputes the states of one torque-driven log.
 
     A state is a column: the positions of all links, with the whole angle of the crank, then their
     rates, then the torque added to the motor's, N m.
     """
 
-    def __init__(self, simulator: Simulator, layout: RowLayout, recorded: bool) -> None:
-        """Prepares the check.
-
-        Args:
-            simulator: Simulator of the logged configuration, whose drive is a torque.
-            layout: Layout of the logged rows, with mechanism_state.
-            recorded: Whether it is a record, in which only the motor drove the mechanism.
-        """
+    def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
+        """Prepares the check; the layout has mechanism_state."""
+        super().__init__(simulator, log, layout)
         drive: Any = simulator.configuration.drive
-        self._simulator, self._motor, self._recorded = simulator, drive.motor, recorded
-        solver = simulator.solver
-        self._layout, self._links = layout, solver.structure.links
+        solver, self._motor = simulator.solver, drive.motor
+        self._links = solver.structure.links
         self._places = [place for place in layout.places if place.name.startswith('points[0]')]
         self._own = self._last = DrivenMechanism(solver, drive.motor.at)
         length = solver.mechanism.crank.length
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
         # The previous state; the first one follows from the start.
-        begin, self._tick = start(solver.mechanism, drive), 0
+        begin = start(solver.mechanism, drive)
         state = solver.state(begin.q, begin.u)
         before = [begin.unwrapped, *state.position[1:], *state.velocity, 0.0]
         self._before = np.array(before)[:, None]
 
-    def coordinates(self, segment: TorqueSegment, rows: bytes) -> Coordinates:
+    def coordinates(
+        self, number: int, _: list[int], rows: bytes
+    ) -> tuple[Coordinates, Coordinates | None]:
         """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
-
-        Args:
-            segment: Segment of the states.
-            rows: Bytes of the states.
-
-        Returns:
-            The coordinates.
 
         Raises:
             LogError: A value is not finite, or the mechanism has no such coordinates.
         """
-        self._driven, (table, crank) = self._described(segment), self._read(rows)
+        self._driven = self._described(self._motions[number])
+        table, crank = self._read(rows)
         self._found = np.array([crank, *table[0, 1:], *table[1], table[3, 0]])
         driven, solver = self._driven, self._driven.solver
         moving = self._rows(driven)[: len(driven.links)]
         q, u, a = (tuple(row[moving]) for row in table[:3])
         torque = table[3, 0]
-        if self._recorded:  # commands come live: here only the motor drives
+        if self.is_record:  # commands come live: here only the motor drives
             torque = self._motor.at(table[1, 0])
         if solver.coordinates == self._own.solver.coordinates:
-            if self._recorded:
+            if self.is_record:
                 a = solver.accelerations(q, u, torque, by_math=True)
-            return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True))
+            return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True)), None
         state = solver.driven_state(q, u, torque, by_math=True)
         if not driven.has_crank:
             pairs = zip(state.position[0].tolist(), crank.tolist(), strict=True)
             crank = np.array([with_turns(x, turns_between(x, y)) for x, y in pairs])
-        return own_coordinates(solver, state, crank)
+        return own_coordinates(solver, state, crank), None
 
     def _described(self, segment: TorqueSegment) -> DrivenMechanism:
         """The driven mechanism in the description of a segment.
@@ -140,21 +132,14 @@ class TorqueStates:
                 table[:3, i] += table[:3, link.parent]
         return table, crank
 
-    def follow(self, ticks: list[int]) -> tuple[int, str]:
-        """Checks the states at the given ticks against their predecessors, and advances.
-
-        Args:
-            ticks: Numbers of the first ticks read last, whose messages are already checked.
-
-        Returns:
-            The number of states that follow from their predecessors, and the error of the next.
-        """
+    def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
+        """Checks the first states that were read last against their predecessors, and advances."""
         driven, found = self._driven, self._found[:, : len(ticks)]
         found[-1] -= self._motor.at(found[len(self._links)])
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
-        numbers = np.array([self._tick, *ticks], object)  # of any size
+        numbers = np.array([max(self._tick, 0), *ticks], object)  # of any size
         late = np.diff(self._simulator.elapsed(numbers)).astype(float)
-        if not self._recorded:  # the plant was paused for that time
+        if not self.is_record:  # the plant was paused for that time
             late[late > self._simulator.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
         follows = self._many_follow(driven, origin, found, spans) | (spans > _LONGEST)
@@ -162,8 +147,8 @@ class TorqueStates:
             before = driven if i else self._last
             if wrong := self._difference(before, origin[:, i], found[:, i], float(spans[i])):
                 return i, f'it does not follow from the one before: {wrong}'
-        self._tick, self._before, self._last = ticks[-1], found[:, -1:], driven
-        return len(ticks), ''
+        self._before, self._last = found[:, -1:], driven
+        return super().take(number, ticks)
 
     def _many_follow(
         self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array

@@ -8,15 +8,12 @@ names may be remapped. Other topics of the log are named, not compared.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.log.reader import LoggedMessage, LogReader, measured_channel, paired
-from linkage_ros.motion.coordinates import Coordinates, stacked
+from linkage_ros.log.reader import LoggedMessage, LogReader, paired
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
-from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.row_comparison import RowComparison
@@ -24,7 +21,6 @@ from linkage_ros.verification.timeline import Measurements, Timeline, check_moti
 from linkage_ros.verification.torque_states import TorqueStates
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
-    DIAGNOSTICS,
     DRIVING_TORQUE,
     JOINT_STATES,
     MECHANISM_STATE,
@@ -51,8 +47,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         LogError: The file is damaged, or lacks the topics or the segments of its states.
     """
     done = Verification(log)
-    if not done.difference and done.has_states:
-        done.run(progress)
+    done.run(progress)
     if log.lost > 0 and not done.difference:
         done.difference = f'{log.lost} logged messages are not there: the end is cut off'
     return done
@@ -70,7 +65,6 @@ class Verification:
         cut: Names of the topics missing from the last state, which was cut off while written.
         ulp: Largest difference, in ulp of the largest value of its field; 0: all bits are equal.
         difference: The first difference; empty if there is none.
-        has_states: Whether the log has messages of states.
     """
 
     def __init__(self, log: LogReader) -> None:
@@ -83,20 +77,23 @@ class Verification:
         self._simulator = simulator = Simulator(log.configuration)
         self.states, self.missed, self.ulp = 0, 0, 0.0
         self.cut: tuple[str, ...] = ()
-        own, pairs = simulator.topics, paired(log, (*simulator.topics, ROBOT_DESCRIPTION))
-        self._pairs = [pair for pair in pairs if pair[1] in own]
-        self.compared = tuple(c.name for c, topic in pairs if topic in own or log.has_same_urdf)
+        own = simulator.topics
+        channels = paired(log, (*own, ROBOT_DESCRIPTION))
+        self._channels = {topic: channel for topic, channel in channels.items() if topic in own}
+        self.compared = tuple(
+            channel.name for topic, channel in channels.items()
+            if topic in own or log.has_same_urdf
+        )  # fmt: skip
         self.others = tuple(c.name for c in log.topics if c.name not in self.compared)
-        carried = [topic for _, topic in pairs]
-        self.absent = tuple(t.name for t in (*own, ROBOT_DESCRIPTION) if t not in carried)
+        self.absent = tuple(t.name for t in (*own, ROBOT_DESCRIPTION) if t not in channels)
         self.difference = check_motions(simulator, log.motions)
         layouts = {t.interface.name: ('cdr', 'ros2msg', t.interface.definition) for t in TOPICS}
         for channel in log.topics:
             foreign = channel.name in self.others and channel.type in _OF_STATES
             if foreign or layouts.get(channel.type, channel.layout) != channel.layout:
-                words = 'no run of this configuration has such a topic or schema'
-                self.difference = f'{channel.name}: {words}'
-        self.has_states = any(channel.messages for channel, _ in self._pairs)
+                self.difference = (
+                    f'{channel.name}: no run of this configuration has such a topic or schema'
+                )
 
     def _prepare(self) -> None:
         """Prepares the comparison of states.
@@ -105,29 +102,22 @@ class Verification:
             LogError: The log lacks the topics or the segments of its states.
         """
         log, simulator = self._log, self._simulator
-        drive, topics = simulator.configuration.drive, {topic for _, topic in self._pairs}
+        drive = simulator.configuration.drive
         driven, follows = isinstance(drive, TorqueDrive), isinstance(drive, FollowDrive)
         needed = [MECHANISM_STATE] if driven else [MECHANISM_STATE, JOINT_STATES, COUPLER_POINT]
-        if not topics & {*needed} or not (log.motions or follows):
+        if not self._channels.keys() & {*needed} or not (log.motions or follows):
             words = ' or '.join(topic.name for topic in needed)
             raise LogError(
                 f'{log.path} cannot be verified: it has no motion record, or no {words}'
             )
-        self._layout = layout = simulator.layout_of((c.number, topic) for c, topic in self._pairs)
-        self._names = [channel.name for channel, _ in self._pairs]
+        numbers = ((channel.number, topic) for topic, channel in self._channels.items())
+        self._layout = layout = simulator.layout_of(numbers)
+        self._names = [channel.name for channel in self._channels.values()]
         self._comparison = RowComparison(layout, self._names)
         places = {place.name: place for place in layout.places}
         self._stamp = [places[f'header.stamp.{unit}'] for unit in ('sec', 'nanosec')]
-        # A run on simulated time may also start at 0, but only a record has no diagnostics.
-        live = any(channel.type == DIAGNOSTICS.interface.name for channel in log.topics)
-        self._recorded = not live and not follows and log.motions[0].stamp == 0
-        self._motions: tuple[Any, ...] = log.motions
-        self._torque = TorqueStates(simulator, layout, self._recorded) if driven else None
-        self._pieces = (
-            Measurements(simulator, measured_channel(log))
-            if follows
-            else Timeline(simulator, log.motions, self._recorded)
-        )
+        kind = TorqueStates if driven else Measurements if follows else Timeline
+        self._run: Timeline | Measurements = kind(simulator, log, layout)
 
     def run(self, progress: Callable[[int], object]) -> None:
         """Compares the messages, up to the first difference; see `verify`.
@@ -135,6 +125,8 @@ class Verification:
         Raises:
             LogError: The file is damaged, or lacks the topics or the segments of its states.
         """
+        if self.difference or not any(c.messages for c in self._channels.values()):
+            return
         self._prepare()
         size, stray = self._layout.size, None
         for rows, stray in self._log.rows(self._layout, self._hear):  # noqa: B007
@@ -145,20 +137,23 @@ class Verification:
                 break
         progress(self._compare_rows())
         if stray and not self.difference:
-            words = f'the message logged at {stray.time} ns is not the next one of state'
-            self.difference = f'{stray.topic}: {words} {self.states + 1}'
+            self.difference = (
+                f'{stray.topic}: the message logged at {stray.time} ns is not the next one of '
+                f'state {self.states + 1}'
+            )
         if self._rows and not self.difference:
             starts = zip(self._layout.starts, self._names, strict=True)
             self.cut = tuple(name for start, name in starts if start >= len(self._rows))
-        self.missed, self.ulp = self._pieces.missed, self._comparison.ulp
+        self.missed, self.ulp = self._run.missed, self._comparison.ulp
 
     def _hear(self, message: LoggedMessage) -> None:
         """Takes a message that is not part of a state, in the order of writing."""
-        if isinstance(self._pieces, Measurements):
-            self._pieces.hear(message)
+        if isinstance(self._run, Measurements):
+            self._run.hear(message)
         if message.topic in self.compared and message.data != self._simulator.description:
-            words = f'data at {message.time} ns is not the URDF of the configuration'
-            self.difference = f'{message.topic}: {words}'
+            self.difference = (
+                f'{message.topic}: data at {message.time} ns is not the URDF of the configuration'
+            )
 
     def _compare_rows(self) -> int:
         """Compares all whole rows that were read; returns the number of equal ones."""
@@ -178,7 +173,7 @@ class Verification:
         """
         whole, rest = (self._layout.column(rows, place).astype(np.int64) for place in self._stamp)
         stamps, count, wrong = whole * NS_PER_S + rest, 0, ''
-        for number, ticks in self._pieces.fitting(stamps):
+        for number, ticks in self._run.fitting(stamps):
             logged = rows[: len(ticks) * self._layout.size]
             try:
                 made = self._again(number, stamps[: len(ticks)].tolist(), logged)
@@ -190,10 +185,7 @@ class Verification:
             count, difference = self._comparison.compare(logged, made)
             wrong = wrong or difference
             if count:
-                self._pieces.take(number, ticks[:count])
-                wrong = ''
-                if self._torque:
-                    count, wrong = self._torque.follow(ticks[:count])
+                count, wrong = self._run.take(number, ticks[:count])
                 break
         else:
             wrong = wrong or 'no tick and no measurement after the last one has that stamp'
@@ -207,15 +199,6 @@ class Verification:
         Raises:
             LinkageError: A logged row does not describe a state.
         """
-        ahead: Coordinates | None = None
-        if isinstance(self._pieces, Measurements):
-            found = [coordinates for _, coordinates in self._pieces.next[: len(stamps)]]
-            later = [x for one in found if (x := self._simulator.later(one))]
-            coordinates, ahead = stacked(found), stacked(later) if later else None
-        elif self._torque:
-            coordinates = self._torque.coordinates(self._motions[number], rows)
-        else:
-            motion = SpeedMotion(self._motions[number])
-            coordinates, ahead = motion.at_all(stamps), self._simulator.ahead(motion, stamps)
-        times = None if self._recorded else self._layout.column(rows, self._layout.times)
+        coordinates, ahead = self._run.coordinates(number, stamps, rows)
+        times = None if self._run.is_record else self._layout.column(rows, self._layout.times)
         return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
